@@ -1,0 +1,67 @@
+"""One step as run.h5 stores it, and the columns that writer and reader share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+FORMAT = 1
+PATH_COLUMNS: Mapping[str, type[np.generic]] = {
+    "position": np.float64,
+    "step_length": np.float64,
+    "residual": np.float64,
+    "order": np.int64,
+    "factorizations": np.int64,
+    "solves": np.int64,
+    "seconds": np.float64,
+}
+CONTACT_COLUMNS: Mapping[str, type[np.generic]] = {
+    "pressure": np.float64,
+    "traction": np.float64,
+    "gap": np.float64,
+    "slip": np.float64,
+    "status": np.int8,
+}
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContactRecord:
+    """State of one contact at a step; every array is (m,) in the order of the slave nodes.
+
+    ``pressure`` > 0 in compression; ``traction`` acts on the slave and ``slip`` is the slave's relative to
+    the master, both along the tangent; ``status`` is int8: 0 open, 1 stick, 2 slip.
+    """
+
+    pressure: FloatArray
+    traction: FloatArray
+    gap: FloatArray
+    slip: FloatArray
+    status: NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class StepRecord:
+    """One row of /path and of every contact history; ``position`` is stage index + fraction.
+
+    ``factors`` maps each load to its factor, ``resultants`` each load or support to the force (2,) that it
+    exerts on its body.
+    """
+
+    position: float
+    step_length: float
+    residual: float
+    order: int
+    factorizations: int
+    solves: int
+    seconds: float
+    factors: Mapping[str, float]
+    resultants: Mapping[str, FloatArray]
+    contacts: Mapping[str, ContactRecord]

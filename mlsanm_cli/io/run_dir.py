@@ -1,0 +1,146 @@
+"""The run directory: names of the files in it, and making room for a new run without harming other files."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+import h5py
+
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.atomic import TEMPORARY_SUFFIX, cannot_write
+from mlsanm_cli.io.summary import INTERFACE_COLUMNS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+RUN_FILE = "run.h5"
+SUMMARY_FILE = "summary.json"
+RESOLVED_FILE = "resolved.toml"
+EVENTS_FILE = "events.jsonl"
+COLLECTION_FILE = "fields.pvd"
+FAILURE_FILE = "failure.vtu"
+
+_FIXED = frozenset({RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, COLLECTION_FILE, FAILURE_FILE})
+_FIELDS = re.compile(r"fields_\d{4,}\.vtu")
+_INTERFACE = re.compile(r"interface(_.+)?\.csv")
+_PICTURE = re.compile(r"plot_.+\.(png|svg|pdf)")
+# Every picture carries this in its metadata, see the plots module.
+PICTURE_MARK = b"mlsanm"
+
+
+def fields_name(index: int) -> str:
+    """Name of VTU number ``index``, counted over states and, within a state, bodies."""
+    return f"fields_{index:04d}.vtu"
+
+
+def interface_name(contact: str, contacts: int) -> str:
+    """Name of a contact's CSV: interface.csv for the run's only contact, else interface_<contact>.csv."""
+    return "interface.csv" if contacts == 1 else f"interface_{file_part(contact)}.csv"
+
+
+def picture_name(kind: str, suffix: str, subject: str = "") -> str:
+    """Name of a picture, plot_<kind>[_<subject>].<suffix>; ``suffix`` is png, svg or pdf."""
+    return f"plot_{kind}{'_' + file_part(subject) if subject else ''}.{suffix}"
+
+
+def file_part(name: str) -> str:
+    """``name`` as part of a file name: letters, digits and ``_-.`` stay, the rest is %-coded; none collide.
+
+    >>> file_part("left/right 1")
+    'left%2Fright%201'
+    """
+    return "".join(char if char.isalnum() or char in "_-." else f"%{ord(char):02X}" for char in name)
+
+
+def check(directory: Path, force: bool) -> None:
+    """Raise RunError if `prepare` would refuse ``directory``; touches nothing."""
+    _plan(directory, force)
+
+
+def prepare(directory: Path, force: bool) -> None:
+    """Make ``directory`` ready for a new run.
+
+    It is made with its parents if it is not there. With ``force`` an earlier run in it is removed, that is
+    the files mlsanm wrote and nothing else. Raises RunError if the directory holds a run or other files and
+    ``force`` is not given, if a foreign file in it bears a name that the run needs, or if it cannot be
+    written.
+    """
+    try:
+        for path in _plan(directory, force):
+            path.unlink(missing_ok=True)
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(directory, error) from error
+
+
+def _plan(directory: Path, force: bool) -> list[Path]:
+    """The files to remove, or a RunError."""
+    _check_place(directory)
+    if not directory.exists():
+        return []
+    try:
+        entries = sorted(directory.iterdir())
+    except OSError as error:
+        raise RunError(f"{directory} cannot be read: {error.strerror}", hint="use another --out") from error
+    if not entries:
+        return []
+    holds_run = _is_run(directory / RUN_FILE)
+    if holds_run and not force:
+        raise RunError(f"{directory} already holds a run", hint="use --force to replace it, or another --out")
+    if not holds_run:
+        taken = [path.name for path in entries if _is_reserved(path.name)]
+        if taken:
+            raise RunError(
+                f"{directory} holds {', '.join(taken)}, but no run of mlsanm",
+                hint="nothing was touched; use another --out, or move these files",
+            )
+        if not force:
+            raise RunError(
+                f"{directory} is not empty and holds no run of mlsanm",
+                hint="use another --out, or --force to write the run beside the files in it",
+            )
+        return []
+    ours = [path for path in entries if path.is_file() and _is_ours(path)]
+    # run.h5 goes last: if this is cut short, the directory still counts as a run.
+    return sorted(ours, key=lambda path: path.name == RUN_FILE)
+
+
+def _check_place(directory: Path) -> None:
+    """Refuse a path that is a file, lies below a file, or where nothing can be written."""
+    place = directory
+    while not place.exists() and not place.is_symlink() and place != place.parent:
+        place = place.parent
+    if not place.is_dir():
+        raise RunError(f"{place} is a file, not a directory", hint="use another --out")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise RunError(f"{place} cannot be written: no permission", hint="use another --out")
+
+
+def _is_run(file: Path) -> bool:
+    """Whether ``file`` is a run.h5 of mlsanm; one that is damaged, as by a kill, counts as ours."""
+    if not file.is_file():
+        return False
+    try:
+        with h5py.File(file, "r", locking=False) as root:
+            return "mlsanm_version" in root.attrs
+    except (OSError, RuntimeError):
+        return file.stat().st_size == 0 or bool(h5py.is_hdf5(file))
+
+
+def _is_reserved(name: str) -> bool:
+    """Whether a run may write a file of this name."""
+    return any((name in _FIXED, _FIELDS.fullmatch(name), _INTERFACE.fullmatch(name)))
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether mlsanm wrote ``path``, a file in a directory that holds a run."""
+    name = path.name.removesuffix(TEMPORARY_SUFFIX)
+    if name in _FIXED or _FIELDS.fullmatch(name):
+        return True
+    if _INTERFACE.fullmatch(name):
+        # A user's own table may be called interface_notes.csv: the header tells.
+        with path.open("rb") as stream:
+            return stream.readline().strip() == ",".join(INTERFACE_COLUMNS).encode()
+    return _PICTURE.fullmatch(name) is not None and PICTURE_MARK in path.read_bytes()

@@ -1,0 +1,222 @@
+"""Reader of run.h5: everything that `info` and `plot` show, as frozen values.
+
+Works on a finished run, on one that was killed and on one that is still being written.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.records import CONTACT_COLUMNS, FORMAT, PATH_COLUMNS
+from mlsanm_cli.io.run_dir import RUN_FILE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+# A reader can catch the writer in the middle of a flush, which takes well below a millisecond.
+_ATTEMPTS = 5
+_PAUSE = 0.02
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class BodyData:
+    """Reference points (n, 2); of the nb boundary nodes index, outward normal (nb, 2) and boundary name."""
+
+    points: FloatArray
+    boundary_index: IntArray
+    boundary_normal: FloatArray
+    boundary_name: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PathData:
+    """The load path, one row per finished step and row 0 for the start: all (S+1,), resultants (S+1, 2)."""
+
+    position: FloatArray
+    step_length: FloatArray
+    residual: FloatArray
+    order: IntArray
+    factorizations: IntArray
+    solves: IntArray
+    seconds: FloatArray
+    factors: Mapping[str, FloatArray]
+    resultants: Mapping[str, FloatArray]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows, S+1; 0 if the run ended before it had a first state."""
+        return len(self.position)
+
+
+@dataclass(frozen=True)
+class ContactData:
+    """One contact: slave nodes (m, 2), normal (m, 2), arc_length, weight (m,); history (S+1, m)."""
+
+    points: FloatArray
+    normal: FloatArray
+    arc_length: FloatArray
+    weight: FloatArray
+    pressure: FloatArray
+    traction: FloatArray
+    gap: FloatArray
+    slip: FloatArray
+    status: NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """Fields saved at one position: body name -> field name -> array (n,), (n, 2) or (n, 3)."""
+
+    position: float
+    bodies: Mapping[str, Mapping[str, FloatArray]]
+
+
+@dataclass(frozen=True)
+class RunData:
+    """One run as read from its directory; mappings keep the order of the case."""
+
+    directory: Path
+    attributes: Mapping[str, str | int | float]
+    case_raw: str
+    case_resolved: str
+    bodies: Mapping[str, BodyData]
+    path: PathData
+    contacts: Mapping[str, ContactData]
+    states: tuple[SavedState, ...]
+
+    @property
+    def status(self) -> str:
+        """running (or killed), done, failed or stopped."""
+        return str(self.attributes["status"])
+
+
+def read_run(rundir: Path) -> RunData:
+    """Read the run in directory ``rundir`` (or from the run.h5 named directly).
+
+    A run that is being written gives its finished steps. Raises RunError if there is no run, if run.h5 is
+    damaged or is no file of mlsanm, or if a newer version wrote it.
+    """
+    file = rundir if rundir.is_file() else rundir / RUN_FILE
+    if not file.is_file():
+        what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"
+        raise RunError(f"{rundir} is not a run: {what}", hint="give the directory that `mlsanm run` wrote")
+    for attempt in range(_ATTEMPTS):
+        try:
+            return _read(file)
+        except (OSError, KeyError, ValueError, RuntimeError) as error:
+            reason = error
+        if attempt + 1 < _ATTEMPTS:
+            time.sleep(_PAUSE)
+    if isinstance(reason, PermissionError):
+        raise RunError(f"{file} cannot be read: {reason.strerror}") from reason
+    raise RunError(
+        f"{file} cannot be read: it is damaged, or being written just now ({reason})",
+        hint="if the run is still going on, try again; otherwise run the case again with --force",
+    ) from reason
+
+
+def _read(file: Path) -> RunData:
+    with h5py.File(file, "r", locking=False) as root:
+        attributes = {name: _scalar(value) for name, value in root.attrs.items()}
+        if "mlsanm_version" not in attributes or "status" not in attributes:
+            raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
+        if attributes.get("format") != FORMAT:
+            raise RunError(
+                f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
+                hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
+            )
+        path, contacts = _history(root)
+        return RunData(
+            directory=file.parent,
+            attributes=MappingProxyType(attributes),
+            case_raw=_text(root, "case/raw"),
+            case_resolved=_text(root, "case/resolved"),
+            bodies=MappingProxyType({name: _body(group) for name, group in _items(root, "bodies")}),
+            path=path,
+            contacts=contacts,
+            states=_states(root),
+        )
+
+
+def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData]]:
+    """The path and the contacts, cut to the rows that every dataset has.
+
+    A run killed inside a flush leaves some datasets one row longer than others.
+    """
+    groups = dict(_items(root, "contacts"))
+    histories = [group[key] for group in groups.values() for key in CONTACT_COLUMNS]
+    path: dict[str, Any] = {key: np.empty(0, dtype) for key, dtype in PATH_COLUMNS.items()}
+    path |= {"factors": {}, "resultants": {}}
+    rows = 0
+    if "path" in root:
+        factors, resultants = dict(_items(root, "path/factors")), dict(_items(root, "path/resultants"))
+        columns = [root["path"][key] for key in PATH_COLUMNS]
+        lengths = [len(data) for data in (*columns, *factors.values(), *resultants.values(), *histories)]
+        rows = min(lengths)
+        path = {key: data[:rows] for key, data in zip(PATH_COLUMNS, columns, strict=True)}
+        path["factors"] = MappingProxyType({name: data[:rows] for name, data in factors.items()})
+        path["resultants"] = MappingProxyType({name: data[:rows] for name, data in resultants.items()})
+    geometry = ("points", "normal", "arc_length", "weight")
+    contacts = {
+        name: ContactData(
+            **{key: group[key][...] for key in geometry},
+            **{key: group[key][:rows] for key in CONTACT_COLUMNS},
+        )
+        for name, group in groups.items()
+    }
+    return PathData(**path), MappingProxyType(contacts)
+
+
+def _states(root: Any) -> tuple[SavedState, ...]:
+    if "fields" not in root:
+        return ()
+    fields = root["fields"]
+    positions = fields["position"][...].tolist() if "position" in fields else []
+    return tuple(
+        SavedState(
+            position,
+            MappingProxyType(
+                {
+                    body: MappingProxyType({name: data[...] for name, data in group.items()})
+                    for body, group in fields[str(index)].items()
+                }
+            ),
+        )
+        for index, position in enumerate(positions)
+    )
+
+
+def _body(group: Any) -> BodyData:
+    boundary = group["boundary"]
+    return BodyData(
+        points=group["points"][...],
+        boundary_index=boundary["index"][...],
+        boundary_normal=boundary["normal"][...],
+        boundary_name=tuple(boundary["name"].asstr()[...].tolist()),
+    )
+
+
+def _items(root: Any, path: str) -> list[tuple[str, Any]]:
+    return list(root[path].items()) if path in root else []
+
+
+def _text(root: Any, path: str) -> str:
+    return str(root[path].asstr()[()]) if path in root else ""
+
+
+def _scalar(value: Any) -> str | int | float:
+    """An attribute as a plain Python value."""
+    plain = value.item() if isinstance(value, np.generic) else value
+    return plain if isinstance(plain, str | int | float) else str(plain)

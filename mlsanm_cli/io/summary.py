@@ -1,0 +1,120 @@
+"""Small text files of a run: summary.json, events.jsonl, the CSV per contact, resolved.toml."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import tomli_w
+
+from mlsanm_cli.io.atomic import cannot_write, write_text
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    from numpy.typing import NDArray
+
+INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
+
+
+def to_plain(value: Any) -> Any:
+    """``value`` as JSON can hold it: numpy scalars and arrays converted, nan and inf as None, paths as text.
+
+    Raises TypeError for what has no plain form, so that nothing odd is written silently.
+    """
+    if value is None or isinstance(value, str | bool):
+        return value
+    if isinstance(value, np.ndarray | np.generic):
+        return to_plain(value.tolist())
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, Mapping):
+        return {str(key): to_plain(item) for key, item in value.items()}
+    if isinstance(value, Sequence | set | frozenset) and not isinstance(value, bytes | bytearray):
+        return [to_plain(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)]
+    raise TypeError(f"no JSON form for a value of type {type(value).__name__}")
+
+
+def write_json_atomic(path: Path, mapping: Mapping[str, Any]) -> None:
+    """Write ``mapping`` as indented JSON; nan and inf become null. RunError if the file cannot be written."""
+    text = json.dumps(to_plain(mapping), indent=2, ensure_ascii=False, allow_nan=False)
+    write_text(path, text + "\n")
+
+
+def write_toml(path: Path, mapping: Mapping[str, Any]) -> None:
+    """Write ``mapping`` as TOML; floats keep every digit. RunError if the file cannot be written."""
+    write_text(path, toml_text(mapping))
+
+
+def toml_text(mapping: Mapping[str, Any]) -> str:
+    """``mapping`` as TOML text; reading it back gives equal values, bit for bit."""
+    return tomli_w.dumps(mapping)
+
+
+def write_interface_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write the final state of one contact, one row per slave node in order along the surface.
+
+    ``columns`` must hold exactly ``INTERFACE_COLUMNS``, each (m,); floats are written so that they read back
+    equal, ``status`` as 0 open, 1 stick, 2 slip.
+
+    Raises ValueError for missing, unknown or unequal columns, RunError if the file cannot be written.
+    """
+    if set(columns) != set(INTERFACE_COLUMNS):
+        wrong = sorted(set(columns) ^ set(INTERFACE_COLUMNS))
+        raise ValueError(f"interface columns missing or unknown: {', '.join(wrong)}")
+    lists = [_cells(name, columns[name]) for name in INTERFACE_COLUMNS]
+    rows = [",".join(row) for row in zip(*lists, strict=True)]
+    write_text(path, "\n".join([",".join(INTERFACE_COLUMNS), *rows]) + "\n")
+
+
+def _cells(name: str, column: NDArray[Any]) -> list[str]:
+    """One CSV column as text."""
+    array = np.asarray(column)
+    if array.ndim != 1:
+        raise ValueError(f"column {name} must have one axis, not {array.ndim}")
+    return [repr(value) for value in array.astype(np.int64 if name == "status" else np.float64).tolist()]
+
+
+class EventLog:
+    """events.jsonl: one JSON object per line, each on disk as soon as it is written.
+
+    Opened for appending, so that a run that goes on later keeps its history.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open ``path``; RunError if that is not possible."""
+        self._path = path
+        try:
+            self._stream = path.open("a", encoding="utf-8", newline="\n")
+        except OSError as error:
+            raise cannot_write(path, error) from error
+
+    def write(self, event: str, **values: Any) -> None:
+        """Append ``{"event": event, ...values}`` and flush it; RunError if the disk refuses it."""
+        line = json.dumps(to_plain({"event": event, **values}), ensure_ascii=False, allow_nan=False)
+        try:
+            # One write call per line: a run killed here leaves whole lines only.
+            self._stream.write(line + "\n")
+            self._stream.flush()
+        except OSError as error:
+            raise cannot_write(self._path, error) from error
+
+    def close(self) -> None:
+        """Close the file; closing twice is allowed."""
+        self._stream.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
