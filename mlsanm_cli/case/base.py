@@ -1,0 +1,86 @@
+"""What every table of the case file has in common, and the field types they share."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
+from pydantic_core import PydanticCustomError
+
+NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*")
+BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
+
+
+class Section(BaseModel):
+    """A table of the case file: frozen, no unknown keys, no nan or inf, no guessing between types."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def _two_items(value: Any) -> Any:
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise PydanticCustomError("vector", "expected two numbers, as in [0.0, 1.0]")
+    return value
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str) or NAME_PATTERN.fullmatch(value) is None:
+        raise PydanticCustomError(
+            "name", "a name has letters, digits, _ and - only, and is no number: it is used in keys and files"
+        )
+    return value
+
+
+def _boundary(value: Any) -> str:
+    if not isinstance(value, str) or BOUNDARY_PATTERN.fullmatch(value) is None:
+        raise PydanticCustomError("boundary", 'expected "<body>.<boundary>", as in "block.top"')
+    return value
+
+
+def _auto_or_count(value: Any) -> int | Literal["auto"]:
+    if value == "auto":
+        return "auto"
+    if isinstance(value, bool) or not isinstance(value, int) or value <= 0:
+        raise PydanticCustomError("auto_or_count", 'expected "auto" or a whole number above 0')
+    return value
+
+
+def _auto_or_length(value: Any) -> float | Literal["auto"]:
+    if value == "auto":
+        return "auto"
+    number = float("nan")
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = float("inf")
+    if not 0.0 < number < float("inf"):
+        raise PydanticCustomError("auto_or_length", 'expected "auto" or a number above 0')
+    return number
+
+
+Vector = Annotated[tuple[float, float], BeforeValidator(_two_items)]
+"""Two finite numbers."""
+
+Positive = Annotated[float, Field(gt=0.0)]
+"""A finite number above 0."""
+
+Name = Annotated[str, PlainValidator(_name)]
+"""The name of a body, load, contact or material."""
+
+BoundaryName = Annotated[str, PlainValidator(_boundary)]
+"""A boundary of a body: ``"<body>.<boundary>"``."""
+
+AutoCount = Annotated[int | Literal["auto"], PlainValidator(_auto_or_count)]
+AutoLength = Annotated[float | Literal["auto"], PlainValidator(_auto_or_length)]
+
+
+def split_boundary(boundary: str) -> tuple[str, str]:
+    """Body and edge of a boundary name.
+
+    >>> split_boundary("block.top")
+    ('block', 'top')
+    """
+    body, _, edge = boundary.partition(".")
+    return body, edge

@@ -1,0 +1,232 @@
+"""Checks of what a case means: names and references, values that depend on each other.
+
+Overlapping conditions are in `conditions`, bodies that can drift in `drift`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from mlsanm_cli.case.base import split_boundary
+from mlsanm_cli.case.conditions import check_conditions
+from mlsanm_cli.case.draft import Draft
+from mlsanm_cli.case.drift import check_drift
+from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.loads import Platen
+from mlsanm_cli.case.model import Body, Contact
+from mlsanm_cli.case.report import Report, suggestion
+from mlsanm_cli.case.shapes import Rectangle
+
+
+def run_checks(draft: Draft, report: Report) -> None:
+    """Adds every problem that the sound parts of the case have with each other."""
+    _check_names(draft, report)
+    _check_materials(draft, report)
+    for index, body in draft.bodies.items():
+        _check_body(body, index, report)
+    for index, support in draft.supports.items():
+        path: KeyPath = ("support", index)
+        if support.boundary is not None:
+            check_boundary(draft, report, (*path, "boundary"), support.boundary)
+        if support.body is not None:
+            _check_body_name(draft, report, (*path, "body"), support.body)
+        _check_support_keys(draft, report, index)
+    for index, load in draft.loads.items():
+        check_boundary(draft, report, ("load", index, "boundary"), load.boundary)
+        if isinstance(load, Platen):
+            _check_platen(load, ("load", index), report)
+    _check_contacts(draft, report)
+    _check_stages(draft, report)
+    _check_numerics(draft, report)
+    check_conditions(draft, report)
+    check_drift(draft, report)
+
+
+def _check_names(draft: Draft, report: Report) -> None:
+    for section in ("body", "load", "contact"):
+        first: dict[str, int] = {}
+        for index, name in draft.names(section):
+            if name in first:
+                report.add((section, index, "name"), f'"{name}" is the name of another {section} already')
+            first.setdefault(name, index)
+
+
+def _check_materials(draft: Draft, report: Report) -> None:
+    table = draft.data.get("material")
+    defined = [name for name in table if isinstance(name, str)] if isinstance(table, dict) else []
+    items = draft.data.get("body")
+    rows = items if isinstance(items, tuple) else ()
+    used = [row.get("material") for row in rows if isinstance(row, dict)]
+    for index, body in draft.bodies.items():
+        if body.material not in defined:
+            hint = suggestion(body.material, defined, "materials")
+            report.add(("body", index, "material"), f'there is no material "{body.material}"', hint)
+    for name in defined:
+        if name not in used:
+            report.add(("material", name), "no body uses this material", _use_hint(name))
+    plane = draft.model.plane if draft.model else None
+    for name, material in draft.materials.items():
+        path = ("material", name, "nu")
+        if plane == "strain" and material.nu == 0.5:
+            hint = "take a value below 0.5, or plane stress"
+            report.add(path, "0.5 (incompressible) has no plane strain stiffness", hint)
+        elif not -1.0 < material.nu <= 0.5 or (material.nu == 0.5 and plane is None):
+            report.add(path, f"{material.nu:g} is not between -1 and 0.5")
+
+
+def _use_hint(name: str) -> str:
+    return f'remove it, or write material = "{name}" in a body'
+
+
+def _check_body(body: Body, index: int, report: Report) -> None:
+    path: KeyPath = ("body", index)
+    shape = body.shape
+    if isinstance(shape, Rectangle):
+        for axis, (low, high) in (("x", shape.x), ("y", shape.y)):
+            if not low < high:
+                report.add(
+                    (*path, "shape", axis), f"[{low:g}, {high:g}] is no range", "the smaller number first"
+                )
+    if body.spacing > shape.size > 0.0:
+        report.add((*path, "spacing"), f"{body.spacing:g} is larger than the body itself ({shape.size:g})")
+    for place, refine in enumerate(body.refine):
+        here: KeyPath = (*path, "refine", place)
+        if (refine.at is None) == (refine.along is None):
+            report.add(here, 'needs exactly one of "at" (a point) and "along" (a boundary)')
+        if refine.along is not None and refine.along not in shape.boundaries:
+            edge = refine.along.rpartition(".")[2]
+            options = [edge] if edge in shape.boundaries else list(shape.boundaries)
+            hint = suggestion(refine.along, options, "boundaries")
+            report.add((*here, "along"), f'body "{body.name}" has no boundary "{refine.along}"', hint)
+        if refine.spacing > body.spacing:
+            message = f"{refine.spacing:g} is larger than the body's spacing {body.spacing:g}"
+            report.add((*here, "spacing"), message, "a refinement can only make it smaller")
+
+
+def _check_body_name(draft: Draft, report: Report, path: KeyPath, name: str) -> None:
+    names = [known for _, known in draft.names("body")]
+    if name not in names:
+        report.add(path, f'there is no body "{name}"', suggestion(name, names, "bodies"))
+
+
+def check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) -> None:
+    """Adds a problem when the body or its edge does not exist; a broken body's edges are not judged."""
+    name, edge = split_boundary(boundary)
+    names = [known for _, known in draft.names("body")]
+    if name not in names:
+        near = suggestion(name, names, "bodies")
+        report.add(path, f'"{boundary}": there is no body "{name}"', near)
+        return
+    body = draft.body(name)
+    if body is not None and edge not in body.shape.boundaries:
+        options = [f"{name}.{valid}" for valid in body.shape.boundaries]
+        hint = suggestion(boundary, options, "boundaries")
+        report.add(path, f'a {body.shape.kind} has no boundary "{edge}"', hint)
+
+
+def _check_support_keys(draft: Draft, report: Report, index: int) -> None:
+    support, path = draft.supports[index], ("support", index)
+    if support.boundary is not None and (support.body is not None or support.near is not None):
+        report.add(path, 'give either "boundary", or "body" and "near"')
+    elif support.boundary is None and (support.body is None or support.near is None):
+        if support.body is None and support.near is None:
+            report.add(path, "says nothing about where", 'give "boundary", or "body" and "near"')
+        else:
+            report.add(
+                path, '"body" and "near" go together', "near = [x, y] picks the nearest node of the body"
+            )
+    if support.ux is None and support.uy is None:
+        report.add(path, "holds nothing", "give ux = 0.0, uy = 0.0 or both")
+
+
+def _check_platen(load: Platen, path: KeyPath, report: Report) -> None:
+    single = [key for key in ("ux", "uy", "fx", "fy") if getattr(load, key) is not None]
+    if load.force is not None and load.displacement is not None:
+        report.add(path, "has both force and displacement", "one direction each: ux or fx, uy or fy")
+    elif (load.force is not None or load.displacement is not None) and single:
+        both = "force" if load.force is not None else "displacement"
+        report.add(
+            (*path, single[0]), f'"{both}" gives both directions already', "ux or fx, and uy or fy instead"
+        )
+    elif not load.control:
+        report.add(path, "a platen needs a direction", "give force, displacement, or ux/uy/fx/fy")
+    for u, f in (("ux", "fx"), ("uy", "fy")):
+        if u in single and f in single:
+            report.add((*path, f), f"the direction has {u} already", "a platen is moved by one of the two")
+
+
+def _check_contacts(draft: Draft, report: Report) -> None:
+    slaves: dict[str, str] = {}
+    pairs: dict[frozenset[str], str] = {}
+    for index, contact in draft.contacts.items():
+        path: KeyPath = ("contact", index)
+        for side, boundary in (("slave", contact.slave), ("master", contact.master)):
+            check_boundary(draft, report, (*path, side), boundary)
+        if contact.slave == contact.master:
+            report.add((*path, "master"), "slave and master are the same boundary")
+            continue
+        if split_boundary(contact.slave)[0] == split_boundary(contact.master)[0]:
+            report.add(path, "a body touching itself is not supported yet", "slave and master on two bodies")
+        pair = frozenset((contact.slave, contact.master))
+        if contact.slave in slaves:
+            message = f'"{contact.slave}" is the slave of contact "{slaves[contact.slave]}" already'
+            report.add((*path, "slave"), message, "exchange slave and master in one of them")
+        elif pair in pairs:
+            report.add(path, f'the same two boundaries as contact "{pairs[pair]}"')
+        slaves.setdefault(contact.slave, contact.name)
+        pairs.setdefault(pair, contact.name)
+
+
+def _check_stages(draft: Draft, report: Report) -> None:
+    if "stage" not in draft.data:
+        return
+    names = [name for _, name in draft.names("load")]
+    for index, stage in draft.stages.items():
+        if not stage:
+            report.add(("stage", index), "moves no load", suggestion("", names, "loads"))
+        for name in stage:
+            if name not in names:
+                hint = suggestion(name, names, "loads")
+                report.add(("stage", index, name), f'there is no load "{name}"', hint)
+    if len(draft.stages) == draft.count("stage"):
+        moved = {name for stage in draft.stages.values() for name in stage}
+        for index, name in draft.names("load"):
+            if name not in moved:
+                report.add(("load", index), "no stage moves this load", f"write {name} = 1.0 in a [[stage]]")
+
+
+def _check_numerics(draft: Draft, report: Report) -> None:
+    mls = draft.mls
+    if mls is not None and mls.neighbors != "auto":
+        terms = (mls.degree + 1) * (mls.degree + 2) // 2
+        if mls.neighbors < terms:
+            message = f"{mls.neighbors} nodes cannot carry the {terms} terms of degree {mls.degree}"
+            report.add(("mls", "neighbors"), message, f'at least {terms}, better twice as many, or "auto"')
+    _check_laws(draft, report, draft.contacts.values())
+    if draft.output is None:
+        return
+    for field, times in Counter(draft.output.fields).items():
+        if times > 1:
+            report.add(("output", "fields"), f'"{field}" is listed {times} times')
+    stages = draft.count("stage") if "stage" in draft.data else 1
+    for index, position in enumerate(draft.output.at):
+        if not 0.0 <= position <= stages:
+            message = f"{position:g} is outside the path, which goes from 0 to {stages}"
+            report.add(("output", "at", index), message, "a position is the stage index + fraction")
+
+
+def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> None:
+    laws = {contact.name: contact.regularization.law for contact in contacts}
+    first = next(iter(laws.values()), None)
+    for index, contact in draft.contacts.items():
+        if contact.regularization.law != first:
+            message = f'"{contact.regularization.law}" here and "{first}" in another contact'
+            hint = "one law in all contacts; mixed laws are not supported yet"
+            report.add(("contact", index, "regularization", "law"), message, hint)
+    method = draft.solver.method if draft.solver else "auto"
+    fitting = {"anm": "hyperbolic", "active-set": "exact"}
+    if method in fitting and first is not None and first != fitting[method]:
+        message = f'"{method}" cannot follow the {first} contact law'
+        hint = f'law = "{fitting[method]}" in [contact.regularization], or method = "auto"'
+        report.add(("solver", "method"), message, hint)

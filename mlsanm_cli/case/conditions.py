@@ -1,0 +1,120 @@
+"""Overlapping conditions: a component of a boundary is held, loaded or in contact, never two of these."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from mlsanm_cli.case.base import split_boundary
+from mlsanm_cli.case.draft import AnyLoad, Draft
+from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.loads import Displacement, Platen, Pressure
+from mlsanm_cli.case.report import Report
+
+Kind = Literal["support", "displacement", "traction", "platen force", "platen displacement"]
+
+# Kinds that may meet in one component: the same kind adds up, scaled by its own load factor.
+_ADDING: frozenset[Kind] = frozenset({"displacement", "traction", "platen force", "platen displacement"})
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A condition on one component (0: x, 1: y) of a boundary."""
+
+    boundary: str
+    component: int
+    kind: Kind
+    path: KeyPath
+    label: str
+
+
+def check_conditions(draft: Draft, report: Report) -> None:
+    """Adds a problem for every pair of conditions that cannot both hold."""
+    claims = [*_support_claims(draft), *_load_claims(draft)]
+    taken: dict[tuple[str, int], Claim] = {}
+    told: set[tuple[KeyPath, KeyPath]] = set()
+    for claim in claims:
+        other = taken.setdefault((claim.boundary, claim.component), claim)
+        if other is claim or (other.kind == claim.kind and claim.kind in _ADDING):
+            continue
+        if (other.path, claim.path) not in told:
+            told.add((other.path, claim.path))
+            component = "xy"[claim.component]
+            message = f"{claim.label} and {other.label} both act on {claim.boundary} in {component}"
+            report.add(claim.path, message, "one condition per boundary and direction")
+    _check_point_supports(draft, report)
+    _check_rotations(draft, report)
+    _check_contact_surfaces(draft, report, claims)
+
+
+def _support_claims(draft: Draft) -> Iterator[Claim]:
+    for index, support in draft.supports.items():
+        if support.boundary is not None:
+            for component, value in enumerate((support.ux, support.uy)):
+                if value is not None:
+                    yield Claim(support.boundary, component, "support", ("support", index), "a support")
+
+
+def _load_claims(draft: Draft) -> Iterator[Claim]:
+    for index, load in draft.loads.items():
+        for component, kind in _components(draft, load):
+            label = f'load "{load.name}" ({kind})'
+            yield Claim(load.boundary, component, kind, ("load", index), label)
+
+
+def _components(draft: Draft, load: AnyLoad) -> Iterator[tuple[int, Kind]]:
+    if isinstance(load, Platen):
+        for direction, (control, _) in load.control.items():
+            yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
+    elif isinstance(load, Displacement):
+        yield from ((0, "displacement"), (1, "displacement"))
+    elif isinstance(load, Pressure):
+        # On a straight boundary along an axis a pressure leaves the other direction alone.
+        name, edge = split_boundary(load.boundary)
+        body = draft.body(name)
+        normal = None
+        if body is not None and edge in body.shape.boundaries:
+            normal = body.shape.normal(edge)
+        for component in (0, 1):
+            if normal is None or normal[component] != 0.0:
+                yield component, "traction"
+    else:
+        for component in (0, 1):
+            if load.traction[component] != 0.0:
+                yield component, "traction"
+
+
+def _check_point_supports(draft: Draft, report: Report) -> None:
+    seen: set[tuple[str, tuple[float, float], int]] = set()
+    for index, support in draft.supports.items():
+        if support.body is None or support.near is None:
+            continue
+        for component, value in enumerate((support.ux, support.uy)):
+            point = (support.body, support.near, component)
+            if value is not None and point in seen:
+                message = f"another support holds this point in {'xy'[component]} already"
+                report.add(("support", index), message)
+            seen.add(point)
+
+
+def _check_rotations(draft: Draft, report: Report) -> None:
+    first: dict[str, Platen] = {}
+    for index, load in draft.loads.items():
+        if not isinstance(load, Platen):
+            continue
+        other = first.setdefault(load.boundary, load)
+        if other.rotation != load.rotation:
+            message = f'"{load.rotation}", but load "{other.name}" on the same platen says "{other.rotation}"'
+            report.add(("load", index, "rotation"), message, "loads on one boundary move one platen")
+
+
+def _check_contact_surfaces(draft: Draft, report: Report, claims: list[Claim]) -> None:
+    for index, contact in draft.contacts.items():
+        for side, boundary in (("slave", contact.slave), ("master", contact.master)):
+            path: KeyPath = ("contact", index, side)
+            for claim in claims:
+                if claim.boundary == boundary:
+                    message = f"{claim.label} acts on the contact surface {boundary}"
+                    report.add(path, message, "a surface is in contact or carries a condition, not both")
+                    break

@@ -1,0 +1,168 @@
+"""Bodies that nothing holds: the stiffness of such a body is singular.
+
+A rigid motion moves the point (x, y) by (tx - w y, ty + w x). Every held component of a boundary forbids
+one combination of (tx, ty, w); a body is held when the combinations have rank 3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from mlsanm_cli.case.base import split_boundary
+from mlsanm_cli.case.draft import Draft
+from mlsanm_cli.case.loads import Displacement, Platen
+from mlsanm_cli.case.model import Body
+from mlsanm_cli.case.report import Report
+
+Row = tuple[float, float, float]
+
+_NAMES = (
+    ((1.0, 0.0, 0.0), "moving in x", "hold ux"),
+    ((0.0, 1.0, 0.0), "moving in y", "hold uy"),
+    ((0.0, 0.0, 1.0), "rotating", "hold a second point or a whole boundary"),
+)
+_SMALL = 1e-9
+_CONTACT_ALONE = "a body held by contact alone is not supported yet"
+
+
+def check_drift(draft: Draft, report: Report) -> None:
+    """Adds a problem for every body that can move or rotate freely.
+
+    Only when the parts that could hold a body are sound: otherwise the message would mislead.
+    """
+    whole = all(
+        len(items) == draft.count(section)
+        for section, items in (("body", draft.bodies), ("support", draft.supports), ("load", draft.loads))
+    )
+    if not whole or any(report.touches((section,)) for section in ("body", "support", "load")):
+        return
+    in_contact = {
+        split_boundary(boundary)[0]
+        for contact in draft.contacts.values()
+        for boundary in (contact.slave, contact.master)
+    }
+    for index, body in draft.bodies.items():
+        free = free_motions(list(held_rows(draft, body, body.name in in_contact)))
+        if free:
+            what = " and ".join(_describe(motion, body) for motion in free)
+            needs = ", ".join(dict.fromkeys(_remedy(motion) for motion in free))
+            hint = f"add a [[support]], a displacement or a platen: {needs}"
+            if body.name in in_contact:
+                hint += f"; {_CONTACT_ALONE}"
+            report.add(("body", index), f'body "{body.name}" can drift: nothing keeps it from {what}', hint)
+
+
+def held_rows(draft: Draft, body: Body, in_contact: bool) -> Iterator[Row]:
+    """Forbidden combinations of (tx, ty, w * size) about the body's centre.
+
+    A platen moved by a force grips its boundary: with a contact to push against, its own position is an
+    unknown of the contact problem, and the body is held by the platen. Without one nothing balances the
+    force, and the platen only keeps its boundary from turning. A rotation that is left free follows the
+    same rule.
+    """
+    for support in draft.supports.values():
+        held = (support.ux is not None, support.uy is not None)
+        if support.body == body.name and support.near is not None:
+            yield from _rows(body, support.near, held)
+        elif support.boundary is not None and split_boundary(support.boundary)[0] == body.name:
+            for point in body.shape.samples(split_boundary(support.boundary)[1]):
+                yield from _rows(body, point, held)
+    for load in draft.loads.values():
+        name, edge = split_boundary(load.boundary)
+        if name != body.name:
+            continue
+        points = body.shape.samples(edge)
+        if isinstance(load, Displacement):
+            for point in points:
+                yield from _rows(body, point, (True, True))
+        elif isinstance(load, Platen):
+            yield from _platen_rows(body, points, load, in_contact)
+
+
+def _platen_rows(
+    body: Body, points: tuple[tuple[float, float], ...], load: Platen, in_contact: bool
+) -> Iterator[Row]:
+    middle = (sum(p[0] for p in points) / len(points), sum(p[1] for p in points) / len(points))
+    for direction, (control, _) in load.control.items():
+        held = (direction == "x", direction == "y")
+        at_middle = next(_rows(body, middle, held))
+        if in_contact or control == "displacement":
+            yield at_middle
+        if in_contact or load.rotation == "fixed":
+            for point in points:
+                turn = next(_rows(body, point, held))[2] - at_middle[2]
+                yield (0.0, 0.0, turn)
+
+
+def _rows(body: Body, point: tuple[float, float], held: tuple[bool, bool]) -> Iterator[Row]:
+    centre, size = body.shape.centre, body.shape.size
+    x, y = (point[0] - centre[0]) / size, (point[1] - centre[1]) / size
+    if held[0]:
+        yield (1.0, 0.0, -y)
+    if held[1]:
+        yield (0.0, 1.0, x)
+
+
+def free_motions(rows: list[Row]) -> list[Row]:
+    """A basis of the motions that no row forbids, the plain ones where they will do.
+
+    >>> free_motions([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
+    [(0.0, 0.0, 1.0)]
+    """
+    basis = _null_space(rows)
+    plain = [motion for motion, _, _ in _NAMES if all(abs(_dot(row, motion)) <= _SMALL for row in rows)]
+    return plain if len(plain) == len(basis) else basis
+
+
+def _null_space(rows: list[Row]) -> list[Row]:
+    """Null space by elimination with full pivoting."""
+    work = [list(row) for row in rows]
+    pivots: list[tuple[int, int]] = []
+    for step in range(3):
+        rest = [(abs(work[i][j]), i, j) for i in range(step, len(work)) for j in _others(pivots)]
+        if not rest or max(rest)[0] <= _SMALL:
+            break
+        _, i, j = max(rest)
+        work[step], work[i] = work[i], work[step]
+        pivot = work[step][j]
+        work[step] = [value / pivot for value in work[step]]
+        for k, row in enumerate(work):
+            if k != step:
+                work[k] = [value - row[j] * own for value, own in zip(row, work[step], strict=True)]
+        pivots.append((step, j))
+    basis: list[Row] = []
+    for j in _others(pivots):
+        motion = [0.0, 0.0, 0.0]
+        motion[j] = 1.0
+        for step, column in pivots:
+            motion[column] = -work[step][j]
+        basis.append((motion[0], motion[1], motion[2]))
+    return basis
+
+
+def _others(pivots: list[tuple[int, int]]) -> list[int]:
+    return [j for j in range(3) if j not in [column for _, column in pivots]]
+
+
+def _dot(a: Row, b: Row) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _describe(motion: Row, body: Body) -> str:
+    for plain, name, _ in _NAMES:
+        if motion == plain:
+            return name
+    tx, ty, w = motion
+    if abs(w) <= _SMALL * math.hypot(tx, ty):
+        return f"moving along ({tx:g}, {ty:g})"
+    centre, size = body.shape.centre, body.shape.size
+    x, y = centre[0] - ty / w * size, centre[1] + tx / w * size
+    return f"rotating about ({x:.6g}, {y:.6g})"
+
+
+def _remedy(motion: Row) -> str:
+    for plain, _, remedy in _NAMES:
+        if motion == plain:
+            return remedy
+    return _NAMES[2][2]

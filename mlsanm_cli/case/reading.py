@@ -1,0 +1,136 @@
+"""From a case file to a validated case, or to the list of everything wrong with it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from mlsanm_cli.case.checks import run_checks
+from mlsanm_cli.case.draft import make_draft
+from mlsanm_cli.case.lines import KeyPath, key_lines
+from mlsanm_cli.case.model import Case
+from mlsanm_cli.case.overrides import apply_overrides
+from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.schema_errors import report_schema_errors
+from mlsanm_cli.case.unsupported import refusals
+from mlsanm_cli.errors import CaseError, CaseProblem, RunError
+
+
+@dataclass(frozen=True)
+class LoadedCase:
+    """A validated case with the text it came from.
+
+    ``case_hash`` is the SHA-256 of the resolved content: equal for equal cases, however they were written.
+    """
+
+    case: Case
+    raw: str
+    path: Path
+    overrides: tuple[str, ...]
+    case_hash: str
+
+
+def load_case(path: Path, overrides: Sequence[str] = ()) -> LoadedCase:
+    """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation.
+
+    Raises RunError when the file cannot be read and CaseError with every problem found otherwise.
+    """
+    try:
+        # A byte order mark, as some editors write it, is no part of the text.
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise RunError(
+            f"{path} is no UTF-8 text (byte {error.start})", "a case is a TOML text file"
+        ) from error
+    except FileNotFoundError as error:
+        raise RunError(f"there is no case file {path}") from error
+    except OSError as error:
+        raise RunError(f"cannot read {path}: {error.strerror or error}") from error
+    return parse_case(text, path, overrides)
+
+
+def parse_case(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedCase:
+    """The same from a text; ``path`` only names the source in messages. Raises CaseError."""
+    source = str(path)
+    content, lines = _parse_toml(text, source)
+    content, changed, bad_overrides = apply_overrides(content, overrides)
+    data = {key: _frozen(value) for key, value in content.items()}
+    report = Report(data, lines, source, changed)
+    covered: list[KeyPath] = []
+    for refusal in refusals(data):
+        report.add(refusal.path, refusal.message, refusal.hint)
+        covered.append(refusal.covers)
+    case: Case | None = None
+    try:
+        case = Case.model_validate(data)
+    except ValidationError as error:
+        report_schema_errors(report, error, frozenset(covered))
+    run_checks(make_draft(data), report)
+    problems = report.problems + bad_overrides
+    if problems or case is None:
+        raise CaseError(problems)
+    return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
+
+
+def resolved_mapping(case: Case) -> dict[str, Any]:
+    """The case as nested plain values with every default filled in; keys without a value are left out.
+
+    Written as TOML and loaded again it gives an equal case.
+    """
+    plain = _plain(case.model_dump(mode="python", exclude_none=True))
+    assert isinstance(plain, dict)
+    return plain
+
+
+def case_hash(case: Case) -> str:
+    """SHA-256 of the resolved content in a canonical writing."""
+    text = json.dumps(resolved_mapping(case), sort_keys=True, ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _parse_toml(text: str, source: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+    try:
+        return tomllib.loads(text), key_lines(text)
+    except RecursionError as error:
+        raise CaseError((CaseProblem("(file)", "lists are nested too deeply", 1, source),)) from error
+    except ValueError as error:
+        message = str(error)
+        place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
+        line = 1
+        if place is not None:
+            message = message[: place.start()]
+            line = int(place.group(1)) if place.group(1) else max(len(text.splitlines()), 1)
+        hint = _syntax_hint(message)
+        raise CaseError((CaseProblem("(syntax)", message, line, source, hint),)) from error
+
+
+def _syntax_hint(message: str) -> str:
+    if message.startswith("Invalid value"):
+        return "text needs quotes, numbers a digit before and after the point"
+    if "overwrite" in message.lower() or "twice" in message.lower():
+        return "the key or table is there already"
+    return ""
+
+
+def _frozen(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_frozen(item) for item in value)
+    if isinstance(value, Mapping):
+        return {key: _frozen(item) for key, item in value.items()}
+    return value
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return value

@@ -1,0 +1,113 @@
+"""Collects the problems of a case with their places and their nearest valid names."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from mlsanm_cli.case.lines import KeyPath, line_of
+from mlsanm_cli.errors import CaseProblem
+
+# Other codes' and textbooks' words for our keys: too far away for a comparison of letters.
+SYNONYMS = {
+    "young": "E",
+    "youngs_modulus": "E",
+    "e_modulus": "E",
+    "elastic_modulus": "E",
+    "poisson": "nu",
+    "poissons_ratio": "nu",
+    "poisson_ratio": "nu",
+    "mu": "friction",
+    "h": "spacing",
+    "size": "spacing",
+    "mesh_size": "spacing",
+    "type": "kind",
+    "steps": "max_steps",
+    "tol": "tolerance",
+    "bc": "support",
+    "boundary_condition": "support",
+}
+
+
+def nearest(word: object, valid: Iterable[str]) -> str:
+    """The valid name most like the word, or an empty string when none is.
+
+    >>> nearest("spacign", ["seed", "spacing"])
+    'spacing'
+    """
+    options = {name.lower().replace("-", "_"): name for name in valid}
+    wanted = str(word).lower().replace("-", "_")
+    synonym = SYNONYMS.get(wanted, "").lower()
+    if synonym in options:
+        return options[synonym]
+    found = difflib.get_close_matches(wanted, options, n=1, cutoff=0.6)
+    if found:
+        return options[found[0]]
+    longer = [name for name in options if wanted and (name.startswith(wanted) or wanted.startswith(name))]
+    return options[longer[0]] if len(longer) == 1 else ""
+
+
+def suggestion(word: object, valid: Iterable[str], what: str = "valid") -> str:
+    """A hint with the nearest valid name, or with all of them."""
+    names = list(dict.fromkeys(valid))
+    near = nearest(word, names)
+    if near:
+        return f'did you mean "{near}"?'
+    return f"{what}: {', '.join(names)}" if names else f"there is no {what} one"
+
+
+def dotted(data: Any, path: KeyPath) -> str:
+    """The path as ``--set`` takes it: items of named lists by name, others by index."""
+    parts: list[str] = []
+    value = data
+    for step in path:
+        value = _below(value, step)
+        name = value.get("name") if isinstance(step, int) and isinstance(value, Mapping) else None
+        parts.append(name if isinstance(name, str) and name else str(step))
+    return ".".join(parts)
+
+
+def _below(value: Any, step: str | int) -> Any:
+    if isinstance(value, Mapping):
+        return value.get(step) if isinstance(step, str) else None
+    if isinstance(value, tuple | list) and isinstance(step, int) and 0 <= step < len(value):
+        return value[step]
+    return None
+
+
+@dataclass
+class Report:
+    """Problems found so far. ``changed`` holds the paths set on the command line."""
+
+    data: Mapping[str, Any]
+    lines: Mapping[KeyPath, int]
+    source: str
+    changed: frozenset[KeyPath] = frozenset()
+    _found: dict[tuple[KeyPath, str], CaseProblem] = field(default_factory=dict)
+
+    def add(self, path: KeyPath, message: str, hint: str = "") -> None:
+        """Notes a problem of the key; the same words about the same key are noted once."""
+        if self._is_set(path):
+            line, source = 0, "--set"
+        else:
+            # An empty file still has a first line to point at.
+            line, source = max(line_of(self.lines, path), 1), self.source
+        key = dotted(self.data, path) or "(file)"
+        self._found.setdefault((path, message), CaseProblem(key, message, line, source, hint))
+
+    def _is_set(self, path: KeyPath) -> bool:
+        if any(path[: len(changed)] == changed for changed in self.changed):
+            return True
+        # A table that only --set made.
+        return path not in self.lines and any(changed[: len(path)] == path for changed in self.changed)
+
+    def touches(self, path: KeyPath) -> bool:
+        """Whether a problem was found at the path or below it."""
+        return any(found[: len(path)] == path for found, _ in self._found)
+
+    @property
+    def problems(self) -> tuple[CaseProblem, ...]:
+        """All problems in the order of the file, those of the command line last."""
+        return tuple(sorted(self._found.values(), key=lambda p: (p.line == 0, p.line)))

@@ -1,0 +1,104 @@
+"""What the case file format knows but this version cannot do: refused by name, never ignored.
+
+Whoever brings a feature deletes its line from `PLANNED`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mlsanm_cli.case.lines import KeyPath
+
+Applies = Callable[[Any], bool]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A key, or some values of it, that later versions will bring.
+
+    ``path`` may hold ``"*"`` for any name or index; ``part`` keys (counted from the front) of a match
+    form the table that is not judged further, because it would only look wrong in other ways too.
+    """
+
+    path: tuple[str, ...]
+    what: str
+    applies: Applies = lambda value: True
+    part: int = 0
+    hint: str = ""
+
+
+def _one_of(*values: str) -> Applies:
+    return lambda value: value in values if isinstance(value, str) else False
+
+
+def _above_zero(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value > 0
+
+
+def _nonzero(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value != 0
+
+
+_MOVING = "a support that moves its boundary"
+_MOVE = 'a support holds at 0.0; use a load of kind "displacement" to move a boundary'
+
+PLANNED: tuple[Planned, ...] = (
+    Planned(
+        ("body", "*", "shape", "kind"),
+        'shape "{}"',
+        _one_of("sector", "annulus", "polygon", "mesh", "points"),
+        part=3,
+        hint='use "rectangle", "disk" or "half-disk"',
+    ),
+    Planned(("material", "*", "stiffness"), "a full stiffness matrix", part=2, hint="give E and nu instead"),
+    Planned(("load", "*", "kind"), 'load kind "{}"', _one_of("body-force"), part=2),
+    Planned(("support", "*", "ux"), _MOVING, _nonzero, hint=_MOVE),
+    Planned(("support", "*", "uy"), _MOVING, _nonzero, hint=_MOVE),
+    Planned(("contact", "*", "obstacle"), "a rigid obstacle", part=2, hint="give slave and master"),
+    Planned(("contact", "*", "friction"), "friction", _above_zero, hint="set it to 0.0"),
+    Planned(("contact", "*", "regularization", "stick"), "the tangential law", hint="remove the key"),
+    Planned(("contact", "*", "regularization", "friction_law"), "the tangential law", hint="remove the key"),
+    Planned(("mls", "scheme"), 'scheme "{}"', _one_of("collocation", "ghost"), hint='use "least-squares"'),
+    Planned(("adapt", "passes"), "adaptive refinement", _above_zero, hint="set it to 0"),
+    Planned(("solver", "method"), 'method "{}"', _one_of("newton"), hint='use "anm" or "active-set"'),
+    Planned(("solver", "formulation"), 'formulation "{}"', _one_of("monolithic"), hint='use "condensed"'),
+    Planned(
+        ("solver", "polish"), "polishing with the exact laws", lambda v: v is True, hint="set it to false"
+    ),
+    Planned(("probe",), "[[probe]]", part=1, hint="remove the table"),
+)
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A planned key found in a case; nothing at or below ``covers`` needs another message."""
+
+    path: KeyPath
+    message: str
+    hint: str
+    covers: KeyPath
+
+
+def refusals(data: Mapping[str, Any]) -> Iterator[Refusal]:
+    """Every planned key or value in the raw content of a case file."""
+    for planned in PLANNED:
+        for path, value in _matches(data, planned.path, ()):
+            if planned.applies(value):
+                covers = path[: planned.part] if planned.part else path
+                message = f"{planned.what.format(value)} is not supported yet"
+                yield Refusal(path, message, planned.hint, covers)
+
+
+def _matches(value: Any, pattern: tuple[str, ...], path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
+    if not pattern:
+        yield path, value
+        return
+    head, rest = pattern[0], pattern[1:]
+    if isinstance(value, Mapping):
+        for key in value if head == "*" else [head] if head in value else []:
+            yield from _matches(value[key], rest, (*path, key))
+    elif isinstance(value, tuple) and head == "*":
+        for index, item in enumerate(value):
+            yield from _matches(item, rest, (*path, index))
