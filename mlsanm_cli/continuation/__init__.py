@@ -1,0 +1,28 @@
+"""Continuation: paths R(x, lam) = 0 followed as continuous functions of the load factor."""
+
+from __future__ import annotations
+
+from mlsanm_cli.continuation.anm import AnmFollower, follow
+from mlsanm_cli.continuation.corrector import Correction, correct
+from mlsanm_cli.continuation.options import AnmOptions
+from mlsanm_cli.continuation.path import Follower, Outcome, Step, StopReason
+from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
+from mlsanm_cli.continuation.series import Branch, locate
+
+__all__ = [
+    "AnmFollower",
+    "AnmOptions",
+    "Branch",
+    "Correction",
+    "FloatArray",
+    "Follower",
+    "Outcome",
+    "Problem",
+    "SingularTangentError",
+    "Step",
+    "StopReason",
+    "Tangent",
+    "correct",
+    "follow",
+    "locate",
+]

@@ -1,0 +1,250 @@
+"""The asymptotic numerical method: a path followed by power series of high order.
+
+Every step costs one factorised tangent and about N solves for the series, a few residuals to find out how far
+it is good, and, when the residual has drifted, a correction of its end. Folds are passed: the parameter is
+the projection on the tangent and the load factor is an unknown like the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mlsanm_cli.continuation.corrector import Correction, Effort, correct, correct_end, residual_norm
+from mlsanm_cli.continuation.expansion import Metric, Station, expand, station
+from mlsanm_cli.continuation.options import AnmOptions
+from mlsanm_cli.continuation.path import Outcome, Step, StopReason
+from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
+from mlsanm_cli.continuation.ranges import Gauge
+from mlsanm_cli.continuation.series import Branch
+
+# An end of step that cannot be used is tried again at this part of the length, so often at most.
+_RETREAT = 0.7
+_RETREATS = 8
+# Beyond this slope |dx/dlam| a fold is so near that the series loses digits: expand somewhere else.
+_STEEP = 1e7
+# Above this part of the path's direction the load factor is kept by corrections, so that pieces join there.
+_LEVEL = 0.1
+# The direction at the end of a step is taken between this part of its length and the end.
+_BEFORE = 0.98
+
+
+class _Stop(Exception):
+    """The path ends here, for a reason."""
+
+    def __init__(self, reason: StopReason, message: str) -> None:
+        super().__init__(message)
+        self.reason, self.message = reason, message
+
+
+class AnmFollower:
+    """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        x0: FloatArray,
+        lam0: float,
+        lam_end: float,
+        options: AnmOptions | None = None,
+        previous: Branch | None = None,
+    ) -> None:
+        self._problem, self._options = problem, options or AnmOptions()
+        self._lam_end, self._previous = float(lam_end), previous
+        self._metric = Metric(problem.scale)
+        self._gauge = Gauge(problem, self._metric, self._lam_end, self._options)
+        self._x, self._lam, self._residual = np.array(x0, dtype=np.float64), float(lam0), np.inf
+        if self._x.shape != (problem.size,):
+            raise ValueError(f"the start point has shape {self._x.shape}, the problem size {problem.size}")
+        self._steps, self._done, self._effort = 0, Effort(), Effort()
+        self._reason, self._message = StopReason.STOPPED_BY_CALLER, "the caller took no more steps"
+        self._started = self._stopped = False
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the path ended, or, while steps are still to come, where it stands (stopped by the caller)."""
+        return Outcome(
+            reason=self._reason,
+            message=self._message,
+            x=self._x,
+            lam=self._lam,
+            residual=self._residual,
+            steps=self._steps,
+            factorizations=self._done.factorizations + self._effort.factorizations,
+            solves=self._done.solves + self._effort.solves,
+        )
+
+    def stop(self) -> None:
+        """End the path after the step handed out last."""
+        self._stopped = True
+
+    def steps(self) -> Iterator[Step]:
+        """Yield the steps as they are finished.
+
+        Raises
+        ------
+        NumericalError
+            When the start point does not satisfy the equations and cannot be corrected. Every other
+            failure ends the path, with its reason in :attr:`outcome`.
+        RuntimeError
+            When called a second time.
+        """
+        if self._started:
+            raise RuntimeError("a follower goes along its path once; make a new one")
+        self._started = True
+        self._start()
+        try:
+            yield from self._walk()
+        except _Stop as stop:
+            self._reason, self._message = stop.reason, stop.message
+
+    def _start(self) -> None:
+        start = correct(self._problem, self._x, self._lam, self._options)
+        self._x, self._residual = start.x, start.residual
+        self._effort.factorizations += start.factorizations
+        self._effort.solves += start.solves
+
+    def _walk(self) -> Iterator[Step]:
+        """Go from step to step until something raises ``_Stop``."""
+        if self._lam == self._lam_end:
+            raise _Stop(StopReason.TARGET_REACHED, "the path starts at the load factor asked for")
+        try:
+            here = self._station(self._x, self._lam, self._effort)
+        except SingularTangentError as error:
+            raise _Stop(StopReason.SINGULAR_TANGENT, f"at the start: {error.message}") from error
+        direction, unit = self._direction()
+        while not self._stopped:
+            if self._steps == self._options.max_steps:
+                raise _Stop(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
+            branch = self._branch(here, direction, unit)
+            branch, end, ahead, effort = self._arrive(here, branch)
+            yield self._record(branch, end, unit)
+            if ahead is None:
+                raise _Stop(StopReason.TARGET_REACHED, f"after {self._steps} steps")
+            here, self._effort = ahead, effort
+            direction, unit = (branch.x[1], float(branch.lam[1])), _power_of_two(branch.length * unit)
+
+    def _station(self, x: FloatArray, lam: float, effort: Effort) -> Station:
+        effort.factorizations += 1
+        effort.solves += 1
+        return station(self._problem, x, lam)
+
+    def _direction(self) -> tuple[tuple[FloatArray, float], float]:
+        """Return the direction in which to leave the start point, and a guess of the step's length."""
+        if self._previous is not None:
+            direction = self._previous.x[1], float(self._previous.lam[1])
+            return direction, _power_of_two(self._previous.length * self._metric.norm(*direction))
+        sign = self._options.direction or np.sign(self._lam_end - self._lam)
+        return (np.zeros(self._problem.size), float(sign)), 1.0
+
+    def _branch(self, here: Station, direction: tuple[FloatArray, float], unit: float) -> Branch:
+        """Return the longest good piece of path that begins at ``here``."""
+        order = self._options.order
+        with np.errstate(over="ignore", invalid="ignore"):
+            series = expand(self._problem, self._metric, here, order, direction, unit)
+        self._effort.solves += order - 1
+        branch = self._gauge.branch(series)
+        shortest = self._options.min_length / unit
+        if branch.length > shortest:
+            return branch
+        place = f"at load factor {here.lam:.9g}"
+        if not self._problem.admissible(*branch.evaluate(2.0 * shortest)):
+            raise _Stop(StopReason.NOT_ADMISSIBLE, f"the path leaves the admissible region {place}")
+        raise _Stop(StopReason.STEP_TOO_SMALL, f"the series is good for less than the shortest step {place}")
+
+    def _arrive(self, here: Station, branch: Branch) -> tuple[Branch, Correction, Station | None, Effort]:
+        """Correct the end of a step and factorise there; the step is shortened while that fails.
+
+        Returns the step's piece of path, its end, the next station (None at the target) and its effort.
+        """
+        length, failure = branch.length, _Stop(StopReason.CORRECTION_FAILED, "")
+        for _ in range(_RETREATS):
+            piece = branch.shortened(length)
+            crossing = piece.first_crossing(self._lam_end)
+            if crossing is not None:
+                return self._finish(here, piece.shortened(crossing))
+            end = self._corrected(here, piece, piece.evaluate(length), self._normal(piece))
+            place = f"near load factor {piece.load_factor(length):.9g}"
+            if end is None:
+                failure = _Stop(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
+            else:
+                effort = Effort()
+                try:
+                    ahead = self._station(end.x, end.lam, effort)
+                    if self._metric.norm(ahead.slope, 0.0) < _STEEP:
+                        return piece, end, ahead, effort
+                except SingularTangentError:
+                    pass
+                self._effort.add(effort)
+                failure = _Stop(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}")
+            length *= _RETREAT
+        raise failure
+
+    def _finish(self, here: Station, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
+        """Correct the end of the last step, which lies exactly at the load factor asked for."""
+        x = piece.evaluate(piece.length)[0]
+        end = self._corrected(here, piece, (x, self._lam_end), None)
+        if end is None:  # a fold at the very target: the series' own end keeps the tolerance
+            end = Correction(x, self._lam_end, residual_norm(self._problem, x, self._lam_end), 0, 0, 0)
+        return piece, end, None, Effort()
+
+    def _corrected(
+        self,
+        here: Station,
+        piece: Branch,
+        end: tuple[FloatArray, float],
+        normal: tuple[FloatArray, float] | None,
+    ) -> Correction | None:
+        return correct_end(self._problem, self._metric, here, end, normal, self._options, self._effort)
+
+    def _normal(self, piece: Branch) -> tuple[FloatArray, float] | None:
+        """Return the direction a correction of the end must not take: None stands for the load factor's."""
+        x, lam = piece.evaluate(piece.length)
+        x_before, lam_before = piece.evaluate(_BEFORE * piece.length)
+        rise = abs(lam - lam_before)
+        if rise > _LEVEL * self._metric.norm(x - x_before, lam - lam_before):
+            return None
+        return piece.x[1], float(piece.lam[1])
+
+    def _record(self, branch: Branch, end: Correction, unit: float) -> Step:
+        self._steps += 1
+        self._x, self._lam, self._residual = end.x, end.lam, end.residual
+        effort, self._effort = self._effort, Effort()
+        self._done.add(effort)
+        return Step(
+            index=self._steps,
+            branch=branch,
+            x=end.x,
+            lam=end.lam,
+            residual=end.residual,
+            arc_length=branch.length * unit,
+            corrections=end.updates,
+            factorizations=effort.factorizations,
+            solves=effort.solves,
+            order=branch.order,
+        )
+
+
+def follow(
+    problem: Problem,
+    x0: FloatArray,
+    lam0: float,
+    lam_end: float,
+    options: AnmOptions | None = None,
+    previous: Branch | None = None,
+) -> AnmFollower:
+    """Return the follower of the path R(x, lam) = 0 from (x0, lam0) to the load factor ``lam_end``.
+
+    Parameters
+    ----------
+    x0 : (size,), start point; corrected at fixed ``lam0`` when its residual asks for it
+    lam_end : the path ends where the load factor first takes this value, going along the path
+    previous : the piece of path that led to the start point; the path goes on in its direction with its
+        length of step, exactly as if it had not been interrupted
+    """
+    return AnmFollower(problem, x0, lam0, lam_end, options, previous)
+
+
+def _power_of_two(length: float) -> float:
+    return float(2.0 ** np.round(np.log2(length)))

@@ -1,0 +1,118 @@
+"""The power series of a path at one of its points.
+
+With y = x/scale and the product <(x, lam), (z, mu)> = mean(y_x y_z) + lam mu (a mean, so that the load
+factor keeps its weight whatever the number of unknowns), the parameter of the path is
+
+    a = <X - X_0, X_1> / unit^2,    |X_1| = unit,
+
+the projection on the tangent, hence regular at folds. Order k >= 2 of R = 0 and of the definition of a are
+
+    dR/dx x_k + dR/dlam lam_k = rhs_k,    <X_k, X_1> = 0,
+
+solved with the one factorised dR/dx and the slope v = dx/dlam. ``unit`` is a power of two near the
+expected length of the step, which keeps high orders from overflowing and, being a power of two, leaves
+the digits of the result alone.
+
+Source: B. Cochelin, A path-following technique via an asymptotic-numerical method, Computers & Structures
+53 (1994) 1181-1192.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
+
+
+class Metric:
+    """The scaled product of points of the path."""
+
+    def __init__(self, scale: FloatArray) -> None:
+        if scale.ndim != 1 or not np.all(np.isfinite(scale)) or np.any(scale <= 0.0):
+            raise ValueError("the scales of the unknowns must be positive numbers")
+        self.weight: FloatArray = 1.0 / (scale.size * scale * scale)
+
+    def product(self, x: FloatArray, lam: float, z: FloatArray, mu: float) -> float:
+        """Return <(x, lam), (z, mu)>."""
+        return float((self.weight * x) @ z) + lam * mu
+
+    def norm(self, x: FloatArray, lam: float) -> float:
+        """Return |(x, lam)|; inf when it overflows."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(np.sqrt(self.product(x, lam, x, lam)))
+
+
+@dataclass(frozen=True, eq=False)
+class Station:
+    """A point of the path with its factorised tangent and the slope dx/dlam there, shape (size,)."""
+
+    x: FloatArray
+    lam: float
+    tangent: Tangent
+    slope: FloatArray
+
+
+def station(problem: Problem, x: FloatArray, lam: float) -> Station:
+    """Factorise at a point of the path (one factorisation, one solve).
+
+    Raises
+    ------
+    SingularTangentError
+        When dR/dx cannot be factorised or its solution is not finite.
+    """
+    try:
+        tangent = problem.tangent(x, lam)
+        slope = -tangent.solve(problem.load_derivative(x, lam))
+    except np.linalg.LinAlgError as error:
+        raise SingularTangentError(f"singular tangent at load factor {lam:.9g}") from error
+    if not np.all(np.isfinite(slope)):
+        raise SingularTangentError(f"singular tangent at load factor {lam:.9g}")
+    return Station(x, lam, tangent, slope)
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Coefficients ``x``, shape (N + 1, size), and ``lam``, shape (N + 1,), with |X_1| = ``unit``."""
+
+    x: FloatArray
+    lam: FloatArray
+    unit: float
+
+
+def expand(
+    problem: Problem,
+    metric: Metric,
+    start: Station,
+    order: int,
+    direction: tuple[FloatArray, float],
+    unit: float,
+) -> Series:
+    """Return the series of the path at ``start`` (order - 1 solves).
+
+    Parameters
+    ----------
+    direction : the path goes to the side where the product with this direction is positive
+    unit : length of X_1
+
+    Coefficients that overflow are returned as they come; the caller's residuals will show it.
+    """
+    x = np.empty((order + 1, start.x.size))
+    lam = np.empty(order + 1)
+    slope = start.slope
+    size = metric.norm(slope, 1.0)
+    sign = np.copysign(1.0, metric.product(slope, 1.0, *direction))
+    x[0], lam[0] = start.x, start.lam
+    lam[1] = sign * unit / size
+    np.multiply(slope, lam[1], out=x[1])
+    normal = metric.weight * x[1]
+    # <v, x_1> + lam_1, the denominator of every lam_k
+    denominator = unit * sign * size
+    solve, series_rhs = start.tangent.solve, problem.series_rhs
+    for k in range(2, order + 1):
+        free = solve(series_rhs(x[:k], lam[:k]))
+        lam[k] = -float(normal @ free) / denominator
+        np.multiply(slope, lam[k], out=x[k])
+        x[k] += free
+    return Series(x, lam, unit)

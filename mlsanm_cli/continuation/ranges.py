@@ -1,0 +1,134 @@
+"""How far a piece of path is good: the true residual decides.
+
+The first guess is the classical range of a power series, a = (eps |X_1| / |X_N|)^(1/(N-1)); it is then
+shortened or stretched until the residual at its end lies just below the tolerance. An evaluation costs next
+to nothing beside a factorisation.
+
+Source of the first guess: B. Cochelin, A path-following technique via an asymptotic-numerical method,
+Computers & Structures 53 (1994) 1181-1192.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.continuation.corrector import residual_norm
+from mlsanm_cli.continuation.expansion import Metric, Series
+from mlsanm_cli.continuation.options import AnmOptions
+from mlsanm_cli.continuation.pade import denominator, nearest_pole
+from mlsanm_cli.continuation.problem import Problem
+from mlsanm_cli.continuation.series import Branch
+
+# A length is settled when the residual there lies between these parts of the tolerance (its power of about
+# N + 1 in the length makes the steps some 3 % shorter than the longest ones), or between close bounds.
+_ENOUGH, _AIM = 0.4, 0.7
+_CLOSE = 1.03
+_TRIALS = 30
+_SHRINK, _GROW, _RETREAT = 0.3, 1.5, 0.7
+# Where a range is looked at between its ends.
+_INSIDE = (0.25, 0.5, 0.75, 0.9)
+# A Padé approximant is worth its poles only if it stretches the step by so much.
+_GAIN, _CLEAR_GAIN = 1.02, 1.15
+# First guess of the range of a Padé approximant over that of its power series.
+_STRETCH = 1.4
+# A step keeps this part of the way to the nearest pole.
+_POLE_MARGIN = 0.9
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """Measures pieces of a path of ``problem`` that is to end at the load factor ``lam_end``."""
+
+    problem: Problem
+    metric: Metric
+    lam_end: float
+    options: AnmOptions
+
+    def error(self, branch: Branch, a: float) -> float:
+        """Return the largest residual at ``a``; inf where it is not admissible or not finite."""
+        x, lam = branch.evaluate(a)
+        return residual_norm(self.problem, x, lam) if np.isfinite(lam) else np.inf
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
+    def branch(self, series: Series) -> Branch:
+        """Return the longest good piece of path that ``series`` gives; its length is 0 when there is none.
+
+        The piece ends at the latest where it first reaches ``lam_end``.
+        """
+        guess = self._first_guess(series)
+        rational = self._rational(series, guess) if self.options.pade and guess > 0.0 else None
+        if rational is not None and rational.length > _CLEAR_GAIN * guess:
+            return rational
+        taylor = Branch(series.x, series.lam, 0.0)
+        taylor = taylor.shortened(self._range(taylor, guess, np.inf))
+        if rational is not None and rational.length > _GAIN * taylor.length:
+            return rational
+        return taylor
+
+    def _first_guess(self, series: Series) -> float:
+        weight = np.sqrt(self.metric.weight)
+        first, last = (max(np.abs(weight * series.x[k]).max(), abs(series.lam[k])) for k in (1, -1))
+        order = series.lam.size - 1
+        if not np.isfinite(last):
+            return 0.0
+        if last > 0.0 and order > 1:
+            return float((self.options.tolerance * first / last) ** (1.0 / (order - 1)))
+        along = (self.lam_end - series.lam[0]) / series.lam[1] if series.lam[1] != 0.0 else 0.0
+        return float(along) if along > 0.0 else 1.0
+
+    def _rational(self, series: Series, guess: float) -> Branch | None:
+        """Return the longest good Padé approximant, or None when the series gives none."""
+        scaled = np.column_stack([np.sqrt(self.metric.weight) * series.x, series.lam])
+        lower = denominator(scaled, guess)
+        if lower is None:
+            return None
+        rational = Branch(series.x, series.lam, 0.0, lower)
+        reach = self._longest(rational, _STRETCH * guess, np.inf)
+        limit = _POLE_MARGIN * nearest_pole(lower, reach / _POLE_MARGIN) if reach > 0.0 else 0.0
+        return rational.shortened(self._range(rational, min(reach, limit), limit))
+
+    def _range(self, branch: Branch, guess: float, ceiling: float) -> float:
+        """Return the end of a range <= ``ceiling`` that is good inside as well; 0 when there is none."""
+        length = self._longest(branch, guess, ceiling)
+        for _ in range(_TRIALS):
+            bad = next((f for f in _INSIDE if self.error(branch, f * length) > self.options.tolerance), None)
+            if bad is None or length == 0.0:
+                break
+            length = self._longest(branch, 0.9 * bad * length, bad * length)
+        return length
+
+    def _longest(self, branch: Branch, guess: float, ceiling: float) -> float:
+        """Return a nearly longest a <= ``ceiling`` whose residual keeps the tolerance, or 0."""
+        tolerance, side = self.options.tolerance, np.sign(self.lam_end - branch.lam[0])
+        low, high, a = 0.0, np.inf, min(guess, ceiling)
+        shortest = self.options.min_length / self.metric.norm(branch.x[1], float(branch.lam[1]))
+        for _ in range(_TRIALS):
+            if a <= shortest:
+                break
+            if side * (branch.load_factor(a) - self.lam_end) > 0.0:
+                crossing = branch.shortened(a).first_crossing(self.lam_end)
+                a = ceiling = a if crossing is None else crossing
+            error = self.error(branch, a)
+            if error <= tolerance:
+                low = a
+                if error >= _ENOUGH * tolerance or a >= ceiling:
+                    break
+            else:
+                high = a
+            if high <= _CLOSE * low:
+                break
+            a = min(_next(a, error / tolerance, branch.order, low, high), ceiling)
+        return low
+
+
+def _next(a: float, excess: float, order: int, low: float, high: float) -> float:
+    """Return the next length to try after ``a``, whose residual is ``excess`` times the tolerance."""
+    if 0.0 < excess < np.inf:
+        trial = a * float(np.clip((_AIM / excess) ** (1.0 / (order + 1)), _SHRINK, _GROW))
+    else:
+        trial = a * (_GROW if excess == 0.0 else _RETREAT)
+    if low < trial < high:
+        return trial
+    return float(np.sqrt(low * high)) if low > 0.0 else _SHRINK * high

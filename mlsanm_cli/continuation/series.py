@@ -1,0 +1,184 @@
+"""One step of a path as a function of its parameter: a truncated power series or a vector Padé approximant.
+
+Both are linear combinations of the same coefficient vectors,
+
+    X(a) = sum_n a^n c_n(a) X_n,    c_n = 1 (power series),
+                                    c_n = D_{min(M, N-n)}(a) / D_M(a) (Padé),
+
+with the denominator D_M(a) = sum_{j<=M} d_j a^j and its truncations D_j; the Padé form is the quotient of
+the series of D_M X, cut at order N, by D_M.
+
+Sources: B. Cochelin, A path-following technique via an asymptotic-numerical method, Computers & Structures
+53 (1994) 1181-1192; A. Elhage-Hussein, M. Potier-Ferry, N. Damil, A numerical continuation method based on
+Padé approximants, International Journal of Solids and Structures 37 (2000) 6981-7001.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from mlsanm_cli.continuation.problem import FloatArray
+
+# lam(a) is searched for a level between this many samples: a series of order 30 cannot bend more often.
+_SAMPLES = 65
+# A level this close to the first or last value of lam, relative to the terms summed, is that value.
+_ROUND_OFF = 32.0 * float(np.finfo(np.float64).eps)
+# The finest relative precision that brentq accepts.
+_PRECISION = 4.0 * float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A piece of path (x(a), lam(a)), 0 <= a <= ``length``.
+
+    Attributes
+    ----------
+    x : (N + 1, size), coefficients of the unknowns, in the unknowns' units
+    lam : (N + 1,), coefficients of the load factor
+    length : end of the range in which the piece may be evaluated
+    denominator : (M + 1,) coefficients of the Padé denominator, the first one 1, M <= N; None: power series
+    """
+
+    x: FloatArray
+    lam: FloatArray
+    length: float
+    denominator: FloatArray | None = None
+    _exponents: FloatArray = field(init=False, repr=False)
+    _partial: FloatArray | None = field(init=False, repr=False, default=None)
+
+    def __post_init__(self) -> None:
+        if self.x.ndim != 2 or self.lam.shape != self.x.shape[:1]:
+            raise ValueError(f"coefficients do not match: x {self.x.shape}, lam {self.lam.shape}")
+        order = self.lam.size - 1
+        object.__setattr__(self, "_exponents", np.arange(order + 1.0))
+        if self.denominator is not None:
+            degree = self.denominator.size - 1
+            if not 0 <= degree <= order or self.denominator[0] != 1.0:
+                raise ValueError("a Padé denominator begins with 1 and has at most the order of the series")
+            # Row n sums the terms of D_{min(M, N-n)}, the last row those of D_M itself.
+            kept = np.minimum(degree, np.append(order - np.arange(order + 1), degree))
+            mask = np.arange(degree + 1) <= kept[:, None]
+            object.__setattr__(self, "_partial", mask * self.denominator)
+
+    @property
+    def order(self) -> int:
+        """Order N of the series."""
+        return int(self.lam.size) - 1
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return int(self.x.shape[1])
+
+    def weights(self, a: float) -> FloatArray:
+        """Return the factors of the coefficient vectors at ``a``, shape (N + 1,)."""
+        powers = a**self._exponents
+        if self._partial is None:
+            return powers
+        sums = self._partial @ powers[: self._partial.shape[1]]
+        return np.asarray(powers * (sums[:-1] / sums[-1]), dtype=np.float64)
+
+    def evaluate(self, a: float) -> tuple[FloatArray, float]:
+        """Return x, shape (size,), and lam at the parameter ``a``."""
+        weights = self.weights(a)
+        return weights @ self.x, float(weights @ self.lam)
+
+    def evaluate_many(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return x, shape (k, size), and lam, shape (k,), at the parameters ``a``, shape (k,)."""
+        weights = self._weights_many(a)
+        return weights @ self.x, weights @ self.lam
+
+    def load_factor(self, a: float) -> float:
+        """Return lam(a)."""
+        return float(self.weights(a) @ self.lam)
+
+    def parameter_at(self, lam: float) -> float:
+        """Return the first ``a`` in [0, length] with lam(a) equal to ``lam`` to round-off.
+
+        Raises
+        ------
+        ValueError
+            When the piece does not reach that load factor.
+        """
+        found = self.first_crossing(lam)
+        if found is None:
+            raise ValueError(f"load factor {lam:.17g} is not reached on this piece of path")
+        return found
+
+    def first_crossing(self, lam: float) -> float | None:
+        """As :meth:`parameter_at`, but return None when the load factor is not reached."""
+        grid = np.linspace(0.0, self.length, _SAMPLES)
+        weights = self._weights_many(grid)
+        values = weights @ self.lam - lam
+        # The weights of a Padé approximant are large near its end and of both signs.
+        slack = _ROUND_OFF * (abs(lam) + float(np.max(np.abs(weights) @ np.abs(self.lam))))
+        if abs(values[0]) <= slack:
+            return 0.0
+        sign = np.sign(values)
+        changes = np.flatnonzero(sign[1:] != sign[0])
+        last = int(changes[0]) + 1 if changes.size else _SAMPLES - 1
+        touched = self._touching(lam, grid[: last + 1], values[: last + 1])
+        if touched is not None:
+            return touched
+        if not changes.size:
+            return self.length if abs(values[-1]) <= slack else None
+        return self._root(lam, float(grid[last - 1]), float(grid[last]))
+
+    def shortened(self, length: float) -> Branch:
+        """Return the same piece of path with another ``length``."""
+        return Branch(self.x, self.lam, length, self.denominator)
+
+    def _weights_many(self, a: FloatArray) -> FloatArray:
+        powers = np.asarray(a, dtype=np.float64)[:, None] ** self._exponents
+        if self._partial is None:
+            return powers
+        sums = powers[:, : self._partial.shape[1]] @ self._partial.T
+        return np.asarray(powers * (sums[:, :-1] / sums[:, -1:]), dtype=np.float64)
+
+    def _root(self, lam: float, low: float, high: float) -> float:
+        def distance(a: float) -> float:
+            return self.load_factor(a) - lam
+
+        if distance(low) * distance(high) >= 0.0:  # a sample hit the level: its sign is round-off
+            return min(low, high, key=lambda a: abs(distance(a)))
+        return float(brentq(distance, low, high, xtol=1e-300, rtol=_PRECISION, maxiter=200))
+
+    def _touching(self, lam: float, grid: FloatArray, values: FloatArray) -> float | None:
+        """Return a crossing hidden between samples of one sign: a fold that lies just past the level."""
+        distance = np.abs(values[:-1])
+        dips = np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:])) + 1
+        side = float(np.sign(values[0]))
+        for dip in dips:
+            low, high = float(grid[dip - 1]), float(grid[dip + 1])
+            bottom = minimize_scalar(
+                lambda a: side * (self.load_factor(a) - lam), bounds=(low, high), method="bounded"
+            )
+            if bottom.fun <= 0.0:
+                return self._root(lam, low, float(bottom.x))
+        return None
+
+
+def locate(branches: Sequence[Branch], lam: float) -> tuple[int, float]:
+    """Return (index, a) of the first point of a path, given piece by piece, at the load factor ``lam``.
+
+    A level that falls into the round-off (or, beside a fold, the correction) between the end of one piece
+    and the start of the next belongs to that start.
+
+    Raises
+    ------
+    ValueError
+        When no piece reaches that load factor.
+    """
+    for index, branch in enumerate(branches):
+        if index:
+            end = branches[index - 1].load_factor(branches[index - 1].length)
+            if min(end, branch.lam[0]) <= lam <= max(end, branch.lam[0]):
+                return index, 0.0
+        found = branch.first_crossing(lam)
+        if found is not None:
+            return index, found
+    raise ValueError(f"load factor {lam:.17g} is not reached on this path")
