@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 
-from mlsanm_cli.case.base import split_boundary
+from mlsanm_cli.case.base import BOUNDARY_PATTERN, split_boundary
 from mlsanm_cli.case.conditions import check_conditions
-from mlsanm_cli.case.draft import Draft
+from mlsanm_cli.case.draft import AnyShape, Draft
 from mlsanm_cli.case.drift import check_drift
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.loads import Platen
@@ -23,17 +23,14 @@ def run_checks(draft: Draft, report: Report) -> None:
     """Adds every problem that the sound parts of the case have with each other."""
     _check_names(draft, report)
     _check_materials(draft, report)
+    _check_references(draft, report)
+    for index, shape in draft.shapes.items():
+        _check_shape(shape, ("body", index, "shape"), report)
     for index, body in draft.bodies.items():
         _check_body(body, index, report)
-    for index, support in draft.supports.items():
-        path: KeyPath = ("support", index)
-        if support.boundary is not None:
-            check_boundary(draft, report, (*path, "boundary"), support.boundary)
-        if support.body is not None:
-            _check_body_name(draft, report, (*path, "body"), support.body)
+    for index in draft.supports:
         _check_support_keys(draft, report, index)
     for index, load in draft.loads.items():
-        check_boundary(draft, report, ("load", index, "boundary"), load.boundary)
         if isinstance(load, Platen):
             _check_platen(load, ("load", index), report)
     _check_contacts(draft, report)
@@ -55,15 +52,13 @@ def _check_names(draft: Draft, report: Report) -> None:
 def _check_materials(draft: Draft, report: Report) -> None:
     table = draft.data.get("material")
     defined = [name for name in table if isinstance(name, str)] if isinstance(table, dict) else []
-    items = draft.data.get("body")
-    rows = items if isinstance(items, tuple) else ()
-    used = [row.get("material") for row in rows if isinstance(row, dict)]
-    for index, body in draft.bodies.items():
-        if body.material not in defined:
-            hint = suggestion(body.material, defined, "materials")
-            report.add(("body", index, "material"), f'there is no material "{body.material}"', hint)
+    used = draft.texts("body", "material")
+    for index, name in used:
+        if name not in defined:
+            hint = suggestion(name, defined, "materials")
+            report.add(("body", index, "material"), f'there is no material "{name}"', hint)
     for name in defined:
-        if name not in used:
+        if name not in [other for _, other in used]:
             report.add(("material", name), "no body uses this material", _use_hint(name))
     plane = draft.model.plane if draft.model else None
     for name, material in draft.materials.items():
@@ -79,15 +74,16 @@ def _use_hint(name: str) -> str:
     return f'remove it, or write material = "{name}" in a body'
 
 
-def _check_body(body: Body, index: int, report: Report) -> None:
-    path: KeyPath = ("body", index)
-    shape = body.shape
+def _check_shape(shape: AnyShape, path: KeyPath, report: Report) -> None:
     if isinstance(shape, Rectangle):
         for axis, (low, high) in (("x", shape.x), ("y", shape.y)):
             if not low < high:
-                report.add(
-                    (*path, "shape", axis), f"[{low:g}, {high:g}] is no range", "the smaller number first"
-                )
+                report.add((*path, axis), f"[{low:g}, {high:g}] is no range", "the smaller number first")
+
+
+def _check_body(body: Body, index: int, report: Report) -> None:
+    path: KeyPath = ("body", index)
+    shape = body.shape
     if body.spacing > shape.size > 0.0:
         report.add((*path, "spacing"), f"{body.spacing:g} is larger than the body itself ({shape.size:g})")
     for place, refine in enumerate(body.refine):
@@ -104,25 +100,36 @@ def _check_body(body: Body, index: int, report: Report) -> None:
             report.add((*here, "spacing"), message, "a refinement can only make it smaller")
 
 
-def _check_body_name(draft: Draft, report: Report, path: KeyPath, name: str) -> None:
+def _check_references(draft: Draft, report: Report) -> None:
+    """Names of bodies and boundaries, also in items with other faults."""
     names = [known for _, known in draft.names("body")]
-    if name not in names:
-        report.add(path, f'there is no body "{name}"', suggestion(name, names, "bodies"))
+    for index, name in draft.texts("support", "body"):
+        if name not in names:
+            hint = suggestion(name, names, "bodies")
+            report.add(("support", index, "body"), f'there is no body "{name}"', hint)
+    for section, key in (
+        ("support", "boundary"),
+        ("load", "boundary"),
+        ("contact", "slave"),
+        ("contact", "master"),
+    ):
+        for index, boundary in draft.texts(section, key):
+            if BOUNDARY_PATTERN.fullmatch(boundary):
+                _check_boundary(draft, report, (section, index, key), boundary)
 
 
-def check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) -> None:
-    """Adds a problem when the body or its edge does not exist; a broken body's edges are not judged."""
+def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) -> None:
     name, edge = split_boundary(boundary)
     names = [known for _, known in draft.names("body")]
     if name not in names:
         near = suggestion(name, names, "bodies")
         report.add(path, f'"{boundary}": there is no body "{name}"', near)
         return
-    body = draft.body(name)
-    if body is not None and edge not in body.shape.boundaries:
-        options = [f"{name}.{valid}" for valid in body.shape.boundaries]
+    shape = draft.shape(name)
+    if shape is not None and edge not in shape.boundaries:
+        options = [f"{name}.{valid}" for valid in shape.boundaries]
         hint = suggestion(boundary, options, "boundaries")
-        report.add(path, f'a {body.shape.kind} has no boundary "{edge}"', hint)
+        report.add(path, f'a {shape.kind} has no boundary "{edge}"', hint)
 
 
 def _check_support_keys(draft: Draft, report: Report, index: int) -> None:
@@ -161,8 +168,6 @@ def _check_contacts(draft: Draft, report: Report) -> None:
     pairs: dict[frozenset[str], str] = {}
     for index, contact in draft.contacts.items():
         path: KeyPath = ("contact", index)
-        for side, boundary in (("slave", contact.slave), ("master", contact.master)):
-            check_boundary(draft, report, (*path, side), boundary)
         if contact.slave == contact.master:
             report.add((*path, "master"), "slave and master are the same boundary")
             continue

@@ -72,10 +72,8 @@ def _components(draft: Draft, load: AnyLoad) -> Iterator[tuple[int, Kind]]:
     elif isinstance(load, Pressure):
         # On a straight boundary along an axis a pressure leaves the other direction alone.
         name, edge = split_boundary(load.boundary)
-        body = draft.body(name)
-        normal = None
-        if body is not None and edge in body.shape.boundaries:
-            normal = body.shape.normal(edge)
+        shape = draft.shape(name)
+        normal = shape.normal(edge) if shape is not None and edge in shape.boundaries else None
         for component in (0, 1):
             if normal is None or normal[component] != 0.0:
                 yield component, "traction"

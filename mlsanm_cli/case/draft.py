@@ -14,9 +14,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from mlsanm_cli.case.loads import Displacement, Load, Platen, Pressure, Traction
 from mlsanm_cli.case.model import Body, Contact, Material, Mls, Model, Output, Solver, Support
+from mlsanm_cli.case.shapes import Disk, HalfDisk, Rectangle, Shape
 
 AnyLoad = Traction | Pressure | Displacement | Platen
+AnyShape = Rectangle | Disk | HalfDisk
 
+_SHAPE: TypeAdapter[AnyShape] = TypeAdapter(Shape)
 _BODY: TypeAdapter[Body] = TypeAdapter(Body)
 _SUPPORT: TypeAdapter[Support] = TypeAdapter(Support)
 _LOAD: TypeAdapter[AnyLoad] = TypeAdapter(Load)
@@ -37,6 +40,7 @@ class Draft:
     model: Model | None
     materials: dict[str, Material]
     bodies: dict[int, Body]
+    shapes: dict[int, AnyShape]
     supports: dict[int, Support]
     loads: dict[int, AnyLoad]
     contacts: dict[int, Contact]
@@ -47,18 +51,18 @@ class Draft:
 
     def names(self, section: str) -> list[tuple[int, str]]:
         """Index and name of every named item of a list, broken ones included."""
-        items = self.data.get(section)
-        if not isinstance(items, tuple):
-            return []
-        return [
-            (index, item["name"])
-            for index, item in enumerate(items)
-            if isinstance(item, Mapping) and isinstance(item.get("name"), str)
-        ]
+        return self.texts(section, "name")
 
-    def body(self, name: str) -> Body | None:
-        """The sound body of that name."""
-        return next((body for body in self.bodies.values() if body.name == name), None)
+    def shape(self, body: str) -> AnyShape | None:
+        """The shape of the body of that name, if it is sound."""
+        return next((self.shapes.get(index) for index, name in self.names("body") if name == body), None)
+
+    def texts(self, section: str, key: str) -> list[tuple[int, str]]:
+        """Index and value of a key in every item of a list that gives it as text."""
+        items = self.data.get(section)
+        rows = items if isinstance(items, tuple) else ()
+        values = [row.get(key) if isinstance(row, Mapping) else None for row in rows]
+        return [(index, value) for index, value in enumerate(values) if isinstance(value, str)]
 
     def count(self, section: str) -> int:
         """Items of a list in the file, broken ones included."""
@@ -72,6 +76,8 @@ Item = TypeVar("Item")
 def make_draft(data: Mapping[str, Any]) -> Draft:
     """Validates every part on its own; parts that fail are left out."""
     materials = data.get("material")
+    listed = data.get("body")
+    bodies = listed if isinstance(listed, tuple) else ()
     sound = {
         name: _sound(_MATERIAL, value)
         for name, value in (materials.items() if isinstance(materials, Mapping) else ())
@@ -80,7 +86,8 @@ def make_draft(data: Mapping[str, Any]) -> Draft:
         data=data,
         model=_sound(_MODEL, data.get("model")),
         materials={name: material for name, material in sound.items() if material is not None},
-        bodies=_list(_BODY, data.get("body")),
+        bodies=_list(_BODY, bodies),
+        shapes=_list(_SHAPE, tuple(_get(body, "shape") for body in bodies)),
         supports=_list(_SUPPORT, data.get("support")),
         loads=_list(_LOAD, data.get("load")),
         contacts=_list(_CONTACT, data.get("contact")),
@@ -92,10 +99,40 @@ def make_draft(data: Mapping[str, Any]) -> Draft:
 
 
 def _sound(adapter: TypeAdapter[Item], value: Any) -> Item | None:
+    """The validated value; unknown keys, told to the user elsewhere, do not make it unsound."""
+    try:
+        return adapter.validate_python(value, strict=True)
+    except ValidationError as error:
+        details = error.errors(include_url=False, include_input=False, include_context=False)
+    if any(detail["type"] != "extra_forbidden" for detail in details):
+        return None
+    for detail in details:
+        value = _without(value, detail["loc"])
     try:
         return adapter.validate_python(value, strict=True)
     except ValidationError:
         return None
+
+
+def _without(value: Any, location: tuple[int | str, ...]) -> Any:
+    """A copy without the key at the location, in which names of union members are skipped."""
+    if not location:
+        return value
+    head, rest = location[0], location[1:]
+    if isinstance(value, tuple) and isinstance(head, int):
+        return (*value[:head], _without(value[head], rest), *value[head + 1 :])
+    if not isinstance(value, Mapping):
+        return value
+    if not rest:
+        return {key: item for key, item in value.items() if key != head}
+    inner = value.get(head) if isinstance(head, str) else None
+    if isinstance(inner, Mapping) or (isinstance(inner, tuple) and isinstance(rest[0], int)):
+        return {**value, head: _without(inner, rest)}
+    return _without(value, rest)
+
+
+def _get(value: Any, key: str) -> Any:
+    return value.get(key) if isinstance(value, Mapping) else None
 
 
 def _list(adapter: TypeAdapter[Item], values: Any) -> dict[int, Item]:

@@ -33,9 +33,14 @@ def check_drift(draft: Draft, report: Report) -> None:
     """
     whole = all(
         len(items) == draft.count(section)
-        for section, items in (("body", draft.bodies), ("support", draft.supports), ("load", draft.loads))
+        for section, items in (
+            ("body", draft.bodies),
+            ("support", draft.supports),
+            ("load", draft.loads),
+            ("contact", draft.contacts),
+        )
     )
-    if not whole or any(report.touches((section,)) for section in ("body", "support", "load")):
+    if not whole or any(report.touches((section,)) for section in ("body", "support", "load", "contact")):
         return
     in_contact = {
         split_boundary(boundary)[0]
@@ -50,7 +55,7 @@ def check_drift(draft: Draft, report: Report) -> None:
             hint = f"add a [[support]], a displacement or a platen: {needs}"
             if body.name in in_contact:
                 hint += f"; {_CONTACT_ALONE}"
-            report.add(("body", index), f'body "{body.name}" can drift: nothing keeps it from {what}', hint)
+            report.add(("body", index), f"can drift: nothing keeps it from {what}", hint)
 
 
 def held_rows(draft: Draft, body: Body, in_contact: bool) -> Iterator[Row]:

@@ -83,7 +83,7 @@ def _assign(content: dict[str, Any], parts: list[str], value: Any) -> KeyPath:
         elif isinstance(table, dict) and step not in table:
             if parts[position + 1].isdecimal():
                 raise _BadOverride(
-                    f'"{part}" has no items', f"the case has no {'.'.join(parts[: position + 1])}"
+                    f'"{part}" has no items', f"the case file has no {'.'.join(parts[: position + 1])}"
                 )
             table[step] = {}
         table = table[step]

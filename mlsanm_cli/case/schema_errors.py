@@ -113,7 +113,7 @@ def _report(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
         table = _at(report.data, path[:-1])
         report.add(path, "unknown key", _unknown_hint(report, path, table))
     elif kind == "missing":
-        report.add(path, "missing", _missing_hint(path))
+        report.add(path, "missing, and it has no default", _missing_hint(path))
     elif kind == "literal_error":
         options = _literals(str(context["expected"]))
         report.add(path, f"{_show(value)} is not a valid value", suggestion(value, options))
@@ -148,7 +148,7 @@ def _report_no_kind(report: Report, path: KeyPath, value: Any, options: tuple[st
     elif "kind" in value:
         report.add((*path, "kind"), "expected a text in quotes", suggestion("", options))
     else:
-        report.add((*path, "kind"), "missing", suggestion("", options))
+        report.add((*path, "kind"), "missing, and it has no default", suggestion("", options))
 
 
 def _missing_hint(path: KeyPath) -> str:
@@ -157,7 +157,7 @@ def _missing_hint(path: KeyPath) -> str:
         return {"format": "write format = 1", "model": 'write [model] with plane = "strain" or "stress"'}.get(
             str(name), f"add {'[[' + str(name) + ']]' if name in _LISTS else '[' + str(name) + '.<name>]'}"
         )
-    return "required here"
+    return ""
 
 
 def _unknown_hint(report: Report, path: KeyPath, table: Any) -> str:
