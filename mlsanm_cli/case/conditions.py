@@ -89,8 +89,10 @@ def _check_point_supports(draft: Draft, report: Report) -> None:
         if support.body is None or support.near is None:
             continue
         for component, value in enumerate((support.ux, support.uy)):
+            if value is None:
+                continue
             point = (support.body, support.near, component)
-            if value is not None and point in seen:
+            if point in seen:
                 message = f"another support holds this point in {'xy'[component]} already"
                 report.add(("support", index), message)
             seen.add(point)

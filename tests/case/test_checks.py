@@ -1,0 +1,238 @@
+"""Relations between the parts of a case."""
+
+from __future__ import annotations
+
+import pytest
+
+from mlsanm_cli.case.unsupported import PLANNED
+from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse, problems
+
+
+def load(name: str, boundary: str, kind: str, keys: str) -> str:
+    return f'[[load]]\nname = "{name}"\nboundary = "square.{boundary}"\nkind = "{kind}"\n{keys}\n'
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "words"),
+    [
+        (('material = "steel"', 'material = "steal"'), "body.cylinder.material", 'did you mean "steel"'),
+        (('name = "block"', 'name = "cylinder"'), "body.cylinder.name", "already"),
+        (("nu = 0.3", "nu = 0.5"), "material.steel.nu", "plane strain"),
+        (("nu = 0.3", "nu = -1.0"), "material.steel.nu", "between -1 and 0.5"),
+        (("nu = 0.3", "nu = 0.51"), "material.steel.nu", "between -1 and 0.5"),
+        (('"block.top"', '"block.tpo"'), "contact.interface.master", 'did you mean "block.top"'),
+        (('"block.top"', '"blocks.top"'), "contact.interface.master", 'did you mean "block"'),
+        (('"block.top"', '"top"'), "contact.interface.master", "<body>.<boundary>"),
+        (('"cylinder.flat"', '"cylinder.top"'), "load.press.boundary", "no boundary"),
+        (('along = "top"', 'along = "block.top"'), "body.block.refine.0.along", 'did you mean "top"'),
+        (("x = [-100.0, 100.0]", "x = [100.0, -100.0]"), "body.block.shape.x", "no range"),
+        (("x = [-100.0, 100.0]", "x = [1.0, 1.0]"), "body.block.shape.x", "no range"),
+        (("spacing = 0.02", "spacing = 5.0"), "body.cylinder.refine.0.spacing", "larger than the body's"),
+        (("at = [0.0, 0.0]\n", ""), "body.cylinder.refine.0", "exactly one"),
+        (("at = [0.0, 0.0]", 'at = [0.0, 0.0]\nalong = "arc"'), "body.cylinder.refine.0", "exactly one"),
+        (('"block.top"', '"cylinder.arc"'), "contact.interface.master", "same boundary"),
+        (('"block.top"', '"cylinder.flat"'), "contact.interface", "touching itself is not supported yet"),
+        (('"block.top"', '"block.bottom"'), "contact.interface.master", "a support acts on"),
+        (('"cylinder.arc"', '"cylinder.flat"'), "contact.interface.slave", 'load "press"'),
+        (("ux = 0.0\nuy = 0.0\n", ""), "support.0", "holds nothing"),
+        (("force = [0.0, -350.0]\n", ""), "load.press", "needs a direction"),
+        (("force = [", "displacement = [0.0, 1.0]\nforce = ["), "load.press", "both force and displacement"),
+        (("force = [0.0, -350.0]", "ux = 0.0\nfx = 1.0"), "load.press.fx", "ux already"),
+    ],
+)
+def test_wrong_relations(change: tuple[str, str], key: str, words: str) -> None:
+    text = HERTZ.replace(*change, 1)
+    assert text != HERTZ
+    found = [problem for problem in problems(text) if problem.key == key]
+    assert found, problems(text)
+    assert found[0].line > 0
+    assert words in str(found[0])
+
+
+def test_unused_material() -> None:
+    problem = only(HERTZ + "[material.gum]\nE = 1\nnu = 0\n")
+    assert problem.key == "material.gum"
+
+
+def test_incompressible_is_fine_in_plane_stress() -> None:
+    assert parse(SQUARE + CLAMP + PULL).case.material["rubber"].nu == 0.5
+
+
+@pytest.mark.parametrize(
+    ("stages", "key", "words"),
+    [
+        ("[[stage]]\npres = 1.0\npress = 1.0", "stage.0.pres", 'did you mean "press"'),
+        ("[[stage]]\n[[stage]]\npress = 1.0", "stage.0", "moves no load"),
+        ("[[stage]]\npress = nan", "stage.0.press", "nan and inf"),
+        ("[[stage]]\npress = 1.0\n[output]\nat = [0.0, 1.0, 1.01]", "output.at.2", "from 0 to 1"),
+        ("[output]\nat = [-0.1]", "output.at.0", "from 0 to 1"),
+        ('[output]\nfields = ["stress", "stress"]', "output.fields", "2 times"),
+        ("[mls]\ndegree = 4\nneighbors = 14", "mls.neighbors", "15 terms"),
+    ],
+)
+def test_stages_and_numbers(stages: str, key: str, words: str) -> None:
+    problem = only(HERTZ + stages)
+    assert problem.key == key
+    assert words in str(problem)
+
+
+def test_a_load_that_no_stage_moves() -> None:
+    problem = only(
+        SQUARE + CLAMP + PULL + load("more", "right", "pressure", "pressure = 1") + "[[stage]]\npull=1"
+    )
+    assert problem.key == "load.more"
+    assert "no stage moves" in problem.message
+
+
+def test_positions_reach_to_the_last_stage() -> None:
+    text = HERTZ + "[[stage]]\npress = 1.0\n[[stage]]\npress = 0.0\n[output]\nat = [0, 0.5, 2.0]"
+    assert parse(text).case.output.at == (0.0, 0.5, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "clash"),
+    [
+        (("traction", "traction = [1, 0]"), ("traction", "traction = [2, 0]"), False),
+        (("traction", "traction = [1, 0]"), ("pressure", "pressure = 1"), False),
+        (("traction", "traction = [1, 0]"), ("displacement", "displacement = [1, 0]"), True),
+        (("pressure", "pressure = 1"), ("platen", "ux = 1"), True),
+        (("pressure", "pressure = 1"), ("platen", "uy = 1"), False),
+        (("platen", "force = [1, 0]"), ("platen", "force = [0, 1]"), False),
+        (("platen", "ux = 1"), ("platen", "ux = 2"), False),
+        (("platen", "ux = 1"), ("platen", "fy = 2"), False),
+        (("platen", "ux = 1"), ("platen", "fx = 2"), True),
+        (("platen", "ux = 1"), ("platen", 'ux = 1\nrotation = "free"'), True),
+        (("displacement", "displacement = [1, 0]"), ("platen", "ux = 1"), True),
+        (("displacement", "displacement = [1, 0]"), ("displacement", "displacement = [0, 1]"), False),
+    ],
+)
+def test_two_loads_on_one_boundary(first: tuple[str, str], second: tuple[str, str], clash: bool) -> None:
+    text = SQUARE + CLAMP + load("a", "right", *first) + load("b", "right", *second)
+    if clash:
+        assert only(text).key in ("load.b", "load.b.rotation")
+    else:
+        parse(text)
+
+
+@pytest.mark.parametrize(
+    ("edge", "kind", "keys", "clash"),
+    [
+        ("left", "traction", "traction = [1, 0]", True),
+        ("left", "displacement", "displacement = [1, 0]", True),
+        ("left", "platen", "uy = 1", True),
+        ("left", "pressure", "pressure = 1", True),
+        ("bottom", "pressure", "pressure = 1", True),
+        ("bottom", "traction", "traction = [1, 0]", False),
+        ("bottom", "platen", "fx = 1", False),
+    ],
+)
+def test_a_load_on_a_support(edge: str, kind: str, keys: str, clash: bool) -> None:
+    text = SQUARE + CLAMP + '[[support]]\nboundary = "square.bottom"\nuy = 0\n' + load("a", edge, kind, keys)
+    if clash:
+        problem = only(text)
+        assert problem.key == "load.a"
+        assert "both act on" in problem.message
+    else:
+        parse(text)
+
+
+def test_supports_that_overlap() -> None:
+    assert only(SQUARE + CLAMP + PULL + '[[support]]\nboundary = "square.left"\nuy = 0\n').key == "support.1"
+    point = '[[support]]\nbody = "square"\nnear = [1, 0]\nuy = 0\n'
+    parse(SQUARE + CLAMP + PULL + point)
+    assert only(SQUARE + CLAMP + PULL + point + point).key == "support.2"
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ('body = "square"\nux = 0', "go together"),
+        ("near = [0, 0]\nux = 0", "go together"),
+        ('boundary = "square.right"\nnear = [0, 0]\nux = 0', "either"),
+        ("ux = 0", "says nothing about where"),
+        ('body = "sqare"\nnear = [0, 0]\nux = 0', 'did you mean "square"'),
+    ],
+)
+def test_where_a_support_is(keys: str, words: str) -> None:
+    problem = only(SQUARE + CLAMP + PULL.replace("right", "top") + f"[[support]]\n{keys}\n")
+    assert problem.key.startswith("support.1")
+    assert words in str(problem)
+
+
+CONTACT = '[[contact]]\nname = "{}"\nslave = "{}"\nmaster = "{}"\n'
+
+
+def test_boundaries_in_two_contacts() -> None:
+    third = HERTZ.replace('name = "press"', 'name = "press"').replace(
+        "[[support]]",
+        '[[body]]\nname = "third"\nmaterial = "steel"\nspacing = 4.0\n'
+        'shape = {kind = "rectangle", x = [-1, 1], y = [0, 5]}\n'
+        '[[support]]\nboundary = "third.top"\nux = 0.0\nuy = 0.0\n[[support]]',
+    )
+    parse(third + CONTACT.format("second", "third.bottom", "block.top"))
+    again = only(third + CONTACT.format("second", "cylinder.arc", "third.bottom"))
+    assert (again.key, "already" in again.message) == ("contact.second.slave", True)
+    mirrored = only(third + CONTACT.format("second", "block.top", "cylinder.arc"))
+    assert mirrored.key == "contact.second"
+    mixed = CONTACT.format("second", "third.bottom", "block.top") + 'regularization.law = "exact"\n'
+    assert only(third + mixed).key == "contact.second.regularization.law"
+
+
+@pytest.mark.parametrize(
+    ("method", "law", "fits"),
+    [
+        ("auto", "hyperbolic", True),
+        ("auto", "exact", True),
+        ("anm", "hyperbolic", True),
+        ("active-set", "exact", True),
+        ("anm", "exact", False),
+        ("active-set", "hyperbolic", False),
+    ],
+)
+def test_method_and_law(method: str, law: str, fits: bool) -> None:
+    settings = [f'solver.method="{method}"', f'contact.interface.regularization.law="{law}"']
+    if fits:
+        parse(HERTZ, settings)
+    else:
+        assert only(HERTZ, settings).key == "solver.method"
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        *[
+            (f'body.block.shape.kind="{kind}"', f'shape "{kind}"')
+            for kind in ("sector", "annulus", "polygon", "mesh", "points")
+        ],
+        ('body.block.shape={kind="mesh", file="a.msh"}', 'shape "mesh"'),
+        ("material.steel={stiffness=[[1,0,0],[0,1,0],[0,0,1]]}", "stiffness"),
+        ('load.press={name="press", kind="body-force", bodyforce=[0,1]}', 'load kind "body-force"'),
+        ("support.0.uy=0.1", "support that moves"),
+        ('contact.interface={name="interface", slave="cylinder.arc", obstacle={kind="plane"}}', "obstacle"),
+        ("contact.interface.friction=0.3", "friction"),
+        ("contact.interface.regularization.stick=1e-3", "tangential law"),
+        ('contact.interface.regularization.friction_law="memory"', "tangential law"),
+        ('mls.scheme="collocation"', "collocation"),
+        ('mls.scheme="ghost"', "ghost"),
+        ("adapt.passes=2", "adaptive"),
+        ('solver.method="newton"', "newton"),
+        ('solver.formulation="monolithic"', "monolithic"),
+        ("solver.polish=true", "polishing"),
+        ('probe=[{name="tip"}]', "[[probe]]"),
+    ],
+)
+def test_planned_keys_are_refused_by_name(setting: str, words: str) -> None:
+    problem = only(HERTZ, [setting])
+    assert "not supported yet" in problem.message
+    assert words in problem.message
+    assert "unknown" not in str(problem)
+
+
+def test_planned_keys_may_be_switched_off() -> None:
+    parse(HERTZ, ["adapt.passes=0", "solver.polish=false", "contact.interface.friction=0"])
+
+
+def test_other_faults_are_told_beside_a_refusal() -> None:
+    found = problems(HERTZ, ['body.block.shape.kind="annulus"', "body.block.spacing=-1"])
+    assert [problem.key for problem in found] == ["body.block.shape.kind", "body.block.spacing"]
+    assert len({planned.path for planned in PLANNED}) == len(PLANNED)

@@ -1,0 +1,88 @@
+"""Bodies that nothing holds."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.case.drift import Row, free_motions
+from tests.case.scenes import HERTZ, PULL, SQUARE, only, parse
+
+ROLLER = '[[support]]\nboundary = "square.{}"\n{} = 0\n'
+POINT = '[[support]]\nbody = "square"\nnear = [{}, {}]\n{} = 0\n'
+PLATEN = '[[load]]\nname = "grip"\nboundary = "square.top"\nkind = "platen"\n{}\n'
+
+
+@pytest.mark.parametrize(
+    ("conditions", "free"),
+    [
+        ("", "moving in x and moving in y and rotating"),
+        (ROLLER.format("left", "ux"), "moving in y"),
+        (ROLLER.format("bottom", "uy"), "moving in x"),
+        (ROLLER.format("left", "uy"), "moving in x and rotating"),
+        (ROLLER.format("left", "ux") + POINT.format(0, 0, "uy"), ""),
+        (ROLLER.format("left", "ux") + ROLLER.format("bottom", "uy"), ""),
+        (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy"), "rotating about (0, 0)"),
+        (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy") + POINT.format(1, 0, "uy"), ""),
+        (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy") + POINT.format(1, 0, "ux"), "(0, 0)"),
+        (PLATEN.format("displacement = [0, 1]"), ""),
+        (PLATEN.format('displacement = [0, 1]\nrotation = "free"'), "rotating about (0.5, 1)"),
+        (PLATEN.format("force = [0, 1]"), "moving in x and moving in y"),
+        (PLATEN.format("uy = 1"), "moving in x"),
+        (PLATEN.format("ux = 1"), "moving in y and rotating"),
+        (PLATEN.format("uy = 1") + POINT.format(0, 0, "ux"), ""),
+        (PLATEN.format("fy = 1") + ROLLER.format("bottom", "uy"), "moving in x"),
+    ],
+)
+def test_a_body_alone(conditions: str, free: str) -> None:
+    if not free:
+        parse(SQUARE + PULL + conditions)
+        return
+    problem = only(SQUARE + PULL + conditions)
+    assert (problem.key, problem.line) == ("body.square", 7)
+    assert free in problem.message
+    assert ("x and" in problem.message) == ("x and" in free)
+    assert "add a [[support]]" in problem.hint
+
+
+def test_a_displacement_load_holds() -> None:
+    parse(SQUARE + PULL.replace("traction", "displacement"))
+
+
+@pytest.mark.parametrize(
+    "keys", ["force=[0.0, -1.0]", 'force=[0.0, -1.0], rotation="free"', "ux=0.0, fy=-1.0"]
+)
+def test_a_platen_moved_by_a_force_holds_a_body_in_contact(keys: str) -> None:
+    parse(HERTZ, [f'load.press={{name="press", boundary="cylinder.flat", kind="platen", {keys}}}'])
+
+
+def test_a_body_held_by_contact_alone_is_refused() -> None:
+    settings = ['load.press={name="press", boundary="cylinder.flat", kind="traction", traction=[0.0, -1.0]}']
+    problem = only(HERTZ, settings)
+    assert problem.key == "body.cylinder"
+    assert "contact alone is not supported yet" in problem.hint
+
+
+def test_no_word_about_drift_while_a_support_is_broken() -> None:
+    assert only(HERTZ, ['support.0.boundary="block.botom"']).key == "support.0.boundary"
+
+
+ENTRIES = st.integers(-3, 3).map(float)
+
+
+@given(st.lists(st.tuples(ENTRIES, ENTRIES, ENTRIES), max_size=5))
+def test_free_motions_are_the_null_space(rows: list[Row]) -> None:
+    free = free_motions(rows)
+    for motion in free:
+        for row in rows:
+            assert abs(sum(a * b for a, b in zip(row, motion, strict=True))) <= 1e-9
+    # The determinant of the Gram matrix is an integer: zero exactly when some motion is free.
+    gram = [[sum(row[i] * row[j] for row in rows) for j in range(3)] for i in range(3)]
+    (a, b, c), (_, d, e), (_, _, f) = gram
+    determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
+    assert (determinant == 0.0) == bool(free)
+    if len(free) == 3:
+        assert all(math.hypot(*row) == 0.0 for row in rows)

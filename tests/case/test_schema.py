@@ -1,0 +1,250 @@
+"""What a case file may say, its defaults, and what a wrong one is told."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+
+import pytest
+import tomli_w
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.case import Disk, HalfDisk, Platen, Rectangle, load_case, resolved_mapping
+from mlsanm_cli.errors import CaseError, RunError
+from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse, problems
+
+
+def test_values_and_defaults() -> None:
+    case = parse(HERTZ).case
+    assert case.model.plane == "strain"
+    assert (case.material["steel"].E, case.material["steel"].nu) == (210e3, 0.3)
+    cylinder, block = case.body
+    assert isinstance(cylinder.shape, HalfDisk)
+    assert cylinder.shape.boundaries == ("arc", "flat")
+    assert isinstance(block.shape, Rectangle)
+    assert block.shape.boundaries == ("left", "right", "bottom", "top")
+    assert (cylinder.seed, cylinder.refine[0].growth, block.refine[0].along) == (0, 0.12, "top")
+    assert case.stage == ({"press": 1.0},)
+    contact = case.contact[0]
+    assert (contact.friction, contact.reach) == (0.0, "auto")
+    assert (contact.regularization.law, contact.regularization.eta) == ("hyperbolic", 1e-4)
+    assert (case.mls.degree, case.mls.scheme, case.mls.neighbors) == (2, "least-squares", "auto")
+    solver = case.solver
+    assert (solver.method, solver.formulation, solver.order) == ("auto", "condensed", 20)
+    assert (solver.tolerance, solver.pade, solver.max_steps) == (1e-8, True, 2000)
+    assert (case.output.at, case.output.vtu) == ((), True)
+    assert case.output.fields == ("displacement", "stress", "von_mises")
+    assert case.reference is None
+
+
+def test_whole_numbers_are_numbers_and_become_floats() -> None:
+    case = parse(SQUARE + CLAMP + PULL).case
+    assert isinstance(case.material["rubber"].E, float)
+    assert case.body[0].shape.size == 1.0
+
+
+@pytest.mark.parametrize(
+    ("keys", "control"),
+    [
+        ("force = [1, -2]", {"x": ("force", 1.0), "y": ("force", -2.0)}),
+        ("displacement = [0, -1]", {"x": ("displacement", 0.0), "y": ("displacement", -1.0)}),
+        ("ux = 0.0\nfy = -3", {"x": ("displacement", 0.0), "y": ("force", -3.0)}),
+        ("uy = 2.0", {"y": ("displacement", 2.0)}),
+    ],
+)
+def test_platen_control(keys: str, control: object) -> None:
+    text = SQUARE + CLAMP + f'[[load]]\nname = "p"\nboundary = "square.right"\nkind = "platen"\n{keys}\n'
+    load = parse(text).case.load[0]
+    assert isinstance(load, Platen)
+    assert load.control == control
+    assert load.rotation == "fixed"
+
+
+def test_shape_geometry() -> None:
+    disk = Disk(kind="disk", center=(1.0, 2.0), radius=3.0)
+    assert disk.boundaries == ("arc",)
+    half = HalfDisk(kind="half-disk", center=(1.0, 2.0), radius=3.0, side="lower")
+    ends = half.samples("flat")
+    assert sorted(round(x, 12) for x, _ in ends) == [-2.0, 4.0]
+    assert all(math.isclose(y, 2.0) for _, y in ends)
+    assert math.isclose(min(y for _, y in half.samples("arc")), -1.0)
+    assert half.normal("flat") == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "line", "words"),
+    [
+        (("spacing = 4.0", "spacign = 4.0"), "body.cylinder.spacign", 14, 'did you mean "spacing"'),
+        (("spacing = 4.0", "h = 4.0"), "body.cylinder.h", 14, 'did you mean "spacing"'),
+        (("spacing = 4.0", "spacing = -4.0"), "body.cylinder.spacing", 14, "greater than 0"),
+        (("spacing = 4.0", 'spacing = "4"'), "body.cylinder.spacing", 14, "expected a number"),
+        (("spacing = 4.0", "spacing = true"), "body.cylinder.spacing", 14, "expected a number"),
+        (("spacing = 4.0", "spacing = nan"), "body.cylinder.spacing", 14, "nan and inf"),
+        (("spacing = 4.0", "spacing = inf"), "body.cylinder.spacing", 14, "nan and inf"),
+        (("spacing = 4.0", "spacing = 4.0\nseed = 1.0"), "body.cylinder.seed", 15, "whole number"),
+        (("E = 210e3", "E = 0"), "material.steel.E", 8, "greater than 0"),
+        (("E = 210e3\n", ""), "material.steel.E", 7, "missing"),
+        (('plane = "strain"', 'plane = "strian"'), "model.plane", 5, 'did you mean "strain"'),
+        (('kind = "half-disk"', 'kind = "half_disc"'), "body.cylinder.shape.kind", 16, '"half-disk"'),
+        (('kind = "half-disk"\n', ""), "body.cylinder.shape.kind", 15, "missing"),
+        (('kind = "platen"', 'kind = "platten"'), "load.press.kind", 46, 'did you mean "platen"'),
+        (("force = [0.0, -350.0]", "force = [0.0]"), "load.press.force", 47, "two numbers"),
+        (("force = [0.0, -350.0]", "force = [0.0, nan]"), "load.press.force.1", 47, "nan and inf"),
+        (("radius = 50.0", "radius = -50.0"), "body.cylinder.shape.radius", 18, "greater than 0"),
+        (("[[support]]", "[support]"), "support", 38, "write [[support]]"),
+        (("[model]", "[[model]]"), "model", 4, "single brackets"),
+        (("format = 1", "format = 3"), "format", 1, "not a valid value"),
+        (("format = 1\n", ""), "format", 1, "write format = 1"),
+        (('name = "block"', 'name = "my.block"'), "body.my.block.name", 26, "letters, digits"),
+    ],
+)
+def test_wrong_schema(change: tuple[str, str], key: str, line: int, words: str) -> None:
+    text = HERTZ.replace(*change, 1)
+    assert text != HERTZ
+    found = {problem.key: problem for problem in problems(text)}
+    assert key in found, found
+    assert found[key].line == line
+    assert found[key].source == "case.toml"
+    assert words in str(found[key])
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("solver.order=1", "at least 2"),
+        ("solver.tolerance=0.0", "greater than 0"),
+        ("solver.tolerance=1.0", "less than 1"),
+        ("mls.degree=7", "at most 6"),
+        ("mls.degree=0", "at least 1"),
+        ("mls.neighbors=0", "whole number above 0"),
+        ('mls.neighbors="many"', "whole number above 0"),
+        ("contact.interface.reach=0", "number above 0"),
+        ("contact.interface.reach=true", "number above 0"),
+        ("contact.interface.reach=inf", "number above 0"),
+        ("contact.interface.regularization.eta=-1e-4", "greater than 0"),
+        ("contact.interface.friction=-0.1", "at least 0"),
+        ("solver.pade=1", "true or false"),
+        ('output.fields=["stres"]', 'did you mean "stress"'),
+        ('reference.solution="hertz"', 'did you mean "hertz-line"'),
+    ],
+)
+def test_values_out_of_range(setting: str, words: str) -> None:
+    problem = only(HERTZ, [setting])
+    assert problem.source == "--set"
+    assert words in str(problem)
+
+
+def test_the_value_of_a_load_is_called_like_its_kind() -> None:
+    found = problems(SQUARE + CLAMP + PULL.replace("traction = [1, 0]", "value = [1, 0]"))
+    assert {problem.key for problem in found} == {"load.pull.value", "load.pull.traction"}
+    assert 'is called "traction"' in " ".join(str(problem) for problem in found)
+
+
+def test_all_problems_at_once_in_the_order_of_the_file() -> None:
+    text = (
+        HERTZ.replace('plane = "strain"', 'plane = "strains"')
+        .replace("nu = 0.3", "nu = 0.7")
+        .replace('material = "steel"', 'material = "stele"', 1)
+        .replace("radius = 50.0", "radius = 0")
+        .replace('"block.bottom"', '"block.botom"')
+        .replace("force = ", "forse = ")
+        .replace('"block.top"', '"blok.top"')
+    )
+    found = problems(text, ["solver.order=1"])
+    assert [problem.key for problem in found] == [
+        "model.plane",
+        "material.steel.nu",
+        "body.cylinder.material",
+        "body.cylinder.shape.radius",
+        "support.0.boundary",
+        "load.press",
+        "load.press.forse",
+        "contact.interface.master",
+        "solver.order",
+    ]
+    lines = [problem.line for problem in found[:-1]]
+    assert lines == sorted(lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [("format = 1\ntitle = half\n", 2), ("a = 1\n\na = 2\n", 3), ('t = """\nnever\nclosed', 3), ("[x\n", 1)],
+)
+def test_syntax_errors_have_their_line(text: str, line: int) -> None:
+    problem = only(text)
+    assert (problem.line, problem.key) == (line, "(syntax)")
+
+
+def test_deep_nesting_is_an_error_not_a_crash() -> None:
+    problem = only("a = " + "[" * 20_000 + "]" * 20_000)
+    assert "nested" in problem.message
+
+
+def test_unreadable_files(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="no case file"):
+        load_case(tmp_path / "missing.toml")
+    with pytest.raises(RunError, match="cannot read"):
+        load_case(tmp_path)
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"format = 1\n\xff\xfe")
+    with pytest.raises(RunError, match="UTF-8"):
+        load_case(binary)
+
+
+def test_load_case_reads_the_file_and_keeps_its_text(tmp_path: Path) -> None:
+    path = tmp_path / "hertz.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + HERTZ.encode())
+    loaded = load_case(path, ["solver.order=15"])
+    assert (loaded.path, loaded.raw, loaded.overrides) == (path, HERTZ, ("solver.order=15",))
+    assert loaded.case.solver.order == 15
+    path.write_text("format = 2")
+    with pytest.raises(CaseError, match=r"hertz\.toml:1: format"):
+        load_case(path)
+
+
+@pytest.mark.parametrize("text", [HERTZ, SQUARE + CLAMP + PULL])
+def test_resolved_case_loads_as_an_equal_case(text: str) -> None:
+    loaded = parse(text)
+    written = tomli_w.dumps(resolved_mapping(loaded.case))
+    again = parse(written)
+    assert again.case == loaded.case
+    assert again.case_hash == loaded.case_hash
+    assert tomllib.loads(written)["stage"] == [{load.name: 1.0 for load in loaded.case.load}]
+
+
+@given(
+    title=st.text(),
+    spacing=st.floats(1e-300, 0.9),
+    force=st.floats(allow_nan=False, allow_infinity=False),
+    at=st.lists(st.floats(0.0, 1.0), max_size=3),
+    seed=st.integers(0, 2**63 - 1),
+)
+def test_resolved_case_keeps_every_bit(
+    title: str, spacing: float, force: float, at: list[float], seed: int
+) -> None:
+    changes = {"body.block.refine.0.spacing": spacing, "load.press.force.1": force, "output.at": at}
+    settings = [f"{key}={value!r}" for key, value in changes.items()]
+    text = tomli_w.dumps({**tomllib.loads(HERTZ), "title": title})
+    loaded = parse(text, [*settings, f"body.block.seed={seed}"])
+    assert loaded.case.title == title
+    assert loaded.case.output.at == tuple(at)
+    again = parse(tomli_w.dumps(resolved_mapping(loaded.case)))
+    assert again.case == loaded.case
+    assert again.case_hash == loaded.case_hash
+
+
+def test_hash_depends_on_content_only() -> None:
+    plain = parse(HERTZ).case_hash
+    assert parse("# a comment\n" + HERTZ.replace("210e3", "210_000.0")).case_hash == plain
+    assert parse(HERTZ, ["solver.order=20"]).case_hash == plain
+    assert parse(HERTZ, ["solver.order=21"]).case_hash != plain
+    assert parse(HERTZ, ['title="other"']).case_hash != plain
+    assert parse(HERTZ, ["output.vtu=false"]).case_hash != plain
+
+
+def test_case_is_frozen() -> None:
+    case = parse(HERTZ).case
+    with pytest.raises(ValueError, match="frozen"):
+        case.title = "x"  # type: ignore[misc]
