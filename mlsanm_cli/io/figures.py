@@ -1,0 +1,68 @@
+"""Common look of all pictures and how they are saved; no display needed, matplotlib comes on first use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mlsanm_cli import __version__
+from mlsanm_cli.io.atomic import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, told apart with any common colour blindness; yellow is too pale on white.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+MARKERS = ("o", "s", "^", "D", "v", "P")
+REFERENCE_COLOUR = "#000000"
+SUFFIXES = (".png", ".svg", ".pdf")
+
+# Any: the type of the keys differs between versions of matplotlib.
+_STYLE: Any = {
+    "axes.grid": True,
+    "axes.linewidth": 0.8,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 10,
+    "axes.labelsize": 9.5,
+    "figure.dpi": 200,
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "grid.color": "#e2e2e2",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "pdf.fonttype": 42,
+    "savefig.dpi": 200,
+    "svg.hashsalt": "mlsanm",
+}
+# By the name in the metadata a later run knows its own pictures; without dates equal runs give equal files.
+_METADATA: dict[str, dict[str, Any]] = {
+    ".png": {"Software": f"mlsanm {__version__}"},
+    ".svg": {"Creator": f"mlsanm {__version__}", "Date": None},
+    ".pdf": {"Creator": f"mlsanm {__version__}", "CreationDate": None},
+}
+
+
+@contextmanager
+def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
+    """Give an empty figure of ``width`` x ``height`` inches and save it as ``path`` at the end of the block.
+
+    The suffix of ``path`` decides: .png, .svg or .pdf. Raises ValueError for another one, RunError if the
+    file cannot be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ValueError(f"pictures are written as {', '.join(SUFFIXES)}, not {path.suffix!r}")
+    # Without pyplot there is no window system, no global state and no figure left open.
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(_STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        with replacing(path) as temporary:
+            figure.savefig(temporary, format=suffix[1:], metadata=_METADATA[suffix])

@@ -1,0 +1,213 @@
+"""Pictures: valid files without a display, equal for equal data, and curves that show what they claim."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import figures, plot_cloud, plots
+from mlsanm_cli.io.plot_cloud import CloudBody
+from mlsanm_cli.io.plots import ReferenceCurve, plot_path, plot_pressure
+from mlsanm_cli.io.run_dir import PICTURE_MARK
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+ROOT = Path(__file__).parents[2]
+ARC = np.linspace(-5.0, 5.0, 101)
+LEVELS = ["position 0.5", "position 1"]
+X = np.linspace(-1.0, 1.0, 201)
+HERTZ = ReferenceCurve(X, 200.0 * np.sqrt(1.0 - X**2), "Hertz")
+
+
+def pressure(peak: float = 200.0, width: float = 1.0) -> Any:
+    return peak * np.sqrt(np.maximum(1.0 - (ARC / width) ** 2, 0.0))
+
+
+def two_levels() -> Any:
+    return np.array([pressure(100.0, 0.5), pressure()])
+
+
+def square(count: int = 8) -> CloudBody:
+    axis = np.linspace(0.0, 1.0, count)
+    points = np.array([(x, y) for x in axis for y in axis])
+    return CloudBody(points, 0.01 * points, points[:, 0])
+
+
+def draw_everything(directory: Path, suffix: str) -> list[Path]:
+    paths = [directory / f"plot_{kind}{suffix}" for kind in ("pressure", "path", "cloud")]
+    plot_pressure(paths[0], "interface", ARC, two_levels(), LEVELS, HERTZ)
+    plot_path(paths[1], ARC, {"a": ARC, "b": ARC**2}, "position", "force")
+    plot_cloud.plot_cloud(paths[2], [square()], "von Mises", "scene", 2.0, (0.0, 0.5, 0.0, 0.5))
+    return paths
+
+
+@pytest.fixture
+def kept(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Catches the figures instead of saving them."""
+    caught: list[Figure] = []
+
+    @contextmanager
+    def keep(path: Path, width: float, height: float) -> Iterator[Figure]:
+        figure = Figure(figsize=(width, height))
+        yield figure
+        caught.append(figure)
+
+    monkeypatch.setattr(plots, "picture", keep)
+    monkeypatch.setattr(plot_cloud, "picture", keep)
+    return caught
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_files_are_valid_marked_as_ours_and_equal_for_equal_data(tmp_path: Path, suffix: str) -> None:
+    first = draw_everything(tmp_path, suffix)
+    content = [path.read_bytes() for path in first]
+    for picture in content:
+        assert PICTURE_MARK in picture
+        if suffix == ".png":
+            assert picture.startswith(b"\x89PNG\r\n")
+        elif suffix == ".pdf":
+            assert picture.startswith(b"%PDF-")
+        else:
+            assert ET.fromstring(picture).tag == "{http://www.w3.org/2000/svg}svg"
+    assert [path.read_bytes() for path in draw_everything(tmp_path, suffix)] == content
+    assert {path.suffix for path in tmp_path.iterdir()} == {suffix}
+
+
+def test_pictures_need_no_display_and_no_pyplot(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from pathlib import Path\n"
+        "import numpy as np\n"
+        "from mlsanm_cli.io.plots import plot_path\n"
+        "plot_path(Path(sys.argv[2]), np.arange(3.), {'a': np.arange(3.)}, 'x', 'y')\n"
+        "print('matplotlib.pyplot' in sys.modules)"
+    )
+    bare = {key: value for key, value in os.environ.items() if key not in {"DISPLAY", "MPLBACKEND"}}
+    output = subprocess.run(
+        [sys.executable, "-c", code, str(ROOT), str(tmp_path / "a.png")],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=bare,
+    )
+    assert output.stdout.strip() == "False"
+    assert (tmp_path / "a.png").stat().st_size > 1000
+
+
+def test_pressure_shows_every_node_near_the_contact_and_the_levels(kept: list[Figure]) -> None:
+    plot_pressure(Path("a.png"), "interface", ARC, two_levels(), LEVELS)
+    (axes,) = kept[0].axes
+    left, right = axes.get_xlim()
+    assert -1.7 < left < -1.0 < 1.0 < right < 1.7
+    inside = (left <= ARC) & (right >= ARC)
+    for line, label, values in zip(axes.get_lines(), LEVELS, two_levels(), strict=True):
+        np.testing.assert_array_equal(line.get_xdata(), ARC[inside])
+        np.testing.assert_array_equal(line.get_ydata(), values[inside])
+        assert (line.get_label(), line.get_marker()) == (label, "o")
+    assert [text.get_text() for text in kept[0].legends[0].get_texts()] == LEVELS
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("arc length", "pressure")
+
+
+def test_difference_is_the_last_level_against_the_reference_in_percent_of_its_peak(
+    kept: list[Figure],
+) -> None:
+    levels = np.array([pressure(100.0, 0.5), 1.01 * pressure()])
+    plot_pressure(Path("a.png"), "interface", ARC, levels, LEVELS, HERTZ)
+    upper, lower = kept[0].axes
+    assert upper.get_lines()[-1].get_label() == "Hertz"
+    _, line = lower.get_lines()
+    difference = np.asarray(line.get_ydata())
+    assert difference.max() == pytest.approx(1.0, abs=1e-12)
+    assert difference.min() > -1e-9
+    assert upper.get_xlim() == lower.get_xlim()
+
+
+def test_open_contact_and_single_node_still_give_a_picture(kept: list[Figure]) -> None:
+    plot_pressure(Path("a.png"), "open", ARC, np.zeros((1, 101)), ["start"])
+    plot_pressure(Path("a.png"), "point", np.array([2.0]), np.array([[5.0]]), ["start"])
+    plot_pressure(Path("a.png"), "none", np.empty(0), np.empty((1, 0)), ["start"])
+    assert kept[0].axes[0].get_xlim() == (-5.0, 5.0)
+    assert kept[0].axes[0].get_title() == "Contact pressure, open, start"
+    assert kept[0].legends == []
+    for figure in kept:
+        left, right = figure.axes[0].get_xlim()
+        assert left < right
+
+
+def test_path_draws_one_curve_per_quantity(kept: list[Figure]) -> None:
+    plot_path(Path("a.png"), ARC, {"press": ARC, "block.bottom": -ARC}, "position", "force", "Forces")
+    (axes,) = kept[0].axes
+    press, support = axes.get_lines()
+    np.testing.assert_array_equal(press.get_ydata(), ARC)
+    np.testing.assert_array_equal(support.get_ydata(), -ARC)
+    assert press.get_color() != support.get_color()
+    assert press.get_marker() != support.get_marker()
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) == ("position", "force", "Forces")
+
+
+def annulus() -> CloudBody:
+    rings = []
+    for radius in np.linspace(1.0, 2.0, 11):
+        angle = np.arange(int(2 * np.pi * radius / 0.1)) * 2 * np.pi / int(2 * np.pi * radius / 0.1)
+        rings.append(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+    points = np.concatenate(rings)
+    return CloudBody(points, np.zeros_like(points), points[:, 0])
+
+
+def test_holes_stay_open_and_the_outline_is_the_boundary() -> None:
+    body = annulus()
+    shape = plot_cloud._shape(body)
+    corners = body.points[shape.triangles]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum()
+    assert area == pytest.approx(3.0 * np.pi, rel=2e-3)
+    radii = np.linalg.norm(body.points[np.unique(shape.outline)], axis=1)
+    assert set(np.round(radii, 12)) == {1.0, 2.0}
+    assert len(shape.outline) == 62 + 125
+    assert 0.09 < shape.spacing.min() < shape.spacing.max() < 0.102
+
+
+def test_cloud_panels_show_scene_and_detail_with_one_colour_scale(kept: list[Figure]) -> None:
+    bodies = [
+        square(),
+        CloudBody(square().points + np.array([0.0, 1.0]), np.zeros((64, 2)), np.full(64, 5.0)),
+    ]
+    plot_cloud.plot_cloud(Path("a.png"), bodies, "von Mises", "scene", 50.0, (0.2, 0.4, 0.9, 1.1))
+    whole, detail, bar = kept[0].axes
+    assert (detail.get_xlim(), detail.get_ylim()) == ((0.2, 0.4), (0.9, 1.1))
+    assert whole.get_xlim()[1] > 1.5  # displacements enlarged 50 times
+    assert whole.get_title() == "scene, displacements x 50"
+    assert bar.get_ylabel() == "von Mises"
+    meshes = [item for item in whole.collections if type(item).__name__ == "TriMesh"]
+    assert [mesh.get_clim() for mesh in meshes] == [(0.0, 5.0)] * 2
+    plot_cloud.plot_cloud(Path("a.png"), bodies, "von Mises", "scene")
+    assert len(kept[1].axes) == 2
+    assert kept[1].axes[0].get_title() == "scene"
+
+
+def test_wrong_shapes_names_and_places_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    with pytest.raises(ValueError, match="pressure has shape"):
+        plot_pressure(path, "c", ARC, pressure()[None, :], LEVELS)
+    with pytest.raises(ValueError, match="curve a has shape"):
+        plot_path(path, ARC, {"a": ARC[1:]}, "x", "y")
+    with pytest.raises(ValueError, match="expected n = 64"):
+        plot_cloud.plot_cloud(path, [CloudBody(square().points, np.zeros((64, 3)), ARC[:64])], "s", "t")
+    with pytest.raises(ValueError, match="no body"):
+        plot_cloud.plot_cloud(path, [], "s", "t")
+    with pytest.raises(ValueError, match="written as"), figures.picture(tmp_path / "a.bmp", 1.0, 1.0):
+        pass
+    with pytest.raises(RunError, match="cannot write"):
+        plot_path(tmp_path / "none" / "a.png", ARC, {"a": ARC}, "x", "y")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,132 @@
+"""The run directory: an earlier run is replaced on request only, and no foreign file is ever touched."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import h5py
+import numpy as np
+import pytest
+
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.summary import INTERFACE_COLUMNS, write_interface_csv
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+OURS = {"run.h5", "summary.json", "resolved.toml", "events.jsonl", "fields.pvd", "failure.vtu"}
+OURS |= {"fields_0000.vtu", "fields_12345.vtu", "summary.json.tmp", "interface.csv", "interface_a%2Fb.csv"}
+OURS |= {"plot_path.png"}
+FOREIGN = {"notes.txt", "case.toml", "interface_notes.csv", "plot_mine.png", "fields_1.vtu", "other.vtu"}
+
+
+def fill(directory: Path) -> None:
+    directory.mkdir()
+    for name in (OURS | FOREIGN) - {"run.h5"}:
+        (directory / name).write_bytes(b"anything")
+    columns = {name: np.zeros(2) for name in INTERFACE_COLUMNS}
+    for name in ("interface.csv", "interface_a%2Fb.csv"):
+        write_interface_csv(directory / name, columns)
+    (directory / "plot_path.png").write_bytes(b"\x89PNG Software mlsanm 0.1 ...")
+    (directory / "fields_0007.vtu").mkdir()
+    RunFile.create(directory / "run.h5", {}).close()
+
+
+def names(directory: Path) -> set[str]:
+    return {path.name for path in directory.iterdir()}
+
+
+def test_a_new_directory_is_made_with_its_parents(tmp_path: Path) -> None:
+    directory = tmp_path / "results" / "hertz"
+    run_dir.check(directory, force=False)
+    assert not (tmp_path / "results").exists()
+    run_dir.prepare(directory, force=False)
+    assert directory.is_dir()
+    run_dir.prepare(directory, force=False)  # an empty one is as good
+
+
+def test_an_earlier_run_is_kept_without_force(tmp_path: Path) -> None:
+    fill(tmp_path / "run")
+    before = names(tmp_path / "run")
+    for function in (run_dir.check, run_dir.prepare):
+        with pytest.raises(RunError, match="already holds a run") as caught:
+            function(tmp_path / "run", force=False)
+        assert "--force" in caught.value.hint
+        assert "--out" in caught.value.hint
+    assert names(tmp_path / "run") == before
+
+
+def test_force_removes_what_mlsanm_wrote_and_nothing_else(tmp_path: Path) -> None:
+    fill(tmp_path / "run")
+    run_dir.check(tmp_path / "run", force=True)
+    assert names(tmp_path / "run") == OURS | FOREIGN | {"fields_0007.vtu"}
+    run_dir.prepare(tmp_path / "run", force=True)
+    assert names(tmp_path / "run") == FOREIGN | {"fields_0007.vtu"}
+
+
+def test_a_damaged_or_empty_run_file_counts_as_a_run(tmp_path: Path) -> None:
+    RunFile.create(tmp_path / "run.h5", {}).close()
+    for content in (b"", (tmp_path / "run.h5").read_bytes()[:60]):
+        (tmp_path / "run.h5").write_bytes(content)
+        with pytest.raises(RunError, match="already holds a run"):
+            run_dir.prepare(tmp_path, force=False)
+        run_dir.check(tmp_path, force=True)
+    run_dir.prepare(tmp_path, force=True)
+    assert names(tmp_path) == set()
+
+
+def test_a_directory_with_other_files_needs_force_and_keeps_them(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("mine")
+    with pytest.raises(RunError, match="holds no run"):
+        run_dir.prepare(tmp_path, force=False)
+    run_dir.prepare(tmp_path, force=True)
+    assert (tmp_path / "thesis.tex").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["run.h5", "summary.json", "fields_0000.vtu", "interface.csv"])
+@pytest.mark.parametrize("force", [False, True])
+def test_a_foreign_file_with_a_name_of_ours_is_never_overwritten(
+    tmp_path: Path, name: str, force: bool
+) -> None:
+    (tmp_path / name).write_text("of another program")
+    with pytest.raises(RunError, match=f"holds {name}, but no run"):
+        run_dir.prepare(tmp_path, force)
+    assert (tmp_path / name).read_text() == "of another program"
+
+
+def test_an_hdf5_file_of_another_program_is_not_a_run(tmp_path: Path) -> None:
+    h5py.File(tmp_path / "run.h5", "w").close()
+    with pytest.raises(RunError, match="no run of mlsanm"):
+        run_dir.prepare(tmp_path, force=True)
+    assert (tmp_path / "run.h5").exists()
+
+
+def test_a_file_in_the_place_of_the_directory_or_above_it_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    for place in (tmp_path / "file", tmp_path / "file" / "below" / "it"):
+        with pytest.raises(RunError, match="is a file, not a directory"):
+            run_dir.prepare(place, force=True)
+    (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(RunError):
+        run_dir.prepare(tmp_path / "dangling", force=True)
+
+
+def test_a_place_without_permission_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(RunError, match="no permission"):
+        run_dir.check(tmp_path / "new", force=False)
+
+
+def test_file_names(tmp_path: Path) -> None:
+    assert run_dir.fields_name(3) == "fields_0003.vtu"
+    assert run_dir.interface_name("any", 1) == "interface.csv"
+    assert run_dir.interface_name("left/right", 2) == "interface_left%2Fright.csv"
+    assert run_dir.picture_name("pressure", "svg", "a b") == "plot_pressure_a%20b.svg"
+    assert run_dir.picture_name("path", "png") == "plot_path.png"
+    parts = {run_dir.file_part(name) for name in ("a b", "a_b", "a%20b", "a/b", "ä b")}
+    assert len(parts) == 5
+    for part in parts:
+        (tmp_path / part).touch()

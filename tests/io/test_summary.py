@@ -1,0 +1,159 @@
+"""JSON, JSON lines, CSV and TOML: what is written reads back, and never half of it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.atomic import cannot_write, replacing
+from mlsanm_cli.io.summary import (
+    INTERFACE_COLUMNS,
+    EventLog,
+    to_plain,
+    toml_text,
+    write_interface_csv,
+    write_json_atomic,
+    write_toml,
+)
+
+
+def test_json_converts_numpy_and_turns_nan_and_inf_into_null(tmp_path: Path) -> None:
+    path = tmp_path / "summary.json"
+    write_json_atomic(
+        path,
+        {
+            "int": np.int64(3),
+            "float": np.float32(0.5),
+            "flag": np.bool_(True),
+            "nan": float("nan"),
+            "inf": np.float64(-np.inf),
+            "array": np.array([[1.0, np.nan], [2.0, 3.0]]),
+            "zero_d": np.array(7),
+            "nested": {"tuple": (1, None), "path": Path("a/b"), 5: "ü"},
+            "set": {2, 1},
+        },
+    )
+    assert json.loads(path.read_text(encoding="utf-8")) == {
+        "int": 3,
+        "float": 0.5,
+        "flag": True,
+        "nan": None,
+        "inf": None,
+        "array": [[1.0, None], [2.0, 3.0]],
+        "zero_d": 7,
+        "nested": {"tuple": [1, None], "path": "a/b", "5": "ü"},
+        "set": [1, 2],
+    }
+    assert "ü" in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("value", [b"x", object(), 1j, np.array([1j]), lambda: 0])
+def test_values_without_a_plain_form_are_refused(value: Any) -> None:
+    with pytest.raises(TypeError, match="no JSON form"):
+        to_plain({"a": [value]})
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_floats_keep_every_bit_in_json_and_toml(value: float) -> None:
+    assert json.loads(json.dumps(to_plain(np.float64(value)))) == value
+    read = tomllib.loads(toml_text({"a": value}))["a"]
+    assert isinstance(read, float)
+    assert np.float64(read).tobytes() == np.float64(value).tobytes()
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_temporary(tmp_path: Path) -> None:
+    path = tmp_path / "summary.json"
+    write_json_atomic(path, {"a": 1})
+    with pytest.raises(TypeError):
+        write_json_atomic(path, {"a": object()})
+
+    def die() -> None:
+        with replacing(path) as temporary:
+            temporary.write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        die()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["summary.json"]
+    assert json.loads(path.read_text()) == {"a": 1}
+
+
+def test_a_file_that_cannot_be_written_is_a_run_error_with_the_reason(tmp_path: Path) -> None:
+    for write in (write_json_atomic, write_toml):
+        with pytest.raises(RunError, match="No such file or directory") as caught:
+            write(tmp_path / "none" / "file", {})
+        assert caught.value.exit_code == 2
+    with pytest.raises(RunError, match="No such file"):
+        EventLog(tmp_path / "none" / "events.jsonl")
+    assert (
+        "full"
+        in cannot_write(Path("a"), RuntimeError("a\n(errno = 28, error message = 'disk full')")).message
+    )
+    assert cannot_write(Path("a"), RuntimeError()).message == "cannot write a: RuntimeError"
+
+
+def test_events_are_on_disk_line_by_line_and_a_second_opening_appends(tmp_path: Path) -> None:
+    path = tmp_path / "events.jsonl"
+    with EventLog(path) as log:
+        log.write("step", index=np.int64(1), residual=float("nan"))
+        assert path.read_text() == '{"event": "step", "index": 1, "residual": null}\n'
+        log.write("warning", text="two\nlines")
+    with EventLog(path) as log:
+        log.write("stop", reason="done")
+    events = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [event["event"] for event in events] == ["step", "warning", "stop"]
+    assert events[1]["text"] == "two\nlines"
+
+
+def interface_columns(count: int) -> dict[str, Any]:
+    rng = np.random.default_rng(1)
+    columns: dict[str, Any] = {name: rng.standard_normal(count) * 1e-7 for name in INTERFACE_COLUMNS}
+    return columns | {"status": np.arange(count, dtype=np.int8) % 3}
+
+
+def test_interface_csv_has_the_columns_in_order_and_every_bit(tmp_path: Path) -> None:
+    columns = interface_columns(9)
+    path = tmp_path / "interface.csv"
+    write_interface_csv(path, dict(reversed(columns.items())))
+    with path.open(newline="") as stream:
+        header, *rows = csv.reader(stream)
+    assert header == ["x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status"]
+    for index, name in enumerate(header[:-1]):
+        assert [float(row[index]) for row in rows] == columns[name].tolist()
+    assert [row[-1] for row in rows] == ["0", "1", "2"] * 3
+    assert b"\r" not in path.read_bytes()
+
+
+def test_interface_csv_refuses_wrong_columns(tmp_path: Path) -> None:
+    path = tmp_path / "interface.csv"
+    good = interface_columns(4)
+    with pytest.raises(ValueError, match="unknown: extra"):
+        write_interface_csv(path, good | {"extra": np.zeros(4)})
+    with pytest.raises(ValueError, match="unknown: gap"):
+        write_interface_csv(path, {name: array for name, array in good.items() if name != "gap"})
+    with pytest.raises(ValueError, match=r"shorter|longer"):
+        write_interface_csv(path, good | {"gap": np.zeros(3)})
+    with pytest.raises(ValueError, match="one axis"):
+        write_interface_csv(path, good | {"gap": np.zeros((4, 2))})
+    assert not path.exists()
+
+
+def test_toml_reads_back_equal(tmp_path: Path) -> None:
+    mapping = {
+        "format": 1,
+        "title": 'quotes " and \\ and é',
+        "body": [{"name": "a", "shape": {"x": [0.1, 1e-300]}}, {"name": "b", "refine": []}],
+        "material": {"steel": {"E": 210e3}},
+        "at": [0.5, 1.0],
+    }
+    write_toml(tmp_path / "resolved.toml", mapping)
+    assert tomllib.loads((tmp_path / "resolved.toml").read_text(encoding="utf-8")) == mapping
