@@ -25,9 +25,11 @@ _RETREATS = 8
 # Beyond this slope |dx/dlam| a fold is so near that the series loses digits: expand somewhere else.
 _STEEP = 1e7
 # Above this part of the path's direction the load factor is kept by corrections, so that pieces join there.
-_LEVEL = 0.1
+_LEVEL = 1e-3
 # The direction at the end of a step is taken between this part of its length and the end.
 _BEFORE = 0.98
+# Shortest step that the size of the next one is guessed from.
+_SHORT = 1e-6
 
 
 class _Stop(Exception):
@@ -146,7 +148,7 @@ class AnmFollower:
         self._effort.solves += order - 1
         branch = self._gauge.branch(series)
         shortest = self._options.min_length / unit
-        if branch.length > shortest:
+        if branch.length > shortest or branch.first_crossing(self._lam_end) is not None:
             return branch
         place = f"at load factor {here.lam:.9g}"
         if not self._problem.admissible(*branch.evaluate(2.0 * shortest)):
@@ -247,4 +249,5 @@ def follow(
 
 
 def _power_of_two(length: float) -> float:
-    return float(2.0 ** np.round(np.log2(length)))
+    """Return the power of two nearest to ``length``, a moderate one even after a very short last step."""
+    return float(2.0 ** np.round(np.log2(max(length, _SHORT))))

@@ -26,7 +26,7 @@ from mlsanm_cli.continuation.series import Branch
 _ENOUGH, _AIM = 0.4, 0.7
 _CLOSE = 1.03
 _TRIALS = 30
-_SHRINK, _GROW, _RETREAT = 0.3, 1.5, 0.7
+_SHRINK, _GROW = 0.3, 1.5
 # Where a range is looked at between its ends.
 _INSIDE = (0.25, 0.5, 0.75, 0.9)
 # A Padé approximant is worth its poles only if it stretches the step by so much.
@@ -95,9 +95,9 @@ class Gauge:
         for _ in range(_TRIALS):
             bad = next((f for f in _INSIDE if self.error(branch, f * length) > self.options.tolerance), None)
             if bad is None or length == 0.0:
-                break
+                return length
             length = self._longest(branch, 0.9 * bad * length, bad * length)
-        return length
+        return 0.0
 
     def _longest(self, branch: Branch, guess: float, ceiling: float) -> float:
         """Return a nearly longest a <= ``ceiling`` whose residual keeps the tolerance, or 0."""
@@ -109,6 +109,7 @@ class Gauge:
                 break
             if side * (branch.load_factor(a) - self.lam_end) > 0.0:
                 crossing = branch.shortened(a).first_crossing(self.lam_end)
+                # The last step of a path may be as short as it happens to be.
                 a = ceiling = a if crossing is None else crossing
             error = self.error(branch, a)
             if error <= tolerance:
@@ -128,7 +129,7 @@ def _next(a: float, excess: float, order: int, low: float, high: float) -> float
     if 0.0 < excess < np.inf:
         trial = a * float(np.clip((_AIM / excess) ** (1.0 / (order + 1)), _SHRINK, _GROW))
     else:
-        trial = a * (_GROW if excess == 0.0 else _RETREAT)
+        trial = a * (_GROW if excess == 0.0 else _SHRINK)
     if low < trial < high:
-        return trial
+        return max(trial, float(np.sqrt(low * a)))
     return float(np.sqrt(low * high)) if low > 0.0 else _SHRINK * high

@@ -1,12 +1,10 @@
 """One step of a path as a function of its parameter: a truncated power series or a vector Padé approximant.
 
-Both are linear combinations of the same coefficient vectors,
+    power series:  X(a) = sum_{n<=N} a^n X_n
+    Padé:          X(a) = X_0 + sum_{1<=n<=N} a^n Y_n / D(a),    Y_n = sum_{j<n} d_j X_{n-j},
 
-    X(a) = sum_n a^n c_n(a) X_n,    c_n = 1 (power series),
-                                    c_n = D_{min(M, N-n)}(a) / D_M(a) (Padé),
-
-with the denominator D_M(a) = sum_{j<=M} d_j a^j and its truncations D_j; the Padé form is the quotient of
-the series of D_M X, cut at order N, by D_M.
+with the denominator D(a) = 1 + d_1 a + ... + d_M a^M, common to all unknowns and the load factor: the series
+of D (X - X_0), cut at order N, over D. (Summing the Y_n loses fewer digits than weighting the X_n does.)
 
 Sources: B. Cochelin, A path-following technique via an asymptotic-numerical method, Computers & Structures
 53 (1994) 1181-1192; A. Elhage-Hussein, M. Potier-Ferry, N. Damil, A numerical continuation method based on
@@ -16,6 +14,7 @@ Padé approximants, International Journal of Solids and Structures 37 (2000) 698
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,21 +47,25 @@ class Branch:
     length: float
     denominator: FloatArray | None = None
     _exponents: FloatArray = field(init=False, repr=False)
-    _partial: FloatArray | None = field(init=False, repr=False, default=None)
+    _terms: tuple[FloatArray, FloatArray] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.x.ndim != 2 or self.lam.shape != self.x.shape[:1]:
             raise ValueError(f"coefficients do not match: x {self.x.shape}, lam {self.lam.shape}")
         order = self.lam.size - 1
         object.__setattr__(self, "_exponents", np.arange(order + 1.0))
-        if self.denominator is not None:
-            degree = self.denominator.size - 1
-            if not 0 <= degree <= order or self.denominator[0] != 1.0:
-                raise ValueError("a Padé denominator begins with 1 and has at most the order of the series")
-            # Row n sums the terms of D_{min(M, N-n)}, the last row those of D_M itself.
-            kept = np.minimum(degree, np.append(order - np.arange(order + 1), degree))
-            mask = np.arange(degree + 1) <= kept[:, None]
-            object.__setattr__(self, "_partial", mask * self.denominator)
+        object.__setattr__(self, "_terms", (self.x, self.lam))
+        if self.denominator is None:
+            return
+        degree = self.denominator.size - 1
+        if not 0 <= degree <= order or self.denominator[0] != 1.0:
+            raise ValueError("a Padé denominator begins with 1 and has at most the order of the series")
+        padded = np.append(self.denominator, np.zeros(order + 1 - degree))
+        # Entry (n, k) is d_{n-k}; X_0 stands apart.
+        lag = np.arange(order + 1)[:, None] - np.arange(order + 1)
+        mix = np.where(lag >= 0, padded[lag], 0.0)
+        mix[1:, 0] = 0.0
+        object.__setattr__(self, "_terms", (mix @ self.x, mix @ self.lam))
 
     @property
     def order(self) -> int:
@@ -74,27 +77,19 @@ class Branch:
         """Number of unknowns."""
         return int(self.x.shape[1])
 
-    def weights(self, a: float) -> FloatArray:
-        """Return the factors of the coefficient vectors at ``a``, shape (N + 1,)."""
-        powers = a**self._exponents
-        if self._partial is None:
-            return powers
-        sums = self._partial @ powers[: self._partial.shape[1]]
-        return np.asarray(powers * (sums[:-1] / sums[-1]), dtype=np.float64)
-
     def evaluate(self, a: float) -> tuple[FloatArray, float]:
         """Return x, shape (size,), and lam at the parameter ``a``."""
-        weights = self.weights(a)
-        return weights @ self.x, float(weights @ self.lam)
+        weights = self._weights(a)
+        return weights @ self._terms[0], float(weights @ self._terms[1])
 
     def evaluate_many(self, a: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return x, shape (k, size), and lam, shape (k,), at the parameters ``a``, shape (k,)."""
         weights = self._weights_many(a)
-        return weights @ self.x, weights @ self.lam
+        return weights @ self._terms[0], weights @ self._terms[1]
 
     def load_factor(self, a: float) -> float:
         """Return lam(a)."""
-        return float(self.weights(a) @ self.lam)
+        return float(self._weights(a) @ self._terms[1])
 
     def parameter_at(self, lam: float) -> float:
         """Return the first ``a`` in [0, length] with lam(a) equal to ``lam`` to round-off.
@@ -113,9 +108,10 @@ class Branch:
         """As :meth:`parameter_at`, but return None when the load factor is not reached."""
         grid = np.linspace(0.0, self.length, _SAMPLES)
         weights = self._weights_many(grid)
-        values = weights @ self.lam - lam
-        # The weights of a Padé approximant are large near its end and of both signs.
-        slack = _ROUND_OFF * (abs(lam) + float(np.max(np.abs(weights) @ np.abs(self.lam))))
+        values = weights @ self._terms[1] - lam
+        if not np.all(np.isfinite(values)):  # evaluated across a pole, beyond any range it is good for
+            return None
+        slack = _ROUND_OFF * (abs(lam) + float(np.max(np.abs(weights) @ np.abs(self._terms[1]))))
         if abs(values[0]) <= slack:
             return 0.0
         sign = np.sign(values)
@@ -130,14 +126,22 @@ class Branch:
 
     def shortened(self, length: float) -> Branch:
         """Return the same piece of path with another ``length``."""
-        return Branch(self.x, self.lam, length, self.denominator)
+        other = copy(self)
+        object.__setattr__(other, "length", length)
+        return other
+
+    def _weights(self, a: float) -> FloatArray:
+        """Return the factors of the terms at ``a``, shape (N + 1,)."""
+        weights: FloatArray = a**self._exponents
+        if self.denominator is not None:
+            weights[1:] /= self.denominator @ weights[: self.denominator.size]
+        return weights
 
     def _weights_many(self, a: FloatArray) -> FloatArray:
-        powers = np.asarray(a, dtype=np.float64)[:, None] ** self._exponents
-        if self._partial is None:
-            return powers
-        sums = powers[:, : self._partial.shape[1]] @ self._partial.T
-        return np.asarray(powers * (sums[:, :-1] / sums[:, -1:]), dtype=np.float64)
+        weights = np.asarray(a, dtype=np.float64)[:, None] ** self._exponents
+        if self.denominator is not None:
+            weights[:, 1:] /= (weights[:, : self.denominator.size] @ self.denominator)[:, None]
+        return weights
 
     def _root(self, lam: float, low: float, high: float) -> float:
         def distance(a: float) -> float:

@@ -1,0 +1,185 @@
+"""Problems with known answers, in the form the continuation layer asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError, Tangent
+
+
+@dataclass
+class Counts:
+    """How often a problem was asked for what."""
+
+    tangents: int = 0
+    solves: int = 0
+    residuals: int = 0
+
+
+class DenseTangent:
+    """LU factors of a small dense matrix."""
+
+    def __init__(self, matrix: FloatArray, counts: Counts) -> None:
+        self._lu, self._pivots, info = dgetrf(matrix)
+        if info > 0:
+            raise SingularTangentError("singular matrix")
+        self._counts = counts
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        self._counts.solves += 1
+        solution, _ = dgetrs(self._lu, self._pivots, rhs)
+        return np.asarray(solution)
+
+
+def convolution(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return sum_{j=1}^{k-1} left_j right_{k-j} for coefficients 0..k-1."""
+    return np.asarray(np.einsum("j...,j...->...", left[1:], right[:0:-1]))
+
+
+class Scalar:
+    """R(x, lam) = sum_i c_i x^i - lam (one unknown): x(lam) is the inverse of a polynomial."""
+
+    size = 1
+
+    def __init__(self, *coefficients: float) -> None:
+        self.polynomial = np.polynomial.Polynomial(coefficients)
+        self.scale = np.ones(1)
+        self.counts = Counts()
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        self.counts.residuals += 1
+        return np.asarray(self.polynomial(x) - lam)
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        self.counts.tangents += 1
+        return DenseTangent(np.atleast_2d(self.polynomial.deriv()(x)), self.counts)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        return -np.ones(1)
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        order = lam.size
+        power = np.polynomial.Polynomial([1.0])
+        total = 0.0
+        for coefficient in self.polynomial.coef:
+            if order <= power.degree():
+                total += coefficient * power.coef[order]
+            power = power * np.polynomial.Polynomial(x[:, 0])
+        return -np.array([total])
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return True
+
+
+class Circle:
+    """x^2 + lam^2 = 1, one unknown; folds at lam = -1 and 1."""
+
+    size = 1
+
+    def __init__(self) -> None:
+        self.scale = np.ones(1)
+        self.counts = Counts()
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        self.counts.residuals += 1
+        return x * x + lam * lam - 1.0
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        self.counts.tangents += 1
+        return DenseTangent(np.atleast_2d(2.0 * x), self.counts)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        return np.array([2.0 * lam])
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        return np.asarray(-convolution(x, x) - convolution(lam, lam))
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return True
+
+
+class Bratu:
+    """u'' + lam exp(u) = 0 on (0, 1), u = 0 at the ends, as R = u - lam G exp(u); fold at 3.513830719.
+
+    G is minus the inverse of the second derivative by Chebyshev collocation (spectrally accurate).
+    exp(u) has the series k e_k = sum_j j u_j e_{k-j}.
+    """
+
+    def __init__(self, intervals: int) -> None:
+        self.size = intervals - 1
+        self.scale = np.ones(self.size)
+        self.counts = Counts()
+        nodes = np.cos(np.pi * np.arange(intervals + 1) / intervals)
+        sign = (-1.0) ** np.arange(intervals + 1)
+        sign[[0, -1]] *= 2.0
+        distance = nodes[:, None] - nodes + np.eye(intervals + 1)
+        derivative = sign[:, None] / sign / distance
+        derivative -= np.diag(derivative.sum(axis=1))
+        # The interval (0, 1) is half as long as (-1, 1).
+        second = 4.0 * (derivative @ derivative)[1:-1, 1:-1]
+        self.inverse: FloatArray = np.asarray(-np.linalg.inv(second), dtype=np.float64)
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        self.counts.residuals += 1
+        return np.asarray(x - lam * (self.inverse @ np.exp(x)))
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        self.counts.tangents += 1
+        return DenseTangent(np.eye(self.size) - lam * self.inverse * np.exp(x), self.counts)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        return np.asarray(-self.inverse @ np.exp(x))
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        order = lam.size
+        exponential = np.empty((order + 1, self.size))
+        exponential[0] = np.exp(x[0])
+        ranks = np.arange(1.0, order)[:, None]
+        for k in range(1, order + 1):
+            top = min(k, order - 1)
+            terms = ranks[:top] * x[1 : top + 1] * exponential[k - top : k][::-1]
+            exponential[k] = terms.sum(axis=0) / k
+        return np.asarray(self.inverse @ (lam @ exponential[order:0:-1]))
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return True
+
+
+class Truss:
+    """Shallow two-bar (von Mises) truss: apex at height w, unloaded height h, lam = (h^2 - w^2) w / 2.
+
+    Snaps through between the folds w = h/sqrt(3) and w = -h/sqrt(3).
+    """
+
+    size = 1
+
+    def __init__(self, height: float = 1.0) -> None:
+        self.height = height
+        self.scale = np.ones(1)
+        self.counts = Counts()
+
+    def load(self, w: float) -> float:
+        return 0.5 * (self.height**2 - w * w) * w
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        self.counts.residuals += 1
+        return 0.5 * (self.height**2 - x * x) * x - lam
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        self.counts.tangents += 1
+        return DenseTangent(np.atleast_2d(0.5 * self.height**2 - 1.5 * x * x), self.counts)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        return -np.ones(1)
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        w = np.append(x[:, 0], 0.0)
+        order = lam.size
+        cube = np.convolve(np.convolve(w, w)[: order + 1], w)[order]
+        return np.array([0.5 * cube])
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return True

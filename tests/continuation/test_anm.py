@@ -1,0 +1,350 @@
+"""Paths with known answers: folds, targets, reasons to stop, counts."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.continuation import (
+    AnmFollower,
+    AnmOptions,
+    Follower,
+    Problem,
+    SingularTangentError,
+    Step,
+    StopReason,
+    Tangent,
+    follow,
+    locate,
+)
+from mlsanm_cli.continuation.problem import FloatArray
+from mlsanm_cli.errors import NumericalError
+
+from .contact_problems import Contact, hertz, open_start, random_contact
+from .problems import Bratu, Circle, Scalar, Truss
+
+GOLDEN = 3.513830719  # fold of the one-dimensional Bratu problem
+
+
+def walked(problem: Problem, x: FloatArray, lam: float, end: float, options: AnmOptions) -> list[Step]:
+    follower = follow(problem, x, lam, end, options)
+    steps = list(follower.steps())
+    assert follower.outcome.reached, follower.outcome
+    return steps
+
+
+def test_quadratic_is_followed_to_its_closed_solution() -> None:
+    problem = Scalar(0.0, 1.0, 1.0)
+    steps = walked(problem, np.zeros(1), 0.0, 50.0, AnmOptions())
+    assert steps[-1].lam == 50.0
+    assert steps[-1].x[0] == pytest.approx(0.5 * (np.sqrt(201.0) - 1.0), abs=1e-9)
+    for step in steps:
+        lam = np.linspace(step.branch.lam[0], step.branch.load_factor(step.branch.length), 9)
+        for level in lam:
+            x, reached = step.branch.evaluate(step.branch.parameter_at(level))
+            assert reached == pytest.approx(level, rel=1e-14, abs=1e-14)
+            # dlam/dx >= 1, so the residual bounds the error
+            assert x[0] == pytest.approx(0.5 * (np.sqrt(1.0 + 4.0 * level) - 1.0), abs=1e-8)
+
+
+@pytest.mark.parametrize("pade", [False, True])
+def test_circle_is_gone_round_through_both_folds(pade: bool) -> None:
+    problem = Circle()
+    follower = follow(problem, np.ones(1), 0.0, 5.0, AnmOptions(pade=pade, max_steps=60))
+    angle, turned = 0.0, 0.0
+    for step in follower.steps():
+        assert step.x[0] ** 2 + step.lam**2 == pytest.approx(1.0, abs=1e-9)
+        now = float(np.arctan2(step.lam, step.x[0]))
+        advance = (now - angle) % (2.0 * np.pi)
+        assert advance < np.pi / 2.0  # always forward: the parameter is a projection on the tangent
+        turned, angle = turned + advance, now
+    assert follower.outcome.reason is StopReason.MAX_STEPS
+    assert turned > 4.0 * np.pi
+
+
+def test_target_beyond_a_fold_is_reached_along_the_path() -> None:
+    steps = walked(Circle(), np.array([0.8]), 0.6, 0.5, AnmOptions(direction=1))
+    assert steps[-1].lam == 0.5
+    assert steps[-1].x[0] == pytest.approx(-np.sqrt(0.75), abs=1e-9)
+    assert max(step.lam for step in steps) > 0.6
+
+
+def test_target_just_below_a_fold_is_not_stepped_over() -> None:
+    steps = walked(Circle(), np.array([0.8]), 0.6, 1.0 - 1e-9, AnmOptions(order=8))
+    assert steps[-1].lam == 1.0 - 1e-9
+    assert steps[-1].x[0] == pytest.approx(np.sqrt(2e-9), rel=2e-2)
+
+
+def test_target_at_a_fold_is_reached() -> None:
+    steps = walked(Circle(), np.array([0.8]), 0.6, 1.0, AnmOptions())
+    assert steps[-1].lam == 1.0
+    assert abs(steps[-1].x[0]) <= 1e-3
+
+
+def test_bratu_fold() -> None:
+    problem = Bratu(24)
+    follower = follow(problem, np.zeros(23), 0.0, 5.0)
+    steps = []
+    for step in follower.steps():
+        steps.append(step)
+        if step.lam < 2.0 and step.index > 1 and step.branch.lam[1] < 0.0:
+            follower.stop()
+    assert follower.outcome.reason is StopReason.STOPPED_BY_CALLER
+    highest = max(
+        float(step.branch.evaluate_many(np.linspace(0.0, step.branch.length, 4001))[1].max())
+        for step in steps
+    )
+    assert highest == pytest.approx(GOLDEN, abs=2e-7)
+    # u(1/2) at lam = 2, where theta = sqrt(2) cosh(theta/4) u = 2 ln cosh(theta/4): both solutions are met
+    for theta, pieces in ((2.3575510538774, steps), (8.5071995707131, steps[::-1])):
+        assert theta == pytest.approx(2.0 * np.cosh(theta / 4.0), abs=1e-12)
+        index, a = locate([step.branch for step in pieces], 2.0)
+        middle = pieces[index].branch.evaluate(a)[0][11]
+        assert middle == pytest.approx(2.0 * np.log(np.cosh(theta / 4.0)), abs=1e-6)
+
+
+def test_truss_snaps_through() -> None:
+    problem = Truss()
+    target = 2.0 / (3.0 * np.sqrt(3.0))  # twice the load at the fold
+    steps = walked(problem, np.ones(1), 0.0, target, AnmOptions())
+    roots = np.roots([-0.5, 0.0, 0.5, -target])
+    expected = float(roots[np.abs(roots.imag) < 1e-9].real[0])
+    assert expected < -1.0
+    assert steps[-1].x[0] == pytest.approx(expected, abs=1e-8)
+    lam = np.concatenate(
+        [step.branch.evaluate_many(np.linspace(0, step.branch.length, 500))[1] for step in steps]
+    )
+    assert lam.min() == pytest.approx(-0.5 * target, abs=1e-5)  # the second fold was passed
+    heights = np.array([step.x[0] for step in steps])
+    assert np.all(np.diff(heights) < 0.0)
+
+
+def test_pieces_join_and_hold_every_load_factor() -> None:
+    problem, _, _ = hertz(40, 1e-3)
+    steps = walked(problem, open_start(problem), 0.0, 1.0, AnmOptions(order=12))
+    branches = [step.branch for step in steps]
+    for before, after in pairwise(branches):
+        assert before.load_factor(before.length) == after.lam[0]
+    for level in np.random.default_rng(0).uniform(0.0, 1.0, 100):
+        index, a = locate(branches, level)
+        x, lam = branches[index].evaluate(a)
+        assert lam == pytest.approx(level, rel=1e-13)
+        assert np.abs(problem.residual(x, level)).max() <= 1.01e-8
+
+
+def test_counts_are_those_the_problem_saw() -> None:
+    problem, _, _ = hertz(40, 1e-3)
+    follower = follow(problem, open_start(problem), 0.0, 1.0)
+    steps = list(follower.steps())
+    outcome = follower.outcome
+    assert outcome.factorizations == problem.counts.tangents
+    assert outcome.solves == problem.counts.solves
+    assert outcome.steps == len(steps) == steps[-1].index
+    assert sum(step.factorizations for step in steps) == outcome.factorizations
+    assert sum(step.solves for step in steps) == outcome.solves
+    assert all(step.order == 20 and step.factorizations >= 1 and step.arc_length > 0.0 for step in steps)
+
+
+def test_ends_are_corrected_so_that_errors_do_not_pile_up() -> None:
+    problem, _, _ = hertz(40, 1e-3)
+    options = AnmOptions()
+    steps = walked(problem, open_start(problem), 0.0, 1.0, options)
+    assert all(step.residual <= options.goal for step in steps)
+    before = [
+        np.abs(problem.residual(*step.branch.evaluate(step.branch.length))).max() for step in steps[:-1]
+    ]
+    assert min(before) > options.goal  # steps go to the limit: only the correction brings this about
+    assert sum(step.corrections for step in steps) >= len(before)
+
+
+def test_a_path_taken_up_again_goes_on_bit_for_bit() -> None:
+    problem, _, _ = hertz(40, 1e-3)
+    whole = walked(problem, open_start(problem), 0.0, 1.0, AnmOptions())
+    middle = whole[len(whole) // 2]
+    rest = list(follow(problem, middle.x, middle.lam, 1.0, AnmOptions(), previous=middle.branch).steps())
+    assert len(rest) == len(whole) - middle.index
+    for one, two in zip(whole[middle.index :], rest, strict=True):
+        np.testing.assert_array_equal(one.x, two.x)
+        np.testing.assert_array_equal(one.branch.x, two.branch.x)
+        assert one.lam == two.lam
+
+
+def test_previous_piece_keeps_the_direction_behind_a_fold() -> None:
+    first = follow(Circle(), np.array([0.8]), 0.6, 0.5, AnmOptions(direction=1))
+    for step in first.steps():
+        if step.x[0] < 0.0:
+            first.stop()
+            last = step
+    assert last.lam > 0.5
+    # Without it the path would leave toward lam = 0.99, back over the fold.
+    onward = follow(Circle(), last.x, last.lam, 0.99, previous=last.branch)
+    assert next(onward.steps()).x[0] < last.x[0]
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_units_of_the_unknowns_change_nothing(factor: float) -> None:
+    plain, _, _ = hertz(30, 1e-2)
+    other = Contact(
+        compliance=plain.compliance / factor,
+        h0=plain.h0,
+        hl=plain.hl,
+        motion=plain.motion,
+        balance=plain.balance,
+        stiffness=plain.stiffness,
+        force=plain.force * factor,
+        eta=plain.eta * factor,
+        delta=plain.delta,
+        p_ref=plain.p_ref * factor,
+        h_ref=plain.h_ref,
+        q_ref=plain.q_ref,
+    )
+    one = walked(plain, open_start(plain), 0.0, 1.0, AnmOptions())
+    two = walked(other, open_start(other), 0.0, 1.0, AnmOptions())
+    assert len(one) == len(two)
+    np.testing.assert_allclose(two[-1].x / other.scale, one[-1].x / plain.scale, rtol=0.0, atol=1e-9)
+
+
+class Wall(Scalar):
+    """x = lam, allowed up to x = 0.5 only."""
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return bool(x[0] < 0.5)
+
+
+class Kink(Scalar):
+    """x = lam with a residual that jumps at x = 0.5, where no series holds."""
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        return super().residual(x, lam) + 0.1 * (x > 0.5)
+
+
+class Noisy(Scalar):
+    """x + x^2 = lam with a residual that stays above 6e-9 everywhere but at the start."""
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        exact = super().residual(x, lam)
+        return np.asarray(exact + np.copysign(6e-9, exact) * (x != 0.0))
+
+
+class Broken(Scalar):
+    """x + x^2 = lam that can be factorised at the start only."""
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        if x[0] != 0.0:
+            raise SingularTangentError("broken")
+        return super().tangent(x, lam)
+
+
+@pytest.mark.parametrize(
+    ("problem", "options", "reason", "last"),
+    [
+        (Scalar(0.0, 1.0, 1.0), AnmOptions(max_steps=1, order=5), StopReason.MAX_STEPS, None),
+        (Wall(0.0, 1.0), AnmOptions(), StopReason.NOT_ADMISSIBLE, 0.5),
+        (Kink(0.0, 1.0), AnmOptions(), StopReason.STEP_TOO_SMALL, 0.5),
+        (Noisy(0.0, 1.0, 1.0), AnmOptions(), StopReason.CORRECTION_FAILED, 0.0),
+        (Broken(0.0, 1.0, 1.0), AnmOptions(drift=1.0), StopReason.SINGULAR_TANGENT, 0.0),
+    ],
+)
+def test_reasons_to_stop_are_named(
+    problem: Scalar, options: AnmOptions, reason: StopReason, last: float | None
+) -> None:
+    follower = follow(problem, np.zeros(1), 0.0, 2.0, options)
+    steps = list(follower.steps())
+    outcome = follower.outcome
+    assert outcome.reason is reason
+    assert not outcome.reached
+    assert outcome.message
+    if last is not None:
+        assert outcome.lam == pytest.approx(last, abs=1e-6)
+    if steps:
+        assert (outcome.lam, outcome.residual) == (steps[-1].lam, steps[-1].residual)
+    assert outcome.residual <= options.tolerance
+
+
+def test_start_at_a_fold_is_a_singular_tangent() -> None:
+    follower = follow(Circle(), np.zeros(1), 1.0, 0.0)
+    assert list(follower.steps()) == []
+    assert follower.outcome.reason is StopReason.SINGULAR_TANGENT
+
+
+def test_start_at_the_target_takes_no_step() -> None:
+    follower = follow(Scalar(0.0, 1.0), np.zeros(1), 0.3, 0.3)
+    assert list(follower.steps()) == []
+    assert follower.outcome.reached
+    assert follower.outcome.x[0] == pytest.approx(0.3, abs=1e-15)
+
+
+def test_linear_path_takes_one_step() -> None:
+    problem = Scalar(0.0, 4.0)
+    steps = walked(problem, np.zeros(1), 0.0, 1000.0, AnmOptions())
+    assert len(steps) == 1
+    assert steps[0].x[0] == pytest.approx(250.0, rel=1e-15)
+
+
+def test_target_within_round_off_of_the_start_is_reached() -> None:
+    for end in (np.nextafter(0.3, 1.0), 0.3 + 1e-13, 0.3 - 1e-12):
+        steps = walked(Scalar(0.0, 1.0, 0.5), np.zeros(1), 0.3, float(end), AnmOptions())
+        assert steps[-1].lam == end
+
+
+def test_caller_can_stop() -> None:
+    follower: Follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1e6, AnmOptions(order=5))
+    for step in follower.steps():
+        if step.index == 2:
+            follower.stop()
+    assert follower.outcome.reason is StopReason.STOPPED_BY_CALLER
+    assert follower.outcome.steps == 2
+
+
+def test_caller_can_walk_away() -> None:
+    follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1e6, AnmOptions(order=5))
+    first = next(follower.steps())
+    outcome = follower.outcome
+    assert outcome.reason is StopReason.STOPPED_BY_CALLER
+    assert (outcome.lam, outcome.steps) == (first.lam, 1)
+
+
+def test_wrong_start_raises() -> None:
+    follower = follow(Scalar(1.0, 0.0, 1.0), np.ones(1), 0.0, 2.0)  # x^2 + 1 = 0
+    with pytest.raises(NumericalError):
+        next(follower.steps())
+    with pytest.raises(ValueError, match="shape"):
+        follow(Scalar(0.0, 1.0), np.zeros(2), 0.0, 1.0)
+
+
+def test_follower_goes_once() -> None:
+    follower = AnmFollower(Scalar(0.0, 1.0), np.zeros(1), 0.0, 1.0)
+    list(follower.steps())
+    with pytest.raises(RuntimeError, match="once"):
+        next(follower.steps())
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"order": 1},
+        {"order": 41},
+        {"tolerance": 0.0},
+        {"tolerance": float("nan")},
+        {"drift": 0.0},
+        {"max_steps": 0},
+        {"max_corrections": 0},
+        {"min_length": 0.0},
+        {"direction": 2},
+    ],
+)
+def test_senseless_options_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="must"):
+        AnmOptions(**wrong)  # type: ignore[arg-type]
+
+
+def test_larger_order_makes_longer_steps() -> None:
+    problem = random_contact(20, 1e-2, 2)
+    lengths = []
+    for order in (5, 10, 20):
+        follower = follow(problem, open_start(problem), 0.0, 1.0, AnmOptions(order=order))
+        lengths.append(next(follower.steps()).arc_length)
+    assert lengths == sorted(lengths)
+    assert lengths[2] > 2.0 * lengths[0]

@@ -1,0 +1,135 @@
+"""Newton corrections of start points and of ends of steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.continuation import AnmOptions, FloatArray, correct
+from mlsanm_cli.continuation.corrector import Effort, correct_end
+from mlsanm_cli.continuation.expansion import Metric, station
+from mlsanm_cli.errors import NumericalError
+
+from .contact_problems import Contact, open_start, random_contact
+from .problems import Circle, Scalar, Truss
+
+
+class Watched(Contact):
+    """Contact problem that refuses to be evaluated at a closed gap."""
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        assert np.all(x[self.m : 2 * self.m] > 0.0)
+        return super().residual(x, lam)
+
+
+def watched(eta: float, seed: int) -> Watched:
+    plain = random_contact(20, eta, seed)
+    return Watched(
+        compliance=plain.compliance,
+        h0=plain.h0,
+        hl=plain.hl,
+        motion=plain.motion,
+        balance=plain.balance,
+        stiffness=plain.stiffness,
+        force=plain.force,
+        eta=eta,
+        delta=plain.delta,
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_damping_never_lets_a_gap_close(seed: int) -> None:
+    problem = watched(1e-3, seed)
+    start = open_start(problem)
+    # An undamped first update would go through the constraint.
+    update = problem.tangent(start, 1.0).solve(-problem.residual(start, 1.0))
+    assert not problem.admissible(start + update, 1.0)
+    found = correct(problem, start, 1.0)
+    assert found.residual <= 1e-10
+    assert float(np.abs(problem.residual(found.x, 1.0)).max()) == found.residual
+    assert found.updates == found.factorizations == found.solves > 3
+
+
+def test_solution_is_left_alone() -> None:
+    problem = Scalar(0.0, 1.0, 1.0)
+    found = correct(problem, np.array([1.0]), 2.0)
+    assert (found.x[0], found.updates, found.factorizations) == (1.0, 0, 0)
+
+
+def test_start_point_outside_is_refused() -> None:
+    problem = random_contact(5, 1e-2, 0)
+    x = open_start(problem)
+    x[problem.m] = -1e-3
+    with pytest.raises(NumericalError, match="not admissible") as caught:
+        correct(problem, x, 0.0)
+    assert caught.value.hint
+
+
+def test_no_solution_is_an_error_with_a_hint() -> None:
+    # x^2 = -1
+    with pytest.raises(NumericalError, match="no solution found") as caught:
+        correct(Scalar(0.0, 0.0, 1.0), np.array([1.1]), -1.0)
+    assert caught.value.hint
+
+
+def test_singular_tangent_is_an_error_with_a_hint() -> None:
+    with pytest.raises(NumericalError, match="singular tangent") as caught:
+        correct(Circle(), np.zeros(1), 0.5)
+    assert caught.value.hint
+
+
+def test_updates_are_limited() -> None:
+    problem = random_contact(20, 1e-4, 1)
+    with pytest.raises(NumericalError, match="after 2 updates"):
+        correct(problem, open_start(problem), 1.0, AnmOptions(max_corrections=2))
+
+
+def corrected(
+    drift: float, normal: tuple[FloatArray, float] | None
+) -> tuple[Truss, np.ndarray, float, Effort]:
+    """Correct a point ``drift`` away from the truss path, starting from the station at w = 0.9."""
+    problem, effort = Truss(), Effort()
+    start = station(problem, np.array([0.9]), problem.load(0.9))
+    end = np.array([0.8 + drift]), problem.load(0.8)
+    found = correct_end(problem, Metric(problem.scale), start, end, normal, AnmOptions(), effort)
+    assert found is not None
+    assert found.updates == effort.updates
+    return problem, found.x, found.lam, effort
+
+
+def test_end_of_step_keeps_the_load_factor_without_a_normal() -> None:
+    problem, x, lam, _ = corrected(1e-4, None)
+    assert lam == problem.load(0.8)
+    assert x[0] == pytest.approx(0.8, abs=1e-10)
+
+
+def test_end_of_step_moves_orthogonally_to_the_normal() -> None:
+    normal = np.array([2.0]), 1.0
+    problem, x, lam, _ = corrected(1e-4, normal)
+    assert lam == pytest.approx(problem.load(float(x[0])), abs=1e-10)
+    moved = 2.0 * (x[0] - 0.8001) + (lam - problem.load(0.8))
+    assert moved == pytest.approx(0.0, abs=1e-15)
+    assert abs(x[0] - 0.8001) > 1e-6
+
+
+def test_old_tangent_is_used_first_and_a_fresh_one_when_it_stalls() -> None:
+    near, far = Truss(), Truss()
+    efforts = []
+    for problem, w in ((near, 0.8999), (far, 0.65)):
+        effort = Effort()
+        start = station(problem, np.array([0.9]), problem.load(0.9))
+        end = np.array([w + 1e-7]), problem.load(w)
+        assert correct_end(problem, Metric(problem.scale), start, end, None, AnmOptions(), effort) is not None
+        # The station took one factorisation and one solve of its own.
+        assert problem.counts.tangents == effort.factorizations + 1
+        assert problem.counts.solves == effort.solves + 1
+        efforts.append(effort)
+    assert efforts[0].factorizations == 0
+    assert efforts[1].factorizations >= 1
+
+
+def test_failing_end_of_step_is_reported() -> None:
+    problem = Scalar(0.0, 0.0, 1.0)
+    start = station(problem, np.array([1.0]), 1.0)
+    end = np.array([0.3]), -1.0
+    assert correct_end(problem, Metric(problem.scale), start, end, None, AnmOptions(), Effort()) is None

@@ -1,0 +1,145 @@
+"""Coefficients of the series against closed forms and against the path itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.continuation import Problem, SingularTangentError, correct
+from mlsanm_cli.continuation.expansion import Metric, Series, expand, station
+
+from .contact_problems import Contact, hertz, open_start, random_contact
+from .problems import Bratu, Circle, Scalar, Truss
+
+
+def series_at(problem: Problem, x: np.ndarray, lam: float, order: int, unit: float = 1.0) -> Series:
+    metric = Metric(problem.scale)
+    upward = (np.zeros(problem.size), 1.0)
+    return expand(problem, metric, station(problem, x, lam), order, upward, unit)
+
+
+def residual_orders(problem: Problem, series: Series) -> list[float]:
+    """Return log2 of the fall of the residual when the parameter is halved, for each truncation order."""
+    rates = []
+    for order in range(1, series.lam.size):
+        errors = []
+        for a in (0.2, 0.1):
+            powers = a ** np.arange(order + 1.0)
+            residual = problem.residual(
+                powers @ series.x[: order + 1], float(powers @ series.lam[: order + 1])
+            )
+            errors.append(float(np.abs(residual).max()))
+        rates.append(float(np.log2(errors[0] / errors[1])))
+    return rates
+
+
+def test_circle_has_the_series_of_its_tangent_parameter() -> None:
+    # From (0.8, 0.6): X = (0.8, 0.6) sqrt(1 - a^2) + (-0.6, 0.8) a
+    series = series_at(Circle(), np.array([0.8]), 0.6, 8)
+    root = np.array([1.0, 0.0, -1 / 2, 0.0, -1 / 8, 0.0, -1 / 16, 0.0, -5 / 128])
+    linear = np.eye(9)[1]
+    np.testing.assert_allclose(series.x[:, 0], 0.8 * root - 0.6 * linear, atol=1e-15)
+    np.testing.assert_allclose(series.lam, 0.6 * root + 0.8 * linear, atol=1e-15)
+
+
+def test_quadratic_inverse_has_its_binomial_series() -> None:
+    # x + x^2 = lam: eliminate a between x(a) and lam(a), compare with x(lam) = (sqrt(1 + 4 lam) - 1)/2
+    series = series_at(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 20)
+    a = 0.02
+    powers = a ** np.arange(21.0)
+    lam = float(powers @ series.lam)
+    assert float(powers @ series.x[:, 0]) == pytest.approx(0.5 * (np.sqrt(1.0 + 4.0 * lam) - 1.0), rel=1e-15)
+    # x_1 = lam_1 = 1/sqrt(2); order 2 of R and orthogonality: x_2 = -1/4, lam_2 = 1/4
+    assert (series.x[2, 0], series.lam[2]) == (pytest.approx(-0.25), pytest.approx(0.25))
+
+
+@pytest.mark.parametrize(
+    ("problem", "x", "lam"),
+    [
+        (Scalar(0.0, 1.0, 0.4, 0.2), np.zeros(1), 0.0),
+        (Truss(), np.array([0.9]), Truss().load(0.9)),
+        (Bratu(8), np.zeros(7), 0.0),
+        (random_contact(6, 0.3, 4), None, 0.1),
+    ],
+    ids=["cubic", "truss", "bratu", "contact"],
+)
+def test_residual_of_order_k_truncation_falls_with_power_k_plus_1(
+    problem: Problem, x: np.ndarray | None, lam: float
+) -> None:
+    if x is None:
+        assert isinstance(problem, Contact)
+        x = correct(problem, open_start(problem), lam).x
+    unit = 0.1 if isinstance(problem, Contact) else 0.5
+    rates = residual_orders(problem, series_at(problem, x, lam, 5, unit))
+    for order, rate in enumerate(rates, start=1):
+        assert rate > order + 0.5, rates
+
+
+def test_coefficients_are_the_derivatives_of_the_path() -> None:
+    problem = random_contact(8, 0.2, 7)
+    metric = Metric(problem.scale)
+    start = correct(problem, open_start(problem), 0.0)
+    series = series_at(problem, start.x, 0.0, 3)
+    normal = metric.weight * series.x[1]
+
+    def point(a: float) -> np.ndarray:
+        """Solve R = 0 with the product with the tangent equal to a, by Newton on the bordered system."""
+        x, lam = series.x[0] + a * series.x[1], a * series.lam[1]
+        for _ in range(20):
+            tangent = problem.tangent(x, lam)
+            free, slope = (
+                tangent.solve(-problem.residual(x, lam)),
+                -tangent.solve(problem.load_derivative(x, lam)),
+            )
+            defect = a - normal @ (x - series.x[0]) - series.lam[1] * lam
+            step = (defect - normal @ free) / (normal @ slope + series.lam[1])
+            x, lam = x + free + step * slope, lam + step
+        return np.append(x, lam)
+
+    h = 2e-3
+    samples = {k: point(k * h) for k in (-2, -1, 0, 1, 2)}
+    second = (16 * (samples[1] + samples[-1]) - samples[2] - samples[-2] - 30 * samples[0]) / (12 * h**2)
+    third = (samples[2] - samples[-2] - 2 * (samples[1] - samples[-1])) / (2 * h**3)
+    for order, derivative in ((2, second / 2), (3, third / 6)):
+        expected = np.append(series.x[order], series.lam[order])
+        np.testing.assert_allclose(derivative, expected, atol=2e-3 * np.abs(expected).max())
+
+
+def test_parameter_is_the_projection_on_the_tangent() -> None:
+    problem, _, _ = hertz(30, 1e-2)
+    start = correct(problem, open_start(problem), 0.0)
+    series = series_at(problem, start.x, 0.0, 6, unit=0.25)
+    metric = Metric(problem.scale)
+    assert metric.norm(series.x[1], float(series.lam[1])) == pytest.approx(0.25, rel=1e-13)
+    for k in range(2, 7):
+        size = metric.norm(series.x[k], float(series.lam[k]))
+        product = metric.product(series.x[k], float(series.lam[k]), series.x[1], float(series.lam[1]))
+        assert abs(product) <= 1e-12 * size * 0.25
+
+
+def test_unit_of_the_parameter_changes_no_digit() -> None:
+    problem = random_contact(8, 0.2, 3)
+    x = correct(problem, open_start(problem), 0.0).x
+    one, half = series_at(problem, x, 0.0, 10), series_at(problem, x, 0.0, 10, unit=0.5)
+    np.testing.assert_array_equal(half.x, one.x * 0.5 ** np.arange(11.0)[:, None])
+    np.testing.assert_array_equal(half.lam, one.lam * 0.5 ** np.arange(11.0))
+
+
+def test_direction_decides_the_sign() -> None:
+    problem = Circle()
+    metric = Metric(problem.scale)
+    here = station(problem, np.array([0.8]), 0.6)
+    for direction, sign in (((np.array([-1.0]), 0.0), 1.0), ((np.array([1.0]), 0.0), -1.0)):
+        series = expand(problem, metric, here, 2, direction, 1.0)
+        assert np.sign(series.lam[1]) == sign
+
+
+def test_singular_tangent_is_named() -> None:
+    with pytest.raises(SingularTangentError):
+        station(Circle(), np.zeros(1), 1.0)
+
+
+@pytest.mark.parametrize("scale", [np.array([1.0, 0.0]), np.array([1.0, -1.0]), np.array([np.nan])])
+def test_scales_must_be_positive(scale: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="positive"):
+        Metric(scale)

@@ -1,0 +1,112 @@
+"""Pieces of path: evaluation, roots of the load factor, Padé form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.continuation import Branch, FloatArray, locate
+
+
+def polynomial(*lam: float, length: float = 1.0) -> Branch:
+    """Return a piece whose one unknown is twice its load factor."""
+    coefficients = np.array(lam)
+    return Branch(2.0 * coefficients[:, None], coefficients, length)
+
+
+def rational(length: float = 3.0) -> Branch:
+    """Return lam = a/(1 + a), x = (1/(1 + a), 2a/(1 + a)) as Padé approximants of their series."""
+    signs: FloatArray = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
+    lam = -signs
+    lam[0] = 0.0
+    return Branch(np.column_stack([signs, 2.0 * lam]), lam, length, np.array([1.0, 1.0]))
+
+
+def test_series_is_evaluated_as_a_polynomial() -> None:
+    rng = np.random.default_rng(1)
+    x, lam = rng.normal(size=(6, 3)), rng.normal(size=6)
+    branch = Branch(x, lam, 2.0)
+    for a in (0.0, 0.3, 2.0):
+        value, factor = branch.evaluate(a)
+        expected = np.polynomial.polynomial.polyval(a, x)
+        np.testing.assert_allclose(value, expected, rtol=1e-13)
+        assert factor == pytest.approx(np.polynomial.polynomial.polyval(a, lam), rel=1e-13)
+        assert branch.load_factor(a) == factor
+    assert (branch.order, branch.size) == (5, 3)
+
+
+def test_pade_form_reproduces_a_rational_function_far_outside_the_radius_of_its_series() -> None:
+    branch = rational()
+    for a in (0.0, 0.5, 3.0, 50.0):
+        x, lam = branch.evaluate(a)
+        np.testing.assert_allclose(x, [1.0 / (1.0 + a), 2.0 * a / (1.0 + a)], rtol=1e-14)
+        assert lam == pytest.approx(a / (1.0 + a), rel=1e-14)
+
+
+@pytest.mark.parametrize("branch", [polynomial(0.5, -1.0, 0.3), rational()], ids=["series", "pade"])
+def test_many_parameters_at_once_give_what_one_gives(branch: Branch) -> None:
+    a = np.linspace(0.0, branch.length, 7)
+    x, lam = branch.evaluate_many(a)
+    assert x.shape == (7, branch.size)
+    for i, value in enumerate(a):
+        np.testing.assert_allclose(x[i], branch.evaluate(float(value))[0], rtol=1e-14, atol=1e-15)
+        assert lam[i] == pytest.approx(branch.load_factor(float(value)), rel=1e-14, abs=1e-15)
+
+
+def test_parameter_at_is_exact_to_round_off() -> None:
+    rng = np.random.default_rng(2)
+    branch = polynomial(0.1, 1.0, -0.2, 0.05, 0.3, length=0.9)
+    for level in rng.uniform(0.1, branch.load_factor(0.9), 50):
+        assert branch.load_factor(branch.parameter_at(level)) == pytest.approx(level, rel=4e-16)
+    assert rational().parameter_at(0.6) == pytest.approx(1.5, rel=1e-14)
+
+
+def test_both_ends_belong_to_the_piece() -> None:
+    branch = polynomial(0.1, 0.7, 0.1, length=0.3)
+    assert branch.parameter_at(0.1) == 0.0
+    assert branch.parameter_at(branch.load_factor(0.3)) == pytest.approx(0.3, rel=1e-14)
+
+
+@pytest.mark.parametrize("level", [0.0999, 0.3381, -5.0, 5.0])
+def test_load_factor_outside_is_refused(level: float) -> None:
+    branch = polynomial(0.1, 0.7, 0.1, length=0.3)
+    with pytest.raises(ValueError, match="not reached"):
+        branch.parameter_at(level)
+
+
+def test_first_of_two_crossings_beside_a_fold_is_found() -> None:
+    # lam = 1 - (a - 1/2)^2: a fold at a = 1/2
+    branch = polynomial(0.75, 1.0, -1.0)
+    assert branch.parameter_at(0.84) == pytest.approx(0.1, rel=1e-13)
+
+
+def test_crossings_hidden_between_samples_are_found() -> None:
+    fold = 0.5031
+    branch = polynomial(1.0 - fold**2, 2.0 * fold, -1.0)
+    found = branch.parameter_at(1.0 - 1e-8)
+    assert found == pytest.approx(fold - 1e-4, abs=1e-11)
+    assert branch.first_crossing(1.0 + 1e-8) is None
+
+
+def test_locate_takes_the_first_piece_that_reaches_the_level() -> None:
+    first, second = polynomial(0.0, 1.0), polynomial(1.0, 1.0)
+    for level, index in ((0.25, 0), (1.75, 1)):
+        found, a = locate([first, second], level)
+        assert found == index
+        assert a == pytest.approx(level - index, rel=1e-14)
+    with pytest.raises(ValueError, match="not reached"):
+        locate([first, second], 2.5)
+
+
+def test_level_in_the_gap_between_pieces_is_the_start_of_the_next() -> None:
+    pieces = [polynomial(0.0, 1.0), polynomial(1.0 + 1e-9, 1.0)]
+    assert locate(pieces, 1.0 + 5e-10) == (1, 0.0)
+
+
+def test_mismatched_coefficients_are_refused() -> None:
+    with pytest.raises(ValueError, match="do not match"):
+        Branch(np.zeros((4, 2)), np.zeros(3), 1.0)
+    with pytest.raises(ValueError, match="denominator"):
+        Branch(np.zeros((4, 2)), np.zeros(4), 1.0, np.array([2.0, 1.0]))
+    with pytest.raises(ValueError, match="denominator"):
+        Branch(np.zeros((2, 2)), np.zeros(2), 1.0, np.array([1.0, 1.0, 1.0]))
