@@ -1,0 +1,253 @@
+"""The commands. Each imports what it needs when it is called, so that ``--help`` stays instant."""
+
+from __future__ import annotations
+
+import difflib
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from mlsanm_cli import __version__
+from mlsanm_cli.cli.console import TerminalConsole
+from mlsanm_cli.cli.results import run_text
+from mlsanm_cli.cli.settings import Settings, set_threads
+from mlsanm_cli.cli.text import as_json, pretty
+from mlsanm_cli.errors import RunError
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+# Names that later versions will bring; they are refused by name, not as typing errors.
+LATER = ("cache", "collect", "compare", "explain", "new", "probe", "resume", "schema", "sweep")
+_STATUS_CODES = {"failed": 3, "stopped": 75}
+_PATH = click.Path(path_type=Path)
+
+
+class Commands(click.Group):
+    """The group of commands, with the names of later ones and the nearest name for a misspelt one."""
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of that name, None when there is none."""
+        return _later(cmd_name) if cmd_name in LATER else super().get_command(ctx, cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As in click, but a wrong name is told the nearest right one."""
+        if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
+            names = self.list_commands(ctx)
+            near = difflib.get_close_matches(args[0], names, n=1)
+            hint = f'Did you mean "{near[0]}"?' if near else f"There are: {', '.join(names)}."
+            if args[0].endswith(".toml"):
+                hint = f'To solve a case: "mlsanm run {args[0]}".'
+            ctx.fail(f'No such command "{args[0]}". {hint}')
+        return super().resolve_command(ctx, args)
+
+
+def _later(name: str) -> click.Command:
+    def refuse(arguments: tuple[str, ...]) -> None:
+        raise RunError(f'"mlsanm {name}" is not in this version yet', "see mlsanm --help for what there is")
+
+    arguments = click.Argument(["arguments"], nargs=-1, type=click.UNPROCESSED)
+    return click.Command(
+        name,
+        params=[arguments],
+        callback=refuse,
+        add_help_option=False,
+        context_settings={"ignore_unknown_options": True},
+    )
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="mlsanm")
+def cli() -> None:
+    """Frictional contact between elastic bodies in the plane, without a mesh.
+
+    A scene is a TOML file; a run of it fills a directory with HDF5, VTU and JSON files.
+    """
+
+
+def _store(context: click.Context, parameter: click.Parameter, value: Any) -> None:
+    if parameter.name is not None:
+        setattr(context.ensure_object(Settings), parameter.name, value)
+
+
+def _common_option(*names: str, **settings: Any) -> Callable[[Function], Function]:
+    # Eager: read first, so that they hold for errors in the other options too.
+    return click.option(*names, is_eager=True, expose_value=False, callback=_store, **settings)
+
+
+def common(function: Function) -> Function:
+    """The options that every command has; they go into the settings."""
+    for decorate in (
+        _common_option("--debug", is_flag=True, help="Show tracebacks."),
+        _common_option(
+            "--color",
+            type=click.Choice(["auto", "always", "never"]),
+            default="auto",
+            help="Colours; auto follows the terminal and NO_COLOR.",
+        ),
+        _common_option("--json", is_flag=True, help="Result as JSON on stdout."),
+        _common_option("--quiet", "-q", is_flag=True, help="Only warnings and errors."),
+    ):
+        function = decorate(function)
+    return function
+
+
+def threads_option(function: Function) -> Function:
+    """``--threads``."""
+    option = click.option(
+        "--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Threads to use."
+    )
+    return option(function)
+
+
+def set_option(function: Function) -> Function:
+    """``--set``, repeatable."""
+    option = click.option(
+        "--set",
+        "overrides",
+        metavar="KEY=VALUE",
+        multiple=True,
+        help="Change a key of the case; repeatable. As in --set solver.order=15.",
+    )
+    return option(function)
+
+
+def _console(settings: Settings) -> TerminalConsole:
+    return TerminalConsole(sys.stderr, settings)
+
+
+def _print_result(settings: Settings, result: Mapping[str, Any], text: str) -> None:
+    """The result on stdout: as JSON if asked for, as text otherwise, unless quiet."""
+    if settings.json:
+        click.echo(as_json(result))
+    elif not settings.quiet:
+        # The text is coloured or plain already; click would decide again by its own rules.
+        click.echo(text, color=True)
+
+
+def _pretty(settings: Settings, result: Mapping[str, Any]) -> str:
+    width = shutil.get_terminal_size((100, 24)).columns
+    return pretty(result, color=settings.paints(sys.stdout), width=width)
+
+
+@cli.command()
+@click.argument("case", type=_PATH)
+@set_option
+@click.option("--out", type=_PATH, help="Run directory.  [default: results/<case name>]")
+@click.option("--force", is_flag=True, help="Overwrite an existing run.")
+@threads_option
+@common
+@click.pass_obj
+def run(
+    settings: Settings, case: Path, overrides: tuple[str, ...], out: Path | None, force: bool, threads: int
+) -> int:
+    """Solve CASE and write a run directory."""
+    set_threads(threads)
+    from mlsanm_cli.app.run import run as run_case
+
+    console = _console(settings)
+    try:
+        summary = run_case(
+            case,
+            overrides=overrides,
+            out=out,
+            force=force,
+            threads=threads,
+            console=console,
+            argv=tuple(sys.argv),
+        )
+    finally:
+        console.close()
+    _print_result(settings, summary, run_text(summary, settings.paints(sys.stdout)))
+    if not settings.quiet and not settings.json and "directory" in summary:
+        click.echo(f"pictures: mlsanm plot {summary['directory']}")
+    return _STATUS_CODES.get(str(summary.get("status")), 0)
+
+
+@cli.command()
+@click.argument("case", type=_PATH)
+@set_option
+@click.option("--write", type=_PATH, help="Write the model as VTU: tags, normals, pairs.")
+@threads_option
+@common
+@click.pass_obj
+def check(
+    settings: Settings, case: Path, overrides: tuple[str, ...], write: Path | None, threads: int
+) -> int:
+    """Check CASE without solving it.
+
+    Validation, clouds, stencils, pairing, supports, and an estimate of size and cost.
+    """
+    set_threads(threads)
+    from mlsanm_cli.app.check import check as check_case
+
+    console = _console(settings)
+    try:
+        result = check_case(case, overrides=overrides, write=write, threads=threads, console=console)
+    finally:
+        console.close()
+    _print_result(settings, result, _pretty(settings, result))
+    return 0
+
+
+@cli.command()
+@click.argument("rundir", type=_PATH)
+@common
+@click.pass_obj
+def info(settings: Settings, rundir: Path) -> int:
+    """Summarise the run in RUNDIR."""
+    set_threads(1)
+    from mlsanm_cli.app.info import info as run_info
+
+    result = run_info(rundir)
+    _print_result(settings, result, _pretty(settings, result))
+    return 0
+
+
+@cli.command()
+@click.argument("rundir", type=_PATH)
+@click.option(
+    "--format",
+    "formats",
+    type=click.Choice(["png", "svg", "pdf"]),
+    multiple=True,
+    default=("png",),
+    show_default=True,
+    help="File format; repeatable.",
+)
+@common
+@click.pass_obj
+def plot(settings: Settings, rundir: Path, formats: tuple[str, ...]) -> int:
+    """Draw the run in RUNDIR.
+
+    Pressure against position, load path, deformed cloud with von Mises stress; needs no display.
+    """
+    set_threads(1)
+    from mlsanm_cli.app.plot import plot as plot_run
+
+    files = plot_run(rundir, formats=tuple(dict.fromkeys(formats)))
+    _print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
+    return 0
+
+
+@cli.command()
+@threads_option
+@common
+@click.pass_obj
+def warmup(settings: Settings, threads: int) -> int:
+    """Compile the kernels now, not at the first run."""
+    set_threads(threads)
+    from mlsanm_cli.app.warmup import warmup as warm_up
+
+    console = _console(settings)
+    try:
+        result = warm_up(console)
+    finally:
+        console.close()
+    _print_result(settings, result, _pretty(settings, result))
+    return 0

@@ -1,0 +1,124 @@
+"""What a command says while it works, on stderr: in place on a terminal, line by line elsewhere."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from typing import TextIO
+
+from mlsanm_cli.cli.settings import Settings, is_terminal
+from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, table
+
+_CLEAR = "\r\x1b[K"
+_INTERVAL = 1.0  # seconds between two lines of the step table in a log
+_FRAME = 0.05  # seconds between two changes of the line on a terminal
+
+
+class TerminalConsole:
+    """Progress, notes, warnings and tables.
+
+    With ``quiet`` only warnings are shown. On a terminal, phases and steps rewrite one line; elsewhere
+    a phase is a line, and steps are shown at most once a second, the first and the last always.
+    """
+
+    def __init__(
+        self,
+        stream: TextIO,
+        settings: Settings,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        width: int | None = None,
+    ) -> None:
+        self._stream = stream
+        self._quiet = settings.quiet
+        self._color = settings.paints(stream)
+        self._live = is_terminal(stream) and not settings.quiet
+        self._clock = clock
+        self._width = width
+        self._shown = ""  # the line on the terminal that the next one replaces
+        self._waiting = ""  # the latest step that was not shown yet
+        self._last: float | None = None
+
+    def phase(self, text: str) -> None:
+        """One line saying what is happening now."""
+        self._finish_steps()
+        if self._quiet:
+            return
+        if self._live:
+            self._rewrite(f"{text} ...")
+        else:
+            self._line(f"{text} ...")
+
+    def step(self, index: int, position: float, residual: float, text: str = "") -> None:
+        """One row of the step table: path position, scaled residual, a remark."""
+        if self._quiet:
+            return
+        row = f"step {index:4d}   position {position:<9.6g}  residual {residual:8.2e}   {text}".rstrip()
+        now = self._clock()
+        pause = _FRAME if self._live else _INTERVAL
+        if self._last is not None and now - self._last < pause:
+            self._waiting = row
+            return
+        self._show_step(row)
+        self._last = now
+
+    def note(self, text: str) -> None:
+        """Something worth knowing."""
+        self._finish_steps()
+        if not self._quiet:
+            self._line(text)
+
+    def warning(self, text: str) -> None:
+        """Something to look at; shown with ``quiet`` too."""
+        self._finish_steps()
+        self._line(f"{paint('warning:', YELLOW, self._color)} {text}")
+
+    def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
+        """A small table of names and values."""
+        self._finish_steps()
+        if not self._quiet:
+            self._line(table(title, rows, self._color))
+
+    def close(self) -> None:
+        """Leaves the terminal clean: the last step stays, a phase that ended goes."""
+        self._finish_steps()
+        self._erase()
+
+    def _show_step(self, row: str) -> None:
+        self._waiting = ""
+        if self._live:
+            self._rewrite(row)
+        else:
+            self._line(row)
+
+    def _finish_steps(self) -> None:
+        """Ends a run of steps: the last one stays on the screen or in the log."""
+        if self._last is None:
+            return
+        if self._waiting:
+            self._show_step(self._waiting)
+        if self._live:
+            self._stream.write("\n")
+            self._shown = ""
+        self._last = None
+
+    def _rewrite(self, text: str) -> None:
+        width = self._width or shutil.get_terminal_size().columns
+        # One column stays free: terminals wrap when the last one is written.
+        text = text[: max(width - 1, 1)]
+        style = BOLD if text.endswith("...") else DIM
+        self._stream.write(_CLEAR + paint(text, style, self._color))
+        self._stream.flush()
+        self._shown = text
+
+    def _erase(self) -> None:
+        if self._shown:
+            self._stream.write(_CLEAR)
+            self._shown = ""
+        self._stream.flush()
+
+    def _line(self, text: str) -> None:
+        self._erase()
+        self._stream.write(f"{text}\n")
+        self._stream.flush()

@@ -1,0 +1,36 @@
+"""What the options common to all commands say."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TextIO
+
+THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+@dataclass
+class Settings:
+    """Filled in while the command line is read; the error handler looks at it too."""
+
+    quiet: bool = False
+    json: bool = False
+    debug: bool = False
+    color: str = "auto"
+
+    def paints(self, stream: TextIO) -> bool:
+        """Whether text for the stream is coloured: the option first, then NO_COLOR, then the terminal."""
+        if self.color != "auto":
+            return self.color == "always"
+        return not os.environ.get("NO_COLOR") and is_terminal(stream)
+
+
+def is_terminal(stream: TextIO) -> bool:
+    """Whether the stream is a terminal that understands escape sequences."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def set_threads(threads: int) -> None:
+    """Limits the numerical libraries to a number of threads; they read it when they are first imported."""
+    for variable in THREAD_VARIABLES:
+        os.environ[variable] = str(threads)

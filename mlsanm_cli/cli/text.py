@@ -1,0 +1,111 @@
+"""Tables and numbers as text."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+BOLD, RED, YELLOW, DIM = "1", "31", "33", "2"
+
+
+def paint(text: str, code: str, color: bool) -> str:
+    """The text in a terminal style, or as it is."""
+    return f"\x1b[{code}m{text}\x1b[0m" if color and text else text
+
+
+def plain(value: Any) -> Any:
+    """The value in JSON's types: arrays as lists, numbers of numpy as numbers, nan and inf as null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    return str(value)
+
+
+def as_json(value: Any) -> str:
+    """Indented JSON."""
+    return json.dumps(plain(value), indent=2, allow_nan=False)
+
+
+def number(value: Any) -> str:
+    """A value as a cell of a table.
+
+    >>> number(0.000123456789), number([0.0, -350.0]), number(True), number(None)
+    ('0.000123457', '0, -350', 'yes', '-')
+    """
+    value = plain(value)
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        return ", ".join(number(item) for item in value) or "none"
+    return str(value)
+
+
+def label(key: str) -> str:
+    """A key as a heading: ``peak_pressure`` as ``peak pressure``."""
+    return key.replace("_", " ")
+
+
+def table(title: str, rows: Sequence[tuple[str, str]], color: bool = False) -> str:
+    """Two aligned columns under a title."""
+    width = max((len(name) for name, _ in rows), default=0)
+    lines = [paint(title, BOLD, color)] if title else []
+    lines += [f"  {name:<{width}}  {value}".rstrip() for name, value in rows]
+    return "\n".join(lines)
+
+
+def grid(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], color: bool = False) -> str:
+    """A table with a heading per column, the first column to the left, the others to the right."""
+    cells = [list(columns), *[list(row) for row in rows]]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(columns))]
+    lines = [paint(title, BOLD, color)] if title else []
+    for index, row in enumerate(cells):
+        parts = [
+            row[0].ljust(widths[0]),
+            *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True)),
+        ]
+        line = "  " + "  ".join(parts).rstrip()
+        lines.append(paint(line, DIM, color) if index == 0 else line)
+    return "\n".join(lines)
+
+
+def pretty(mapping: Mapping[str, Any], title: str = "", color: bool = False, width: int = 100) -> str:
+    """A nested mapping as tables: single values as rows, equal sub-mappings as columns side by side."""
+    flat: list[tuple[str, str]] = []
+    blocks: list[str] = []
+    for key, value in mapping.items():
+        value = plain(value)
+        if isinstance(value, list) and any(isinstance(item, str) and " " in item for item in value):
+            blocks.append(table(label(key), [("-", str(item)) for item in value], color))
+        elif not isinstance(value, dict):
+            flat.append((label(key), number(value)))
+        elif value and all(isinstance(item, dict) for item in value.values()):
+            blocks.append(_items(label(key), value, color, width))
+        elif value:
+            blocks.append(pretty(value, label(key), color, width))
+    first = [table(title, flat, color)] if flat or not blocks else []
+    return "\n".join([*first, *blocks])
+
+
+def _items(title: str, items: Mapping[str, Mapping[str, Any]], color: bool, width: int) -> str:
+    """Items with the same kind of values: one row each when they fit, one below the other otherwise."""
+    keys = list(dict.fromkeys(key for item in items.values() for key in item))
+    simple = not any(isinstance(item.get(key), dict) for item in items.values() for key in keys)
+    rows = [[name, *(number(item.get(key)) for key in keys)] for name, item in items.items()]
+    columns = ["", *map(label, keys)]
+    used = sum(max(len(row[i]) for row in [columns, *rows]) + 2 for i in range(len(columns)))
+    if simple and used <= width:
+        return grid(title, columns, rows, color)
+    return "\n".join(pretty(item, f"{title} {name}", color, width) for name, item in items.items())

@@ -1,0 +1,273 @@
+"""Commands, options and exit codes, with stand-ins for what they call."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mlsanm_cli import __version__
+from mlsanm_cli.cli import main
+from mlsanm_cli.cli.commands import LATER
+from mlsanm_cli.cli.settings import THREAD_VARIABLES
+from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, NumericalError, RunError
+from tests.cli.fakes import SUMMARY, install
+
+
+@pytest.fixture(autouse=True)
+def _same_environment(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    for variable in (*THREAD_VARIABLES, "NO_COLOR"):
+        monkeypatch.delenv(variable, raising=False)
+    before = dict(os.environ)
+    yield
+    for variable in THREAD_VARIABLES:
+        os.environ.pop(variable, None)
+    os.environ.update(before)
+
+
+def raising(error: BaseException) -> Any:
+    def function(*arguments: Any, **options: Any) -> Any:
+        raise error
+
+    return function
+
+
+def test_run_passes_everything_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls: list[tuple[Any, dict[str, Any]]] = []
+    threads: list[str | None] = []
+
+    def run(case: Path, **options: Any) -> dict[str, Any]:
+        calls.append((case, options))
+        threads.extend(os.environ.get(variable) for variable in THREAD_VARIABLES)
+        options["console"].phase("clouds")
+        options["console"].warning("spacing ratio 2.1")
+        return SUMMARY
+
+    install(monkeypatch, "run", run)
+    monkeypatch.setattr(sys, "argv", ["mlsanm", "run", "a.toml"])
+    arguments = ["run", "a.toml", "--set", "solver.order=15", "--set", "mls.degree=4", "--out", "there"]
+    assert main([*arguments, "--force", "--threads", "2"]) == 0
+    ((case, options),) = calls
+    assert case == Path("a.toml")
+    assert options.pop("console") is not None
+    assert options == {
+        "overrides": ("solver.order=15", "mls.degree=4"),
+        "out": Path("there"),
+        "force": True,
+        "threads": 2,
+        "argv": ("mlsanm", "run", "a.toml"),
+    }
+    assert threads == ["2"] * 4
+    out, err = capsys.readouterr()
+    for text in ("done: target reached", "contact interface", "1234.57", "0, -350", "2.31 (cloud 0.25, oper"):
+        assert text in out
+    assert "mlsanm plot results/hertz" in out
+    assert err.splitlines() == ["clouds ...", "warning: spacing ratio 2.1"]
+    assert "\x1b" not in out + err
+
+
+def test_run_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[dict[str, Any]] = []
+
+    def run(case: Path, **options: Any) -> dict[str, Any]:
+        calls.append(options)
+        return SUMMARY
+
+    install(monkeypatch, "run", run)
+    assert main(["run", "a.toml"]) == 0
+    assert (calls[0]["overrides"], calls[0]["out"], calls[0]["force"]) == ((), None, False)
+    assert (calls[0]["threads"], os.environ["OPENBLAS_NUM_THREADS"]) == (1, "1")
+
+
+def test_json_is_all_there_is_on_stdout(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(case: Path, **options: Any) -> dict[str, Any]:
+        options["console"].note("working")
+        options["console"].table("sizes", [("nodes", "5210")])
+        return {**SUMMARY, "stability": float("nan"), "path": Path("x")}
+
+    install(monkeypatch, "run", run)
+    assert main(["run", "a.toml", "--json"]) == 0
+    out, err = capsys.readouterr()
+    expected = {**SUMMARY, "stability": None, "path": "x"}
+    assert json.loads(out) == expected
+    assert "working" in err
+    assert "5210" in err
+
+
+def test_quiet_shows_warnings_only(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(case: Path, **options: Any) -> dict[str, Any]:
+        console = options["console"]
+        console.phase("clouds")
+        console.step(1, 0.5, 1e-9, "")
+        console.note("note")
+        console.table("t", [("a", "b")])
+        console.warning("look here")
+        return SUMMARY
+
+    install(monkeypatch, "run", run)
+    assert main(["run", "a.toml", "--quiet"]) == 0
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", "warning: look here\n")
+
+
+@pytest.mark.parametrize(("status", "code"), [("done", 0), ("failed", 3), ("stopped", 75)])
+def test_exit_code_follows_the_status(monkeypatch: pytest.MonkeyPatch, status: str, code: int) -> None:
+    install(monkeypatch, "run", lambda case, **options: {**SUMMARY, "status": status})
+    assert main(["run", "a.toml", "--quiet"]) == code
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (
+            CaseError((CaseProblem("a.b", "is wrong", 3, "x.toml", "do this"),)),
+            2,
+            "x.toml:3: a.b: is wrong (do",
+        ),
+        (RunError("there is a run already", "use --force"), 2, "hint: use --force"),
+        (NumericalError("no way on", "set solver.order"), 3, "error: no way on"),
+        (Interrupted("wall time is over"), 75, "error: wall time is over"),
+        (KeyboardInterrupt(), 75, "stopped by a signal"),
+        (MemoryError(), 2, "memory"),
+        (PermissionError(13, "Permission denied", "/x/y"), 2, "/x/y: Permission denied"),
+        (MlsanmError("base"), 70, "base"),
+        (ZeroDivisionError("oh"), 70, "bug in mlsanm: ZeroDivisionError: oh"),
+    ],
+)
+def test_errors(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    error: BaseException,
+    code: int,
+    words: str,
+) -> None:
+    install(monkeypatch, "run", raising(error))
+    assert main(["run", "a.toml"]) == code
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+    assert "Traceback" not in err
+    assert main(["run", "a.toml", "--debug"]) == code
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_termination_signal_ends_like_an_interrupt(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    install(monkeypatch, "run", lambda case, **options: signal.raise_signal(signal.SIGTERM))
+    assert main(["run", "a.toml"]) == 75
+    assert signal.getsignal(signal.SIGTERM) is before
+    assert "stopped" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["rnu", "a.toml"], 'Did you mean "run"?'),
+        (["a.toml"], '"mlsanm run a.toml"'),
+        (["run"], "Missing argument 'CASE'"),
+        (["run", "a.toml", "--thread", "2"], "--threads"),
+        (["run", "a.toml", "--threads", "0"], "x>=1"),
+        (["run", "a.toml", "--color", "blue"], "auto"),
+        (["plot", "dir", "--format", "gif"], "png"),
+        (["info"], "RUNDIR"),
+    ],
+)
+def test_bad_usage(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+
+
+@pytest.mark.parametrize("name", LATER)
+def test_names_of_later_versions(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for rest in ([], ["x", "--newton"], ["--help"]):
+        assert main([name, *rest]) == 2
+        assert "not in this version yet" in capsys.readouterr().err
+    main(["--help"])
+    assert not re.search(rf"^  {name}\b", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert __version__ in capsys.readouterr().out
+    for command in ("run", "check", "info", "plot", "warmup"):
+        assert main([command, "--help"]) == 0
+        text = capsys.readouterr().out
+        for option in ("--quiet", "--json", "--color", "--debug"):
+            assert option in text
+
+
+def test_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    seen: list[dict[str, Any]] = []
+
+    def check(case: Path, **options: Any) -> dict[str, Any]:
+        seen.append(options)
+        bodies = {
+            "block": {"nodes": 100, "largest_hole": 1.25},
+            "cylinder": {"nodes": 20, "largest_hole": 1.5},
+        }
+        return {
+            "unknowns": 240,
+            "bodies": bodies,
+            "size": {"memory_mb": 12.5},
+            "warnings": ["spacing ratio 3"],
+        }
+
+    install(monkeypatch, "check", check)
+    assert main(["check", "a.toml", "--set", "mls.degree=4", "--write", "m.vtu"]) == 0
+    assert seen[0].pop("console") is not None
+    assert seen[0] == {"overrides": ("mls.degree=4",), "write": Path("m.vtu"), "threads": 1}
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["unknowns", "240"] in lines
+    assert ["nodes", "largest", "hole"] in lines
+    assert ["cylinder", "20", "1.5"] in lines
+    assert ["memory", "mb", "12.5"] in lines
+    assert ["-", "spacing", "ratio", "3"] in lines
+
+
+def test_info_plot_warmup(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    install(monkeypatch, "info", lambda rundir: {"status": "done", "directory": rundir})
+    assert main(["info", "there"]) == 0
+    assert "there" in capsys.readouterr().out
+    install(monkeypatch, "plot", lambda rundir, formats: [rundir / f"pressure.{kind}" for kind in formats])
+    assert main(["plot", "there"]) == 0
+    assert capsys.readouterr().out == "there/pressure.png\n"
+    assert main(["plot", "there", "--format", "pdf", "--format", "svg", "--format", "pdf", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"files": ["there/pressure.pdf", "there/pressure.svg"]}
+    install(monkeypatch, "warmup", lambda console: {"kernels": 5})
+    assert main(["warmup"]) == 0
+    assert "kernels" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("option", "no_color", "colored"),
+    [("auto", "", False), ("always", "", True), ("always", "1", True), ("never", "", False)],
+)
+def test_color(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    option: str,
+    no_color: str,
+    colored: bool,
+) -> None:
+    monkeypatch.setenv("NO_COLOR", no_color)
+    install(monkeypatch, "run", lambda case, **options: options["console"].warning("w") or SUMMARY)
+    assert main(["run", "a.toml", "--color", option]) == 0
+    out, err = capsys.readouterr()
+    assert ("\x1b[" in out, "\x1b[" in err) == (colored, colored)

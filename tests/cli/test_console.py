@@ -1,0 +1,126 @@
+"""Progress on a terminal and in a log."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+
+from mlsanm_cli.cli.console import TerminalConsole
+from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.text import number, pretty
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+    def screen(self) -> list[str]:
+        """What is left to see: carriage returns and erasures applied."""
+        lines = [""]
+        for part in self.getvalue().replace("\r\x1b[K", "\0").split("\n"):
+            lines[-1] = part.rpartition("\0")[2]
+            lines.append("")
+        return lines[:-1]
+
+
+class Clock:
+    """Time that goes on by a given step at every look."""
+
+    def __init__(self, step: float) -> None:
+        self.now, self.step = 0.0, step
+
+    def __call__(self) -> float:
+        self.now += self.step
+        return self.now
+
+
+@pytest.fixture(autouse=True)
+def _plain_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+
+
+def play(console: TerminalConsole, steps: int = 25) -> None:
+    console.phase("clouds")
+    console.phase("path")
+    for index in range(1, steps + 1):
+        console.step(index, index / steps, 1e-9, "pade")
+    console.note("saved")
+    console.close()
+
+
+def test_a_log_gets_the_first_the_last_and_one_step_per_second() -> None:
+    stream = io.StringIO()
+    play(TerminalConsole(stream, Settings(), clock=Clock(0.125)), steps=27)
+    lines = stream.getvalue().splitlines()
+    assert [line.split()[0] for line in lines] == ["clouds", "path", *["step"] * (len(lines) - 3), "saved"]
+    assert [int(line.split()[1]) for line in lines[2:-1]] == [1, 9, 17, 25, 27]
+    assert "position 0.037037" in lines[2]
+    assert "residual 1.00e-09" in lines[2]
+    assert "\r" not in stream.getvalue()
+    assert "\x1b" not in stream.getvalue()
+
+
+def test_slow_steps_are_all_shown_once() -> None:
+    stream = io.StringIO()
+    play(TerminalConsole(stream, Settings(), clock=Clock(2.0)), steps=4)
+    steps = [line for line in stream.getvalue().splitlines() if line.startswith("step")]
+    assert [int(line.split()[1]) for line in steps] == [1, 2, 3, 4]
+
+
+def test_a_terminal_keeps_the_last_step_and_no_phase() -> None:
+    stream = Terminal()
+    play(TerminalConsole(stream, Settings(color="never"), clock=Clock(0.01), width=120))
+    last, note, rest = stream.screen()
+    assert (int(last.split()[1]), note, rest) == (25, "saved", "")
+
+
+def test_a_line_never_wraps() -> None:
+    stream = Terminal()
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=20)
+    console.step(1, 0.5, 1e-9, "a long remark that does not fit")
+    assert len(stream.getvalue().replace("\r\x1b[K", "")) == 19
+
+
+def test_a_warning_between_steps_stands_on_its_own_line() -> None:
+    stream = Terminal()
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=120)
+    console.phase("path")
+    console.step(1, 0.5, 1e-9)
+    console.warning("gap closed")
+    console.step(2, 1.0, 1e-9)
+    console.close()
+    assert [line.split()[0] for line in stream.screen() if line] == ["step", "warning:", "step"]
+
+
+def test_a_dumb_terminal_is_a_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "dumb")
+    stream = Terminal()
+    play(TerminalConsole(stream, Settings(), clock=Clock(0.1)))
+    assert "\x1b" not in stream.getvalue()
+
+
+@pytest.mark.parametrize(("no_color", "colored"), [("", True), ("1", False)])
+def test_color_on_a_terminal(monkeypatch: pytest.MonkeyPatch, no_color: str, colored: bool) -> None:
+    monkeypatch.setenv("NO_COLOR", no_color)
+    stream = Terminal()
+    TerminalConsole(stream, Settings()).warning("w")
+    assert ("\x1b[33m" in stream.getvalue()) == colored
+
+
+def test_wide_items_are_shown_one_below_the_other() -> None:
+    items = {name: {f"key_{k}": 0.123456789 for k in range(12)} for name in ("a", "b")}
+    narrow = pretty({"bodies": items}, width=60)
+    assert max(map(len, narrow.splitlines())) <= 60
+    assert narrow.count("key 11") == 2
+    assert pretty({"bodies": items}, width=300).count("key 11") == 1
+
+
+def test_numbers() -> None:
+    assert number(float("nan")) == "-"
+    assert number([]) == "none"
+    assert number(True) == "yes"
+    assert number(123456789) == "123456789"
