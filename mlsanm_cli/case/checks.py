@@ -90,10 +90,8 @@ def _check_body(body: Body, index: int, report: Report) -> None:
         here: KeyPath = (*path, "refine", place)
         if (refine.at is None) == (refine.along is None):
             report.add(here, 'needs exactly one of "at" (a point) and "along" (a boundary)')
-        if refine.along is not None and refine.along not in shape.boundaries:
-            # The body is plain from the place: its own name in front is one too many.
-            edge = refine.along.removeprefix(f"{body.name}.")
-            hint = suggestion(edge, shape.boundaries, "boundaries")
+        if refine.along is not None and refine.edge(body.name) not in shape.boundaries:
+            hint = suggestion(refine.edge(body.name), shape.boundaries, "boundaries")
             report.add((*here, "along"), f'body "{body.name}" has no boundary "{refine.along}"', hint)
         if refine.spacing > body.spacing:
             message = f"{refine.spacing:g} is larger than the body's spacing {body.spacing:g}"

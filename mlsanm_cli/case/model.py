@@ -45,6 +45,10 @@ class Refine(Section):
     radius: Annotated[float, Field(ge=0.0)]
     growth: Annotated[float, Field(gt=0.0, le=1.0)] = 0.12
 
+    def edge(self, body: str) -> str:
+        """The boundary in ``along`` without the name of its body, which may stand in front or not."""
+        return (self.along or "").removeprefix(f"{body}.")
+
 
 class Body(Section):
     """One elastic body and the spacing of its nodes."""

@@ -24,7 +24,12 @@ def load(name: str, boundary: str, kind: str, keys: str) -> str:
         (('"block.top"', '"blocks.top"'), "contact.interface.master", 'did you mean "block"'),
         (('"block.top"', '"top"'), "contact.interface.master", "<body>.<boundary>"),
         (('"cylinder.flat"', '"cylinder.top"'), "load.press.boundary", "no boundary"),
-        (('along = "top"', 'along = "block.top"'), "body.block.refine.0.along", 'did you mean "top"'),
+        (
+            ('along = "top"', 'along = "cylinder.arc"'),
+            "body.block.refine.0.along",
+            "left, right, bottom, top",
+        ),
+        (('along = "top"', 'along = "block.tpo"'), "body.block.refine.0.along", 'did you mean "top"'),
         (("x = [-100.0, 100.0]", "x = [100.0, -100.0]"), "body.block.shape.x", "no range"),
         (("x = [-100.0, 100.0]", "x = [1.0, 1.0]"), "body.block.shape.x", "no range"),
         (("spacing = 0.02", "spacing = 5.0"), "body.cylinder.refine.0.spacing", "larger than the body's"),
@@ -47,6 +52,12 @@ def test_wrong_relations(change: tuple[str, str], key: str, words: str) -> None:
     assert found, problems(text)
     assert found[0].line > 0
     assert words in str(found[0])
+
+
+def test_a_refinement_names_its_boundary_with_or_without_the_body() -> None:
+    for name in ("top", "block.top"):
+        refine = parse(HERTZ.replace('along = "top"', f'along = "{name}"')).case.body[1].refine[0]
+        assert (refine.along, refine.edge("block")) == (name, "top")
 
 
 def test_unused_material() -> None:
