@@ -23,7 +23,7 @@ from mlsanm_cli.continuation.series import Branch
 
 # A length is settled when the residual there lies between these parts of the tolerance (its power of about
 # N + 1 in the length makes the steps some 3 % shorter than the longest ones), or between close bounds.
-_ENOUGH, _AIM = 0.4, 0.7
+_ENOUGH, _AIM, _LIMIT = 0.4, 0.7, 0.9
 _CLOSE = 1.03
 _TRIALS = 30
 _SHRINK, _GROW = 0.3, 1.5
@@ -35,6 +35,9 @@ _GAIN, _CLEAR_GAIN = 1.02, 1.15
 _STRETCH = 1.4
 # A step keeps this part of the way to the nearest pole.
 _POLE_MARGIN = 0.9
+# A step ends where the terms of a Padé approximant, of both signs, leave so much round-off (part of the
+# tolerance) in their sum: many poles beside each other, as along a branch cut, have terms of 1e7.
+_NOISE, _QUIETER = 0.02, 0.95
 
 
 @dataclass(frozen=True)
@@ -86,14 +89,27 @@ class Gauge:
             return None
         rational = Branch(series.x, series.lam, 0.0, lower)
         reach = self._longest(rational, _STRETCH * guess, np.inf)
-        limit = _POLE_MARGIN * nearest_pole(lower, reach / _POLE_MARGIN) if reach > 0.0 else 0.0
-        return rational.shortened(self._range(rational, min(reach, limit), limit))
+        if reach == 0.0:
+            return None
+        pole = nearest_pole(lower, reach / _POLE_MARGIN)
+        ceiling = min(_POLE_MARGIN * pole, self._quiet(rational, reach))
+        return rational.shortened(self._range(rational, min(reach, ceiling), ceiling))
+
+    def _quiet(self, branch: Branch, reach: float) -> float:
+        """Return how far ``branch`` can be evaluated without losing digits: inf when that is to ``reach``."""
+        a = reach
+        for _ in range(_TRIALS):
+            if branch.round_off(a, self.problem.scale) <= _NOISE * self.options.tolerance:
+                return a if a < reach else np.inf
+            a *= _QUIETER
+        return 0.0
 
     def _range(self, branch: Branch, guess: float, ceiling: float) -> float:
         """Return the end of a range <= ``ceiling`` that is good inside as well; 0 when there is none."""
+        limit = _LIMIT * self.options.tolerance
         length = self._longest(branch, guess, ceiling)
         for _ in range(_TRIALS):
-            bad = next((f for f in _INSIDE if self.error(branch, f * length) > self.options.tolerance), None)
+            bad = next((f for f in _INSIDE if self.error(branch, f * length) > limit), None)
             if bad is None or length == 0.0:
                 return length
             length = self._longest(branch, 0.9 * bad * length, bad * length)
@@ -102,6 +118,7 @@ class Gauge:
     def _longest(self, branch: Branch, guess: float, ceiling: float) -> float:
         """Return a nearly longest a <= ``ceiling`` whose residual keeps the tolerance, or 0."""
         tolerance, side = self.options.tolerance, np.sign(self.lam_end - branch.lam[0])
+        limit = _LIMIT * tolerance  # between the points looked at the residual may be a little larger
         low, high, a = 0.0, np.inf, min(guess, ceiling)
         shortest = self.options.min_length / self.metric.norm(branch.x[1], float(branch.lam[1]))
         for _ in range(_TRIALS):
@@ -112,7 +129,7 @@ class Gauge:
                 # The last step of a path may be as short as it happens to be.
                 a = ceiling = a if crossing is None else crossing
             error = self.error(branch, a)
-            if error <= tolerance:
+            if error <= limit:
                 low = a
                 if error >= _ENOUGH * tolerance or a >= ceiling:
                     break

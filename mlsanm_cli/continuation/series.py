@@ -25,9 +25,10 @@ from mlsanm_cli.continuation.problem import FloatArray
 # lam(a) is searched for a level between this many samples: a series of order 30 cannot bend more often.
 _SAMPLES = 65
 # A level this close to the first or last value of lam, relative to the terms summed, is that value.
-_ROUND_OFF = 32.0 * float(np.finfo(np.float64).eps)
+_EPS = float(np.finfo(np.float64).eps)
+_ROUND_OFF = 32.0 * _EPS
 # The finest relative precision that brentq accepts.
-_PRECISION = 4.0 * float(np.finfo(np.float64).eps)
+_PRECISION = 4.0 * _EPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +91,12 @@ class Branch:
     def load_factor(self, a: float) -> float:
         """Return lam(a)."""
         return float(self._weights(a) @ self._terms[1])
+
+    def round_off(self, a: float, scale: FloatArray) -> float:
+        """Return a bound of the round-off in x / scale and lam at ``a``; ``scale`` has shape (size,)."""
+        weights = np.abs(self._weights(a))
+        x = weights @ np.abs(self._terms[0]) / scale
+        return _EPS * max(float(np.max(x, initial=0.0)), float(weights @ np.abs(self._terms[1])))
 
     def parameter_at(self, lam: float) -> float:
         """Return the first ``a`` in [0, length] with lam(a) equal to ``lam`` to round-off.

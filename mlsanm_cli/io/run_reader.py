@@ -115,7 +115,8 @@ def read_run(rundir: Path) -> RunData:
     for attempt in range(_ATTEMPTS):
         try:
             return _read(file)
-        except (OSError, KeyError, ValueError, RuntimeError) as error:
+        except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
+            # TypeError: h5py takes a half-written dataset for one without a shape.
             reason = error
         if attempt + 1 < _ATTEMPTS:
             time.sleep(_PAUSE)

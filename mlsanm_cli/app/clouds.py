@@ -1,0 +1,44 @@
+"""From a case's bodies to outlines, spacings, materials and clouds."""
+
+from __future__ import annotations
+
+from mlsanm_cli.case.model import Body, Case
+from mlsanm_cli.case.shapes import Disk, HalfDisk, Rectangle
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
+
+
+def outline_of(body: Body) -> Outline:
+    """The body's closed chain of named curves."""
+    shape = body.shape
+    if isinstance(shape, Rectangle):
+        return rectangle(shape.x, shape.y)
+    if isinstance(shape, HalfDisk):
+        return half_disk(shape.center, shape.radius, shape.side)
+    assert isinstance(shape, Disk)
+    return disk(shape.center, shape.radius)
+
+
+def spacing_of(body: Body) -> Spacing:
+    """The body's spacing field."""
+    outline = outline_of(body)
+    zones = []
+    for refine in body.refine:
+        if refine.at is not None:
+            zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
+        else:
+            curve = outline.curves[outline.names.index(str(refine.along).rpartition(".")[2])]
+            zones.append(Zone(curve, refine.spacing, refine.radius, refine.growth))
+    return Spacing(body.spacing, tuple(zones))
+
+
+def materials(case: Case) -> dict[str, PlaneMaterial]:
+    """Plane stiffness of every material."""
+    return {name: isotropic(m.E, m.nu, case.model.plane) for name, m in case.material.items()}
+
+
+def clouds(case: Case) -> dict[str, Cloud]:
+    """Node clouds of all bodies."""
+    return {body.name: build_cloud(outline_of(body), spacing_of(body), body.seed) for body in case.body}

@@ -1,0 +1,1 @@
+"""Node clouds: outlines made of named curves, node spacing, boundary nodes, interior nodes, quality figures."""

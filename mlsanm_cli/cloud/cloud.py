@@ -1,0 +1,99 @@
+"""The node cloud of one body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.kernels.fill import advance_front
+
+CANDIDATES = 15
+STRIPS = 512
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The nodes of one named boundary, in order along its curve.
+
+    ``index`` (b,) into the body's points, ``arc_length`` (b,), ``normal`` (b, 2) of this boundary alone: a
+    corner node belongs to both boundaries that meet there, with each one's own normal. ``weight`` (b,) is the
+    length of surface a node stands for (trapezoid rule).
+    """
+
+    name: str
+    curve: Curve
+    index: IntArray
+    arc_length: FloatArray
+    normal: FloatArray
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """Quadrature weights along the surface."""
+        s = self.arc_length
+        if self.curve.closed:
+            steps = np.diff(np.append(s, self.curve.length))
+            return 0.5 * (steps + np.roll(steps, 1))
+        steps = np.diff(s)
+        return 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Nodes of one body: ``points`` (n, 2), ``spacing`` (n,) asked for there, and its surfaces."""
+
+    points: FloatArray
+    spacing: FloatArray
+    surfaces: dict[str, Surface]
+
+    @cached_property
+    def boundary_nodes(self) -> IntArray:
+        """Indices of all boundary nodes, each once."""
+        return np.unique(np.concatenate([surface.index for surface in self.surfaces.values()]))
+
+
+def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_000_000) -> Cloud:
+    """Nodes on the outline and inside it, deterministic for a given ``seed``.
+
+    Raises RunError when more than ``limit`` nodes would be needed.
+    """
+    steps = [spacing.steps_along(curve) for curve in outline.curves]
+    total = sum(len(s) - 1 for s in steps)
+    boundary = np.concatenate(
+        [curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)]
+    )
+    edges = np.hstack([boundary, np.roll(boundary, -1, axis=0)])
+    points = advance_front(
+        boundary, edges, *_strips(edges), spacing.far, spacing.table(), CANDIDATES, seed, limit
+    )
+    if len(points) >= limit:
+        raise RunError(f"more than {limit} nodes in one body", "use larger spacings or smaller refinements")
+    surfaces = {}
+    first = 0
+    for name, curve, s in zip(outline.names, outline.curves, steps, strict=True):
+        s = s[:-1] if curve.closed else s
+        index = (first + np.arange(len(s), dtype=np.int64)) % total
+        surfaces[name] = Surface(name, curve, index, s, curve.normals(s))
+        first += len(s) if curve.closed else len(s) - 1
+    return Cloud(points, spacing.at(points), surfaces)
+
+
+def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:
+    """Edges (e, 4) sorted into horizontal strips: (start, edge numbers, lowest y, strip height)."""
+    low = np.minimum(edges[:, 1], edges[:, 3])
+    high = np.maximum(edges[:, 1], edges[:, 3])
+    bottom = float(low.min())
+    height = float(high.max() - bottom) / STRIPS * (1.0 + 1e-12)
+    first = np.clip(((low - bottom) / height).astype(np.int64), 0, STRIPS - 1)
+    last = np.clip(((high - bottom) / height).astype(np.int64), 0, STRIPS - 1)
+    count = np.where(edges[:, 1] == edges[:, 3], 0, last - first + 1)
+    number = np.repeat(np.arange(len(edges)), count)
+    strip = np.repeat(first, count) + np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
+    order = np.argsort(strip, kind="stable")
+    start = np.searchsorted(strip[order], np.arange(STRIPS + 1))
+    return start.astype(np.int64), number[order].astype(np.int64), bottom, height

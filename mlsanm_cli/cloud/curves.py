@@ -1,0 +1,141 @@
+"""Plane curves that outlines are made of, each run through with the material on its left."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+
+
+class Curve(Protocol):
+    """A curve measured by its arc length ``s`` from 0 to ``length``."""
+
+    @property
+    def length(self) -> float:
+        """Total arc length."""
+        ...
+
+    @property
+    def closed(self) -> bool:
+        """Whether the end is the start again."""
+        ...
+
+    def points(self, s: FloatArray) -> FloatArray:
+        """Positions (n, 2) at arc lengths ``s`` (n,)."""
+        ...
+
+    def normals(self, s: FloatArray) -> FloatArray:
+        """Unit outward normals (n, 2)."""
+        ...
+
+    def closest(self, points: FloatArray) -> FloatArray:
+        """Arc lengths (n,) of the curve's points closest to ``points`` (n, 2); ends included."""
+        ...
+
+    def zone(self) -> tuple[float, ...]:
+        """Six numbers by which the spacing kernel knows the curve."""
+        ...
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Straight line from ``start`` to ``end``."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+
+    closed = False
+
+    @property
+    def length(self) -> float:
+        return math.dist(self.start, self.end)
+
+    @property
+    def _tangent(self) -> FloatArray:
+        return (np.array(self.end) - np.array(self.start)) / self.length
+
+    def points(self, s: FloatArray) -> FloatArray:
+        fraction = (s / self.length)[:, None]
+        return (1.0 - fraction) * np.array(self.start) + fraction * np.array(self.end)
+
+    def normals(self, s: FloatArray) -> FloatArray:
+        tangent = self._tangent
+        return np.tile([tangent[1], -tangent[0]], (len(s), 1))
+
+    def closest(self, points: FloatArray) -> FloatArray:
+        s: FloatArray = np.clip((points - np.array(self.start)) @ self._tangent, 0.0, self.length)
+        return s
+
+    def zone(self) -> tuple[float, ...]:
+        return (0.0, *self.start, *self.end, 0.0)
+
+
+@dataclass(frozen=True)
+class Arc:
+    """Circular arc about ``center`` from angle ``start`` (radian) over ``sweep`` > 0, counter-clockwise."""
+
+    center: tuple[float, float]
+    radius: float
+    start: float
+    sweep: float
+
+    @property
+    def closed(self) -> bool:
+        return self.sweep >= 2.0 * math.pi
+
+    @property
+    def length(self) -> float:
+        return self.radius * self.sweep
+
+    def points(self, s: FloatArray) -> FloatArray:
+        return np.array(self.center) + self.radius * self.normals(s)
+
+    def normals(self, s: FloatArray) -> FloatArray:
+        angle = self.start + s / self.radius
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def closest(self, points: FloatArray) -> FloatArray:
+        away = points - np.array(self.center)
+        angle = np.mod(np.arctan2(away[:, 1], away[:, 0]) - self.start, 2.0 * math.pi)
+        # Past the end: the nearer end in angle is the nearer end in distance.
+        beyond = np.where(angle - self.sweep <= 2.0 * math.pi - angle, self.sweep, 0.0)
+        s: FloatArray = self.radius * np.where(angle <= self.sweep, angle, beyond)
+        return s
+
+    def zone(self) -> tuple[float, ...]:
+        return (1.0, *self.center, self.radius, self.start, min(self.sweep, 2.0 * math.pi))
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A closed chain of named curves with the material on the left."""
+
+    names: tuple[str, ...]
+    curves: tuple[Curve, ...]
+
+
+def rectangle(x: tuple[float, float], y: tuple[float, float]) -> Outline:
+    """Boundaries bottom, right, top, left."""
+    a, b, c, d = (x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])
+    return Outline(
+        ("bottom", "right", "top", "left"), (Segment(a, b), Segment(b, c), Segment(c, d), Segment(d, a))
+    )
+
+
+def disk(center: tuple[float, float], radius: float) -> Outline:
+    """One boundary, arc, starting at the top."""
+    return Outline(("arc",), (Arc(center, radius, 0.5 * math.pi, 2.0 * math.pi),))
+
+
+def half_disk(center: tuple[float, float], radius: float, side: str) -> Outline:
+    """The half of a disk on its ``side`` lower, upper, left or right; boundaries arc and flat."""
+    start = {"lower": 1.0, "right": 1.5, "upper": 0.0, "left": 0.5}[side] * math.pi
+    arc = Arc(center, radius, start, math.pi)
+    ends = arc.points(np.array([0.0, arc.length]))
+    first = (float(ends[0, 0]), float(ends[0, 1]))
+    last = (float(ends[1, 0]), float(ends[1, 1]))
+    return Outline(("arc", "flat"), (arc, Segment(last, first)))

@@ -1,0 +1,59 @@
+"""Figures that tell whether a cloud is fit for use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import Delaunay, cKDTree
+
+from mlsanm_cli.cloud.cloud import Cloud
+
+
+@dataclass(frozen=True)
+class CloudQuality:
+    """``closest``: smallest node distance over the local spacing; ``hole``: radius of the largest empty circle
+    inside over the local spacing; ``growth``: largest change of spacing per unit distance between neighbours."""
+
+    nodes: int
+    boundary_nodes: int
+    closest: float
+    hole: float
+    growth: float
+
+
+def measure(cloud: Cloud) -> CloudQuality:
+    """Quality figures of a cloud."""
+    distance, neighbour = cKDTree(cloud.points).query(cloud.points, k=7)
+    growth = np.abs(cloud.spacing[neighbour[:, 1:]] - cloud.spacing[:, None]) / distance[:, 1:]
+    return CloudQuality(
+        nodes=len(cloud.points),
+        boundary_nodes=len(cloud.boundary_nodes),
+        closest=float((distance[:, 1] / cloud.spacing).min()),
+        hole=_largest_hole(cloud),
+        growth=float(growth.max()),
+    )
+
+
+def _largest_hole(cloud: Cloud) -> float:
+    """Largest circumradius over spacing of the Delaunay triangles whose centre lies among the nodes."""
+    corners = cloud.points[Delaunay(cloud.points).simplices]
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    ab, ac = b - a, c - a
+    twice = 2.0 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
+    good = np.abs(twice) > 1e-9 * (ab**2).sum(axis=1)
+    ab2, ac2 = (ab[good] ** 2).sum(axis=1), (ac[good] ** 2).sum(axis=1)
+    x = (ac[good, 1] * ab2 - ab[good, 1] * ac2) / twice[good]
+    y = (ab[good, 0] * ac2 - ac[good, 0] * ab2) / twice[good]
+    # Flat triangles along the outline have their centres outside: they are no holes. A centre counts as
+    # inside where the nearest boundary node does not see it in front of its surface.
+    center = a[good] + np.stack([x, y], axis=1)
+    normals = np.zeros_like(cloud.points)
+    for surface in cloud.surfaces.values():
+        normals[surface.index] += surface.normal
+    boundary = cloud.boundary_nodes
+    near = boundary[cKDTree(cloud.points[boundary]).query(center)[1]]
+    inside = ((center - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
+    radius = np.hypot(x, y)
+    h = cloud.spacing[cKDTree(cloud.points).query(center)[1]]
+    return float((radius / h)[inside].max(initial=0.0))

@@ -1,0 +1,47 @@
+"""How many nodes a cloud will have, before it is built."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.spacing import Spacing
+
+NODES_PER_SQUARE = 0.84
+"""Nodes per area h^2 that the advancing front leaves, measured on even and graded clouds."""
+
+
+def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> float:
+    """Estimated number of nodes: the integral of 1/h^2 over the region by quadtree; stops past ``limit``."""
+    chain = np.concatenate(
+        [curve.points(np.linspace(0.0, curve.length, 257)[:-1]) for curve in outline.curves]
+    )
+    low, high = chain.min(axis=0), chain.max(axis=0)
+    size = float((high - low).max())
+    cells = low[None, :] + 0.5 * size
+    total = 0.0
+    while len(cells):
+        h = spacing.at(cells)
+        # Fine enough when a cell holds few nodes: its spacing is then nearly even.
+        fine = size <= 4.0 * h
+        inside = _inside(chain, cells[fine])
+        total += NODES_PER_SQUARE * float((size**2 / h[fine] ** 2)[inside].sum())
+        if total > limit or len(cells) > 4_000_000:
+            return max(total, limit)
+        quarter = 0.25 * size
+        corners = np.array([(-quarter, -quarter), (quarter, -quarter), (-quarter, quarter), (quarter, quarter)])
+        cells = (cells[~fine][:, None, :] + corners).reshape(-1, 2)
+        outside = ((cells < low - quarter) | (cells > high + quarter)).any(axis=1)
+        cells = cells[~outside]
+        size *= 0.5
+    return total
+
+
+def _inside(chain: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Even-odd rule for ``points`` (n, 2) in the polygon ``chain`` (c, 2)."""
+    inside = np.zeros(len(points), dtype=bool)
+    for (x0, y0), (x1, y1) in zip(chain, np.roll(chain, -1, axis=0), strict=True):
+        if y0 != y1:
+            crosses = (y0 > points[:, 1]) != (y1 > points[:, 1])
+            inside ^= crosses & (points[:, 0] < x0 + (points[:, 1] - y0) / (y1 - y0) * (x1 - x0))
+    return inside

@@ -1,0 +1,1 @@
+"""Contact between bodies: pairs of surfaces, condensed compliance, contact laws."""

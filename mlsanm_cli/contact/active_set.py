@@ -1,0 +1,144 @@
+"""Exact unilateral contact: p >= 0, h >= 0, p h = 0, solved by an active set on the condensed system.
+
+The primal-dual active set (Hintermuller, Ito and Kunisch 2002, doi:10.1137/S1052623401383558) settles in a few
+passes. Should it come back to a set it has seen, the least-index principal pivoting of Murty (1974,
+doi:10.1007/BF01580238) takes over, which cannot cycle while sym(W A) is positive definite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as linalg
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.errors import NumericalError
+
+ROUND_OFF = 1e-11
+
+
+@dataclass(frozen=True)
+class ExactState:
+    """Pressures (m,), gaps (m,) and unknown motions (k,) at load factors ``factors`` (L,).
+
+    ``active`` (m,) marks closed nodes; ``solves`` counts dense systems; ``residual`` is the largest violation of
+    the contact conditions and balances, relative to the peak pressure, its elastic gap and the forces.
+    """
+
+    factors: FloatArray
+    pressure: FloatArray
+    gap: FloatArray
+    motion: FloatArray
+    active: BoolArray
+    solves: int
+    residual: float
+
+
+def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | None = None) -> ExactState:
+    """Exact contact state at ``factors`` (L,), the search beginning from the set ``start`` (m,).
+
+    Raises NumericalError where no state balances the loads.
+    """
+    gap_map, m = condensed.gap, len(condensed.weight)
+    free_gap = gap_map.constant + gap_map.load @ factors
+    active = _first_guess(condensed, free_gap) if start is None or not start.any() else start.copy()
+    seen: set[bytes] = set()
+    one_by_one = False
+    limit = 50 * (m + 1)
+    for count in range(1, limit + 1):
+        pressure, motion = _solve_active(condensed, free_gap, factors, active)
+        gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
+        gap[active] = 0.0
+        wrong = _violations(condensed, active, pressure, gap)
+        if not wrong.any():
+            residual = _residual(condensed, factors, pressure, motion, active)
+            return ExactState(factors, pressure, gap, motion, active, count, residual)
+        one_by_one |= active.tobytes() in seen
+        if one_by_one:
+            wrong[np.flatnonzero(wrong)[0] + 1 :] = False
+        seen.add(active.tobytes())
+        active = active ^ wrong
+        if not active.any():
+            # A platen cannot be balanced by nothing: begin again from the closest node.
+            active[np.argmin(free_gap)] = len(condensed.balance.constant) > 0
+    raise NumericalError(
+        f"the active set found no contact state in {limit} passes",
+        "the cloud may be too coarse or unlike on the two surfaces; see the stability figure of `mlsanm check`",
+    )
+
+
+def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
+    """Overlapping nodes; where a platen must be balanced, at least the closest node of every contact."""
+    active = free_gap < 0.0
+    if len(condensed.balance.constant):
+        for span in condensed.spans.values():
+            active[span] |= free_gap[span] <= free_gap[span].min(initial=np.inf)
+    return np.asarray(active, dtype=bool)
+
+
+def _solve_active(
+    condensed: Condensed, free_gap: FloatArray, factors: FloatArray, active: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Pressures (m,) that close the active nodes' gaps, and motions (k,) that balance the platens."""
+    closed = np.flatnonzero(active)
+    balance = condensed.balance
+    a, k = len(closed), len(balance.constant)
+    pressure = np.zeros(len(active))
+    if a + k == 0:
+        return pressure, np.zeros(0)
+    matrix = np.empty((a + k, a + k))
+    matrix[:a, :a] = condensed.gap.pressure[np.ix_(closed, closed)]
+    matrix[:a, a:] = condensed.gap.motion[closed]
+    matrix[a:, :a] = balance.pressure[:, closed]
+    matrix[a:, a:] = balance.motion
+    rhs = np.concatenate([-free_gap[closed], -(balance.constant + balance.load @ factors)])
+    # Rows and columns have unlike units; scaling them makes singularity visible as a number.
+    rows = 1.0 / np.maximum(np.abs(matrix).max(axis=1), np.finfo(float).tiny)
+    scaled = matrix * rows[:, None]
+    columns = 1.0 / np.maximum(np.abs(scaled).max(axis=0), np.finfo(float).tiny)
+    scaled *= columns
+    factor, pivots, info = linalg.lapack.dgetrf(scaled)
+    if info == 0:
+        rcond, info = linalg.lapack.dgecon(factor, np.abs(scaled).sum(axis=0).max())
+    if info != 0 or rcond < 1e-15:
+        raise NumericalError(
+            "no contact pressure balances the loads",
+            "a force-controlled platen may push its body away from the contact, or nothing resists its direction; "
+            "prescribe that direction's displacement instead",
+        )
+    solution, _ = linalg.lapack.dgetrs(factor, pivots, rhs * rows)
+    solution = solution * columns
+    # One step on the unscaled system takes away what the factorisation's round-off left.
+    correction, _ = linalg.lapack.dgetrs(factor, pivots, (rhs - matrix @ solution) * rows)
+    solution += correction * columns
+    pressure[closed] = solution[:a]
+    return pressure, solution[a:]
+
+
+def _violations(condensed: Condensed, active: BoolArray, pressure: FloatArray, gap: FloatArray) -> BoolArray:
+    """Closed nodes in tension and open nodes that overlap, beyond round-off."""
+    typical = float(np.abs(pressure).max(initial=0.0))
+    elastic = float(np.abs(condensed.gap.pressure).max(initial=0.0)) * typical
+    tension = active & (pressure < -ROUND_OFF * typical)
+    overlap = ~active & (gap < -ROUND_OFF * elastic)
+    return np.asarray(tension | overlap, dtype=bool)
+
+
+def _residual(
+    condensed: Condensed, factors: FloatArray, pressure: FloatArray, motion: FloatArray, active: BoolArray
+) -> float:
+    """Largest of gap left on closed nodes, tension, overlap and force balance, each made relative."""
+    typical = float(np.abs(pressure).max(initial=0.0)) or 1.0
+    elastic = float(np.abs(condensed.gap.pressure @ pressure).max(initial=0.0)) or 1.0
+    gap = condensed.gap(factors, motion, pressure)
+    lack = condensed.balance(factors, motion, pressure)
+    force = np.abs(condensed.balance.load @ factors) + np.abs(condensed.balance.pressure) @ np.abs(pressure)
+    parts = (
+        np.abs(gap[active]).max(initial=0.0) / elastic,
+        max(0.0, -gap[~active].min(initial=0.0)) / elastic,
+        max(0.0, -pressure.min(initial=0.0)) / typical,
+        (np.abs(lack) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),
+    )
+    return float(max(parts))

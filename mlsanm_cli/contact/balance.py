@@ -1,0 +1,135 @@
+"""Forces: what loads, supports and contacts exert on the bodies, and the balance of platens and bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
+from mlsanm_cli.contact.observers import resultant
+from mlsanm_cli.contact.pairing import Pairing, transfer
+from mlsanm_cli.mechanics.scene import Platen, PlatenMotion, Scene
+
+Held = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Everything that pushes on a body, as force x, y and moment (3 rows) in the condensed unknowns.
+
+    ``reactions[body, surface]`` are integrals of sigma n, with moments about that platen's centre.
+    """
+
+    scene: Scene
+    pairings: tuple[Pairing, ...]
+    spans: Mapping[str, slice]
+    columns: Columns
+    reactions: Mapping[Held, LinearMap]
+
+    def contact(self, pairing: Pairing, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
+        """What a contact exerts on its slave."""
+        chosen = pairing.candidate
+        forces = (pairing.weight[:, None] * pairing.normal)[chosen]
+        points = self.scene.bodies[pairing.slave_body].model.cloud.points[pairing.node[chosen]]
+        return self.columns.of_pressures(self.spans[pairing.name], resultant(forces, points, center))
+
+    def transferred(self, pairing: Pairing) -> LinearMap:
+        """What the master's own nodes receive of it: minus :meth:`contact` up to the discretisation error."""
+        cloud = self.scene.bodies[pairing.master_body].model.cloud
+        surface = pairing.master
+        forces = -surface.weight[:, None] * surface.normal
+        per_node = resultant(forces, cloud.points[surface.index], (0.0, 0.0))
+        return self.columns.of_pressures(self.spans[pairing.name], per_node @ transfer(pairing, cloud))
+
+    def tractions(self, body: str, center: tuple[float, float]) -> LinearMap:
+        """What the prescribed tractions on a body add up to."""
+        total = np.zeros((3, self.columns.loads))
+        for load in self.scene.surface_loads:
+            if load.body == body and not load.held:
+                surface = self.scene.surface(body, load.surface)
+                points = self.scene.bodies[body].model.cloud.points[surface.index]
+                forces = surface.weight[:, None] * load.values
+                total[:, load.number] += resultant(forces, points, center).sum(axis=1)
+        return self.columns.of_loads(total)
+
+    def others(self, platen: Platen) -> LinearMap:
+        """Contacts and tractions on a platen's body, moments about the platen's centre."""
+        total = self.tractions(platen.body, platen.center)
+        for pairing in self.pairings:
+            if pairing.slave_body == platen.body:
+                total = total + self.contact(pairing, platen.center)
+            if pairing.master_body == platen.body:
+                total = total + -self.contact(pairing, platen.center)
+        return total
+
+    def platen(self, platen: Platen, motion: PlatenMotion) -> LinearMap:
+        """The force (1 row) that the platen must exert on its body in one component."""
+        row = slice(motion.component, motion.component + 1)
+        if motion.alone:
+            return -self.others(platen).take(row)
+        return self.reactions[platen.body, platen.surface].take(row)
+
+
+def platen_balance(forces: Forces) -> LinearMap:
+    """One row per unknown motion: the force the platen must exert less the force applied to it."""
+    rows = []
+    for platen, motion in forces.scene.unknown_motions:
+        rows.append(forces.platen(platen, motion) + -forces.columns.of_loads(motion.force[None, :]))
+    return stack(rows, forces.columns)
+
+
+def reported_forces(forces: Forces) -> dict[str, LinearMap]:
+    """Force x, y (2 rows) that each load and each support exerts on its body, by name."""
+    scene, columns = forces.scene, forces.columns
+    report = {}
+    for load in scene.surface_loads:
+        if load.held:
+            total = forces.reactions[load.body, load.surface]
+        else:
+            surface = scene.surface(load.body, load.surface)
+            sums = np.zeros((3, columns.loads))
+            sums[:2, load.number] = (surface.weight[:, None] * load.values).sum(axis=0)
+            total = columns.of_loads(sums)
+        report[scene.loads[load.number]] = total.take(slice(0, 2))
+    for platen in scene.platens:
+        for number in platen.loads:
+            rows = [columns.zeros(1), columns.zeros(1)]
+            for motion in platen.motions:
+                if motion.component > 1:
+                    continue
+                if motion.prescribed is None:
+                    own = np.zeros((1, columns.loads))
+                    own[0, number] = motion.force[number]
+                    rows[motion.component] = columns.of_loads(own)
+                elif number == platen.loads[0]:
+                    # Several loads may move one platen in this component: its force is told once.
+                    rows[motion.component] = forces.platen(platen, motion)
+            report[scene.loads[number]] = stack(rows, columns)
+    for name, held in scene.supports.items():
+        report[name] = forces.reactions[held].take(slice(0, 2))
+    return report
+
+
+def body_imbalance(forces: Forces) -> LinearMap:
+    """Sum of all forces on each body (2 rows per body), those of held surfaces from the stress field.
+
+    It vanishes with the discretisation error. Components held at single nodes are left out.
+    """
+    rows = []
+    for name in forces.scene.bodies:
+        total = forces.tractions(name, (0.0, 0.0))
+        for pairing in forces.pairings:
+            if pairing.slave_body == name:
+                total = total + forces.contact(pairing)
+            if pairing.master_body == name:
+                total = total + forces.transferred(pairing)
+        for (body, _), reaction in forces.reactions.items():
+            if body == name:
+                total = total + reaction
+        for component in (0, 1):
+            hidden = forces.scene.held_nodes.get(name, (False, False))[component]
+            row = slice(component, component + 1)
+            rows.append(forces.columns.zeros(1) if hidden else total.take(row))
+    return stack(rows, forces.columns)

@@ -1,0 +1,118 @@
+"""The contact problem condensed on its own unknowns.
+
+The bulk is linear, so with the load factors f, the candidates' pressures p and the unknown platen motions q::
+
+    gap     h = h0 + H f + C q + A p
+    balance 0 = B f + G q + F p           (one row per unknown motion)
+
+A is the compliance. Each body is factorised once; every column costs one block solve, of which only the
+functionals needed are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.balance import Forces, body_imbalance, platen_balance, reported_forces
+from mlsanm_cli.contact.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.observers import gap_rows, reaction_rows
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.sources import body_sources
+from mlsanm_cli.mechanics.scene import Scene
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """All that the contact laws need to know.
+
+    ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their surface
+    lengths. ``gap`` maps to the candidates' gaps (m,), ``watched`` to the gaps of paired nodes that are no
+    candidates, ``balance`` to what the platens lack (k,). ``forces`` maps each load and support to its force (2,)
+    on its body, ``contact_forces`` each contact to its force (2,) on the slave; ``imbalance`` holds the sum of
+    forces on each body (2 per body). ``stability`` is the smallest over the largest eigenvalue of sym(W A), W the
+    weights: a discretisation whose compliance is not positive cannot be trusted. ``solves`` counts columns.
+    """
+
+    pairings: tuple[Pairing, ...]
+    spans: Mapping[str, slice]
+    weight: FloatArray
+    gap: LinearMap
+    watched: LinearMap
+    balance: LinearMap
+    forces: Mapping[str, LinearMap]
+    contact_forces: Mapping[str, LinearMap]
+    imbalance: LinearMap
+    sources: Mapping[str, sparse.csc_array]
+    stability: float | None
+    solves: int
+
+    def displacement(self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray) -> FloatArray:
+        """Nodal displacements (n, 2) of a body in one state, by one back-substitution."""
+        source = sparse.csc_array((self.sources[body] @ np.concatenate([f, q, p]))[:, None])
+        return scene.bodies[body].system.solve(source, corrections=2).reshape(-1, 2)
+
+
+def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
+    """Condense the scene on the candidates of ``pairings``."""
+    counts = [int(pairing.candidate.sum()) for pairing in pairings]
+    columns = Columns(len(scene.loads), len(scene.unknown_motions), sum(counts))
+    ends = np.cumsum([0, *counts])
+    spans = {pair.name: slice(int(a), int(b)) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)}
+    centers = {(platen.body, platen.surface): platen.center for platen in scene.platens}
+    held = [(name, surface) for name, body in scene.bodies.items() for surface in body.held]
+
+    paired = sum(len(pairing.position) for pairing in pairings)
+    observed = np.zeros((paired + 3 * len(held), columns.total))
+    sources = {}
+    solves = 0
+    for name, body in scene.bodies.items():
+        sources[name] = body_sources(scene, name, pairings, spans, columns)
+        empty = sparse.csr_array((3, 2 * len(body.model.cloud.points)))
+        reactions = [
+            reaction_rows(body, surface, centers.get((owner, surface), (0.0, 0.0))) if owner == name else empty
+            for owner, surface in held
+        ]
+        rows = sparse.csr_array(sparse.vstack([gap_rows(body, name, pairings), *reactions], format="csr"))
+        used = np.flatnonzero(np.diff(sources[name].indptr))
+        for block, solution in body.system.solve_blocks(sources[name][:, used]):
+            observed[:, used[block]] += rows @ solution
+        solves += len(used)
+
+    candidate = np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
+    gap = columns.split(observed[:paired], np.concatenate([[], *(pairing.gap for pairing in pairings)]))
+    weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
+    forces = Forces(
+        scene,
+        pairings,
+        spans,
+        columns,
+        {where: columns.split(observed[paired + 3 * i : paired + 3 * i + 3]) for i, where in enumerate(held)},
+    )
+    return Condensed(
+        pairings=pairings,
+        spans=spans,
+        weight=weight,
+        gap=gap.take(candidate),
+        watched=gap.take(~candidate),
+        balance=platen_balance(forces),
+        forces=reported_forces(forces),
+        contact_forces={pairing.name: forces.contact(pairing).take(slice(0, 2)) for pairing in pairings},
+        imbalance=body_imbalance(forces),
+        sources=sources,
+        stability=stability_certificate(weight, gap.take(candidate).pressure),
+        solves=solves,
+    )
+
+
+def stability_certificate(weight: FloatArray, compliance: FloatArray) -> float | None:
+    """Smallest over largest eigenvalue of the symmetric part of W A; None without contact."""
+    if not len(weight):
+        return None
+    weighted = weight[:, None] * compliance
+    eigenvalues = np.linalg.eigvalsh(0.5 * (weighted + weighted.T))
+    return float(eigenvalues[0] / np.abs(eigenvalues).max())

@@ -1,0 +1,126 @@
+"""Regularised unilateral contact: the hyperbola (p + eta) h = eta delta, followed along a load path.
+
+Elhage-Hussein, Potier-Ferry and Damil 2000 (doi:10.1016/S0020-7683(99)00322-7): the gap left under a pressure p
+is about eta delta / p, the spurious tension of an open node stays below eta, and the branch h < 0 means nothing.
+Unknowns x = (p, h, q); with s from 0 to 1 along the stage and f(s) = f_a + s (f_b - f_a)::
+
+    r1 = (p + eta) h - eta delta
+    r2 = h - gap(f, q, p)
+    r3 = balance(f, q, p)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as linalg
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.errors import NumericalError
+
+
+@dataclass(frozen=True)
+class Regularization:
+    """``eta`` (a pressure), ``delta`` (m,) lengths, and the reference pressure, gap, force and motion that scale
+    residuals and unknowns."""
+
+    eta: float
+    delta: FloatArray
+    pressure: float
+    gap: float
+    force: FloatArray
+    motion: FloatArray
+
+
+class HyperbolicTangent:
+    """Factorised tangent; gaps are eliminated, so only a dense (m + k) system is factorised."""
+
+    def __init__(self, problem: HyperbolicContact, x: FloatArray) -> None:
+        self._problem = problem
+        p, h, _ = problem.split(x)
+        gap, balance = problem.condensed.gap, problem.condensed.balance
+        m, k = problem.m, problem.k
+        self._stress = p + problem.law.eta
+        matrix = np.empty((m + k, m + k))
+        np.multiply(gap.pressure, self._stress[:, None], out=matrix[:m, :m])
+        matrix[np.arange(m), np.arange(m)] += h
+        matrix[:m, m:] = self._stress[:, None] * gap.motion
+        matrix[m:, :m] = balance.pressure / problem.law.force[:, None]
+        matrix[m:, m:] = balance.motion / problem.law.force[:, None]
+        matrix[:m] /= problem.law.pressure * problem.law.gap
+        self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix, overwrite_a=1)
+        if info != 0:
+            raise NumericalError("singular tangent of the contact problem")
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution (2m + k,)."""
+        problem, m = self._problem, self._problem.m
+        scale = problem.law.gap
+        shift = rhs[m : 2 * m] * scale
+        reduced = np.concatenate([rhs[:m] - self._stress * shift / (problem.law.pressure * scale), rhs[2 * m :]])
+        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
+        p, q = solution[:m], solution[m:]
+        gap = problem.condensed.gap
+        h = shift + gap.pressure @ p
+        if problem.k:
+            h += gap.motion @ q
+        return np.concatenate([p, h, q])
+
+
+class HyperbolicContact:
+    """The regularised problem over one stage, in the form the continuation driver asks for."""
+
+    def __init__(self, condensed: Condensed, law: Regularization, start: FloatArray, end: FloatArray) -> None:
+        self.condensed = condensed
+        self.law = law
+        self.m = len(condensed.weight)
+        self.k = len(condensed.balance.constant)
+        self.size = 2 * self.m + self.k
+        self.start = start
+        self.change = end - start
+        self.scale = np.concatenate([np.full(self.m, law.pressure), np.full(self.m, law.gap), law.motion])
+        gap, balance = condensed.gap, condensed.balance
+        self._load_derivative = np.concatenate(
+            [np.zeros(self.m), -(gap.load @ self.change) / law.gap, (balance.load @ self.change) / law.force]
+        )
+
+    def factors(self, lam: float) -> FloatArray:
+        """Load factors (L,) at path parameter ``lam``."""
+        return self.start + lam * self.change
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Pressures (m,), gaps (m,), motions (k,)."""
+        m = self.m
+        return x[..., :m], x[..., m : 2 * m], x[..., 2 * m :]
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        """Dimensionless residual (2m + k,)."""
+        p, h, q = self.split(x)
+        f = self.factors(lam)
+        law = self.law
+        hyperbola = ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap)
+        gap = (h - self.condensed.gap(f, q, p)) / law.gap
+        return np.concatenate([hyperbola, gap, self.condensed.balance(f, q, p) / law.force])
+
+    def tangent(self, x: FloatArray, lam: float) -> HyperbolicTangent:
+        """Factorised derivative by x."""
+        return HyperbolicTangent(self, x)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        """Derivative by the path parameter (2m + k,)."""
+        return self._load_derivative
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        """Right-hand side of order k from the coefficients (k, 2m + k) of the orders below: -sum p_r h_(k-r)."""
+        rhs = np.zeros(self.size)
+        if len(x) > 1:
+            p, h, _ = self.split(x[1:])
+            rhs[: self.m] = np.einsum("ij,ij->j", p, h[::-1]) / (-self.law.pressure * self.law.gap)
+        return rhs
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        """Whether every gap is open, that is, the state lies on the meaningful branch."""
+        p, h, _ = self.split(x)
+        return bool((h > 0.0).all() and (p > -self.law.eta).all())

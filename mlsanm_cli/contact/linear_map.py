@@ -1,0 +1,86 @@
+"""Quantities that are linear in load factors, platen motions and contact pressures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class LinearMap:
+    """``constant`` (r,) + ``load`` (r, L) f + ``motion`` (r, k) q + ``pressure`` (r, m) p."""
+
+    constant: FloatArray
+    load: FloatArray
+    motion: FloatArray
+    pressure: FloatArray
+
+    def __call__(self, f: FloatArray, q: FloatArray, p: FloatArray) -> FloatArray:
+        """Values (r,) in one state."""
+        result: FloatArray = self.constant + self.load @ f + self.motion @ q + self.pressure @ p
+        return result
+
+    def __add__(self, other: LinearMap) -> LinearMap:
+        return LinearMap(
+            self.constant + other.constant,
+            self.load + other.load,
+            self.motion + other.motion,
+            self.pressure + other.pressure,
+        )
+
+    def __neg__(self) -> LinearMap:
+        return LinearMap(-self.constant, -self.load, -self.motion, -self.pressure)
+
+    def take(self, rows: IntArray | BoolArray | slice) -> LinearMap:
+        """Some of its rows."""
+        return LinearMap(self.constant[rows], self.load[rows], self.motion[rows], self.pressure[rows])
+
+
+@dataclass(frozen=True)
+class Columns:
+    """How many unknowns of each kind there are; columns go loads, motions, pressures."""
+
+    loads: int
+    motions: int
+    pressures: int
+
+    @property
+    def total(self) -> int:
+        """All columns."""
+        return self.loads + self.motions + self.pressures
+
+    def split(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
+        """A dense array (r, total) as a linear map."""
+        k = self.loads + self.motions
+        start = np.zeros(len(rows)) if constant is None else constant
+        return LinearMap(start, rows[:, : self.loads], rows[:, self.loads : k], rows[:, k:])
+
+    def zeros(self, rows: int) -> LinearMap:
+        """The map to nothing."""
+        return self.split(np.zeros((rows, self.total)))
+
+    def of_loads(self, load: FloatArray) -> LinearMap:
+        """A map (r, L) of the load factors alone."""
+        return LinearMap(
+            np.zeros(len(load)), load, np.zeros((len(load), self.motions)), np.zeros((len(load), self.pressures))
+        )
+
+    def of_pressures(self, span: slice, pressure: FloatArray) -> LinearMap:
+        """A map (r, span) of one contact's pressures alone."""
+        result = self.zeros(len(pressure))
+        result.pressure[:, span] = pressure
+        return result
+
+
+def stack(maps: list[LinearMap], columns: Columns) -> LinearMap:
+    """Maps below each other."""
+    parts = [columns.zeros(0), *maps]
+    return LinearMap(
+        np.concatenate([part.constant for part in parts]),
+        np.concatenate([part.load for part in parts]),
+        np.concatenate([part.motion for part in parts]),
+        np.concatenate([part.pressure for part in parts]),
+    )

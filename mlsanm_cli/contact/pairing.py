@@ -1,0 +1,145 @@
+"""Which slave nodes face which place of the master: virtual nodes, normals, initial gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud, Surface
+
+OPPOSED = -0.2
+"""Surfaces face each other where their outward normals' product is below this."""
+
+TRANSFER_POINTS = 4
+TRANSFER_SHARPNESS = 4.0
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """The slave nodes of one contact that have a partner on the master (w of them, along the surface).
+
+    ``position`` (w,) counts along the slave surface, ``partner`` (w, 2) are the virtual nodes on the master,
+    ``normal`` (w, 2) the master's outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,) marks
+    the nodes that can touch; the others are only watched.
+    """
+
+    name: str
+    slave_body: str
+    slave: Surface
+    master_body: str
+    master: Surface
+    position: IntArray
+    partner: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+    spacing: FloatArray
+    candidate: BoolArray
+
+    @property
+    def node(self) -> IntArray:
+        """Node numbers (w,) in the slave body."""
+        return self.slave.index[self.position]
+
+    @property
+    def weight(self) -> FloatArray:
+        """Length of slave surface per node (w,)."""
+        return self.slave.weight[self.position]
+
+    def with_reach(self, reach: float) -> Pairing:
+        """The same pairs with the nodes of initial gap up to ``reach`` as candidates."""
+        return replace(self, candidate=self.gap <= reach)
+
+    def first_reach(self) -> float:
+        """A reach to begin with: the widest gap where the slave's spacing is within 1.5 of the finest."""
+        fine = self.spacing <= 1.5 * self.spacing.min()
+        return float(max(self.gap[fine].max(), self.gap.min()))
+
+
+def pair_surfaces(
+    name: str, slave_body: str, slave_cloud: Cloud, slave: Surface, master_body: str, master_cloud: Cloud, master: Surface
+) -> Pairing:
+    """Closest points on the master's exact curve for every slave node that faces it.
+
+    A node whose closest point is an end of the master, seen at an angle, has no partner.
+    """
+    points = slave_cloud.points[slave.index]
+    s = master.curve.closest(points)
+    partner = master.curve.points(s)
+    normal = master.curve.normals(s)
+    away = points - partner
+    tangential = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+    spacing = slave_cloud.spacing[slave.index]
+    facing = (slave.normal * normal).sum(axis=1) < OPPOSED
+    position = np.flatnonzero(facing & (tangential < 1e-6 * spacing))
+    gap = (away * normal).sum(axis=1)[position]
+    return Pairing(
+        name=name,
+        slave_body=slave_body,
+        slave=slave,
+        master_body=master_body,
+        master=master,
+        position=position,
+        partner=partner[position],
+        normal=normal[position],
+        gap=gap,
+        spacing=spacing[position],
+        candidate=np.ones(len(position), dtype=bool),
+    )
+
+
+def spacing_ratio(pairing: Pairing, master_cloud: Cloud) -> float:
+    """Largest ratio, either way, of facing spacings over the candidates."""
+    chosen = pairing.candidate
+    if not chosen.any():
+        return 1.0
+    arc = pairing.master.curve.closest(pairing.partner[chosen])
+    h = np.interp(arc, pairing.master.arc_length, master_cloud.spacing[pairing.master.index])
+    ratio = pairing.spacing[chosen] / h
+    return float(np.maximum(ratio, 1.0 / ratio).max())
+
+
+def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
+    """Pressure at the master's surface nodes (b, m) from the candidates' pressures (m,).
+
+    One-dimensional moving least squares of degree 1 along the slave surface over the four nearest candidates,
+    which reproduces a constant pressure; nodes outside the candidates' range receive none.
+    """
+    arc = pairing.slave.arc_length[pairing.position[pairing.candidate]]
+    points = master_cloud.points[pairing.master.index]
+    s = pairing.slave.curve.closest(points)
+    shadow = pairing.slave.curve.normals(s)
+    facing = (shadow * pairing.master.normal).sum(axis=1) < OPPOSED
+    slack = 1e-6 * float(pairing.spacing.min())
+    rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack))
+    count = min(TRANSFER_POINTS, len(arc))
+    # Both ends of the slave see points beside it as their own shadow; those get no pressure.
+    away = points - pairing.slave.curve.points(s)
+    beside = np.abs(away[:, 0] * shadow[:, 1] - away[:, 1] * shadow[:, 0])
+    rows = rows[beside[rows] <= slack]
+    if not len(rows):
+        return sparse.csr_array((len(points), len(arc)))
+    columns = _nearest_window(arc, s[rows], count)
+    offset = arc[columns] - s[rows][:, None]
+    offset /= np.maximum(np.abs(offset).max(axis=1, keepdims=True), np.finfo(float).tiny)
+    weight = np.exp(-2.0 * TRANSFER_SHARPNESS * offset**2)
+    if count > 1:
+        s0, s1, s2 = (np.sum(weight * offset**k, axis=1, keepdims=True) for k in range(3))
+        weight = weight * (s2 - s1 * offset) / (s0 * s2 - s1**2)
+    else:
+        weight = np.ones_like(weight)
+    return sparse.csr_array(
+        (weight.ravel(), (np.repeat(rows, count), columns.ravel())), shape=(len(points), len(arc))
+    )
+
+
+def _nearest_window(arc: FloatArray, s: FloatArray, count: int) -> IntArray:
+    """Numbers (r, count) of the ``count`` consecutive entries of ``arc`` nearest to each ``s`` (r,)."""
+    first = np.clip(np.searchsorted(arc, s) - count, 0, len(arc) - count)
+    for _ in range(count):
+        can = first + count < len(arc)
+        ahead = np.where(can, arc[np.minimum(first + count, len(arc) - 1)] - s, np.inf)
+        first = np.where(can & (ahead < s - arc[first]), first + 1, first)
+    return np.asarray(first[:, None] + np.arange(count), dtype=np.int64)

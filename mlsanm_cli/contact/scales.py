@@ -1,0 +1,45 @@
+"""Reference magnitudes of a contact scene, taken from its exact contact states, and the law made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mlsanm_cli.contact.active_set import ExactState
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.hyperbolic import Regularization
+from mlsanm_cli.errors import NumericalError
+
+WIDEST = 10.0
+"""The law's length of a node lies between the scene's elastic gap and this many times it."""
+
+
+def regularize(condensed: Condensed, states: Sequence[ExactState], eta: float) -> Regularization:
+    """The hyperbolic law with ``eta`` relative to the largest pressure of the exact ``states``.
+
+    Every length in it is proportional to the elastic change of the gap in those states, so that neither units
+    nor the size of a load change the relative result. Raises NumericalError when no state has any pressure.
+    """
+    pressure = max(float(state.pressure.max(initial=0.0)) for state in states)
+    if pressure <= 0.0:
+        raise NumericalError(
+            "no contact carries any pressure at the end of a stage, so the hyperbolic law has no scale",
+            'check the direction of the loads, or use contact.regularization.law = "exact"',
+        )
+    elastic = max(float(np.abs(condensed.gap.pressure @ state.pressure).max()) for state in states)
+    gap = 0.1 * elastic
+    delta = np.empty(len(condensed.weight))
+    for pairing in condensed.pairings:
+        initial = pairing.gap[pairing.candidate]
+        delta[condensed.spans[pairing.name]] = np.clip(initial - initial.min(), gap, WIDEST * gap)
+    force = np.array([np.abs(condensed.balance.pressure) @ np.abs(state.pressure) for state in states]).max(axis=0)
+    motion = np.array([np.abs(state.motion) for state in states]).max(axis=0)
+    return Regularization(
+        eta=eta * pressure,
+        delta=delta,
+        pressure=pressure,
+        gap=gap,
+        force=np.where(force > 0.0, force, 1.0),
+        motion=np.where(motion > 0.0, motion, elastic),
+    )

@@ -1,0 +1,73 @@
+"""The errors of mlsanm and the exit codes they end a command with.
+
+::
+
+    MlsanmError                 70   (never raised itself)
+    +-- CaseError                2   the case file is wrong: every problem found, with file and line
+    +-- RunError                 2   bad usage: run directory exists, file unreadable, scene too large
+    +-- NumericalError           3   the solver could not finish, or a check of the result failed
+    +-- Interrupted             75   stopped by a signal or a wall-time limit; what was done is kept
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class CaseProblem:
+    """One thing wrong in a case file.
+
+    ``key`` is the dotted path as ``--set`` takes it, ``line`` counts from 1 (0: not in the file, for
+    instance a value given with ``--set``), ``hint`` says what to write instead.
+    """
+
+    key: str
+    message: str
+    line: int = 0
+    source: str = ""
+    hint: str = ""
+
+    def __str__(self) -> str:
+        place = f"{self.source}:{self.line}: " if self.line else f"{self.source}: " if self.source else ""
+        hint = f" ({self.hint})" if self.hint else ""
+        return f"{place}{self.key}: {self.message}{hint}"
+
+
+class MlsanmError(Exception):
+    """Base of every error that mlsanm raises on purpose."""
+
+    exit_code = 70
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+class CaseError(MlsanmError):
+    """The case cannot be run as written; carries every problem found, not only the first."""
+
+    exit_code = 2
+
+    def __init__(self, problems: tuple[CaseProblem, ...]) -> None:
+        super().__init__("\n".join(str(problem) for problem in problems))
+        self.problems = problems
+
+
+class RunError(MlsanmError):
+    """Bad usage outside the case file: an existing run directory, an unreadable file, too large a scene."""
+
+    exit_code = 2
+
+
+class NumericalError(MlsanmError):
+    """The numbers cannot be trusted or could not be found; ``hint`` names a key to change."""
+
+    exit_code = 3
+
+
+class Interrupted(MlsanmError):
+    """A signal or a limit ended the run early; everything up to the last finished step is kept."""
+
+    exit_code = 75

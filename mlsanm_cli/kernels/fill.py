@@ -1,0 +1,222 @@
+"""Filling a region with nodes by an advancing front, the spacing varying from place to place.
+
+Candidates lie on a circle of radius h(parent) and are refused within min(h(parent), h(candidate)) of an
+accepted node (Slak and Kosec 2019, doi:10.1137/18M1231456, with the smaller of both spacings, which leaves
+no holes where the spacing grows).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mlsanm_cli.kernels.jit import kernel
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+
+EMPTY = -1
+
+
+@kernel
+def _distance(zone: FloatArray, x: float, y: float) -> float:
+    """Distance to a zone's curve: (0, x0, y0, x1, y1, ...) segment, (1, cx, cy, radius, from, sweep, ...) arc."""
+    if zone[0] == 0.0:
+        ex = zone[3] - zone[1]
+        ey = zone[4] - zone[2]
+        length2 = ex * ex + ey * ey
+        t = 0.0
+        if length2 > 0.0:
+            t = min(1.0, max(0.0, ((x - zone[1]) * ex + (y - zone[2]) * ey) / length2))
+        return math.hypot(x - zone[1] - t * ex, y - zone[2] - t * ey)
+    angle = (math.atan2(y - zone[2], x - zone[1]) - zone[4]) % (2.0 * math.pi)
+    if angle <= zone[5]:
+        return abs(math.hypot(x - zone[1], y - zone[2]) - zone[3])
+    first = math.hypot(x - zone[1] - zone[3] * math.cos(zone[4]), y - zone[2] - zone[3] * math.sin(zone[4]))
+    end = zone[4] + zone[5]
+    last = math.hypot(x - zone[1] - zone[3] * math.cos(end), y - zone[2] - zone[3] * math.sin(end))
+    return min(first, last)
+
+
+@kernel
+def _spacing(far: float, zones: FloatArray, x: float, y: float) -> float:
+    """Smallest of the far spacing and, per zone row (..., spacing, radius, growth), its spacing there."""
+    h = far
+    for z in range(zones.shape[0]):
+        zone = zones[z]
+        outside = _distance(zone, x, y) - zone[7]
+        h = min(h, zone[6] + zone[8] * max(0.0, outside))
+    return h
+
+
+@kernel
+def spacing_at(far: float, zones: FloatArray, points: FloatArray) -> FloatArray:
+    """Node spacing at ``points`` (n, 2); ``zones`` (z, 9) as :func:`_distance` and :func:`_spacing` read them."""
+    h = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        h[i] = _spacing(far, zones, points[i, 0], points[i, 1])
+    return h
+
+
+@kernel
+def _key(level: int, i: int, j: int) -> int:
+    return (level << 56) ^ ((i & 0xFFFFFFF) << 28) ^ (j & 0xFFFFFFF)
+
+
+@kernel
+def _level(h: float, finest: float) -> int:
+    return max(0, int(math.floor(math.log2(h / finest))))
+
+
+@kernel
+def _slot(keys: IntArray, key: int) -> int:
+    """Place of ``key`` in an open-addressing table, or of the free entry where it would go."""
+    mixed = key * 0x9E3779B97F4A7C1
+    slot = (mixed ^ (mixed >> 29)) % keys.shape[0]
+    while keys[slot] != EMPTY and keys[slot] != key:
+        slot = (slot + 1) % keys.shape[0]
+    return slot
+
+
+@kernel
+def _enter(
+    keys: IntArray, heads: IntArray, following: IntArray, points: FloatArray, h: FloatArray, finest: float, node: int
+) -> int:
+    """Put ``node`` at the head of its cell's list; returns 1 when the cell is new."""
+    level = _level(h[node], finest)
+    cell = finest * 2.0**level
+    key = _key(level, math.floor(points[node, 0] / cell), math.floor(points[node, 1] / cell))
+    slot = _slot(keys, key)
+    fresh = 0
+    if keys[slot] == EMPTY:
+        keys[slot] = key
+        fresh = 1
+    following[node] = heads[slot]
+    heads[slot] = node
+    return fresh
+
+
+@kernel
+def _inside(loops: FloatArray, strip_start: IntArray, strip_edges: IntArray, low: float, step: float, x: float, y: float) -> bool:
+    """Even-odd rule over the boundary edges (e, 4) that share the horizontal strip of (x, y)."""
+    strip = int((y - low) / step)
+    if strip < 0 or strip >= strip_start.shape[0] - 1:
+        return False
+    inside = False
+    for k in range(strip_start[strip], strip_start[strip + 1]):
+        edge = loops[strip_edges[k]]
+        if (edge[1] > y) != (edge[3] > y) and x < edge[0] + (y - edge[1]) / (edge[3] - edge[1]) * (edge[2] - edge[0]):
+            inside = not inside
+    return inside
+
+
+@kernel
+def _free(
+    points: FloatArray, keys: IntArray, heads: IntArray, following: IntArray, finest: float, lowest: int, highest: int, x: float, y: float, radius: float
+) -> bool:
+    """Whether no accepted node of cell levels ``lowest`` to ``highest`` lies within ``radius`` of (x, y)."""
+    for level in range(lowest, highest + 1):
+        cell = finest * 2.0**level
+        i1 = math.floor((x + radius) / cell)
+        j1 = math.floor((y + radius) / cell)
+        for i in range(math.floor((x - radius) / cell), i1 + 1):
+            for j in range(math.floor((y - radius) / cell), j1 + 1):
+                slot = _slot(keys, _key(level, i, j))
+                if keys[slot] == EMPTY:
+                    continue
+                node = heads[slot]
+                while node != EMPTY:
+                    dx = points[node, 0] - x
+                    dy = points[node, 1] - y
+                    if dx * dx + dy * dy < radius * radius:
+                        return False
+                    node = following[node]
+    return True
+
+
+@kernel
+def _longer(array: FloatArray) -> FloatArray:
+    grown = np.full(2 * array.shape[0], EMPTY, array.dtype)
+    grown[: array.shape[0]] = array
+    return grown
+
+
+@kernel
+def _doubled(array: FloatArray) -> FloatArray:
+    grown = np.empty((2 * array.shape[0], 2))
+    grown[: array.shape[0]] = array
+    return grown
+
+
+@kernel
+def advance_front(
+    boundary: FloatArray,
+    edges: FloatArray,
+    strip_start: IntArray,
+    strip_edges: IntArray,
+    strip_low: float,
+    strip_step: float,
+    far: float,
+    zones: FloatArray,
+    candidates: int,
+    seed: int,
+    limit: int,
+) -> FloatArray:
+    """Nodes inside the closed boundary: the boundary nodes (b, 2) first, then the interior ones.
+
+    ``edges`` (e, 4) are the boundary's chords, sorted into horizontal strips for the inside test. The same
+    ``seed`` gives the same nodes. More than ``limit`` nodes: the front stops there, and the caller, who sees
+    exactly ``limit`` nodes, must refuse the cloud.
+    """
+    finest = far
+    steepest = 0.0
+    for z in range(zones.shape[0]):
+        finest = min(finest, zones[z, 6])
+        steepest = max(steepest, zones[z, 8])
+    count = boundary.shape[0]
+    size = 2 * count + 1024
+    points = np.empty((size, 2))
+    h = np.empty(size)
+    following = np.full(size, EMPTY, np.int64)
+    keys = np.full(8192, EMPTY, np.int64)
+    heads = np.full(8192, EMPTY, np.int64)
+    for i in range(count):
+        points[i] = boundary[i]
+        h[i] = _spacing(far, zones, points[i, 0], points[i, 1])
+    used = 0
+    entered = 0
+    state = np.uint64(seed * 2 + 1) * np.uint64(0x9E3779B97F4A7C15)
+    parent = 0
+    while parent < count and count < limit:
+        state = state * np.uint64(6364136223846793005) + np.uint64(1442695040888963407)
+        turn = float(state >> np.uint64(11)) / 9007199254740992.0
+        for c in range(candidates):
+            if 4 * (used + count - entered) >= keys.shape[0]:
+                # Too full for quick probing: a larger, empty table, into which every node goes again.
+                keys = np.full(8 * (used + count - entered), EMPTY, np.int64)
+                heads = np.full(keys.shape[0], EMPTY, np.int64)
+                used = 0
+                entered = 0
+            while entered < count:
+                used += _enter(keys, heads, following, points, h, finest, entered)
+                entered += 1
+            angle = 2.0 * math.pi * (c + turn) / candidates
+            x = points[parent, 0] + h[parent] * math.cos(angle)
+            y = points[parent, 1] + h[parent] * math.sin(angle)
+            own = _spacing(far, zones, x, y)
+            radius = min(own, h[parent]) * (1.0 - 1e-9)
+            lowest = _level(max(finest, own - steepest * radius), finest)
+            highest = _level(own + steepest * radius, finest)
+            if not _free(points, keys, heads, following, finest, lowest, highest, x, y, radius):
+                continue
+            if not _inside(edges, strip_start, strip_edges, strip_low, strip_step, x, y):
+                continue
+            if count == points.shape[0]:
+                points = _doubled(points)
+                h = _longer(h)
+                following = _longer(following)
+            points[count, 0] = x
+            points[count, 1] = y
+            h[count] = own
+            count += 1
+        parent += 1
+    return points[:count].copy()

@@ -1,0 +1,1 @@
+"""Plane elasticity on a cloud: material, equilibrium and boundary rows, platens."""

@@ -1,0 +1,63 @@
+"""Rows of plane elasticity: stress, traction and equilibrium as sparse functionals of nodal displacements.
+
+With C the plane stiffness (order xx, yy, xy)::
+
+    sigma_a = C_a0 u_x,x + C_a1 u_y,y + C_a2 (u_x,y + u_y,x)
+    t_x = sigma_xx n_x + sigma_xy n_y            t_y = sigma_xy n_x + sigma_yy n_y
+    f_x = sigma_xx,x + sigma_xy,y                f_y = sigma_xy,x + sigma_yy,y
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.operators.rows import vector_rows
+from mlsanm_cli.operators.stencils import Stencils
+
+XX, YY, XY = 0, 1, 2
+
+
+def stress_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
+    """Rows (e, 2n) of the stress ``component`` XX, YY or XY at the stencils' points."""
+    dx, dy = stencils.weights[:, 1], stencils.weights[:, 2]
+    on_x = c[component, 0] * dx + c[component, 2] * dy
+    on_y = c[component, 2] * dx + c[component, 1] * dy
+    return vector_rows(stencils, on_x, on_y)
+
+
+def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, component: int) -> sparse.csr_array:
+    """Rows (e, 2n) of the traction's x (0) or y (1) component on surfaces with ``normal`` (e, 2)."""
+    dx, dy = stencils.weights[:, 1], stencils.weights[:, 2]
+    count = np.diff(stencils.indptr)
+    n_x, n_y = np.repeat(normal[:, 0], count), np.repeat(normal[:, 1], count)
+    first, second = ((XX, XY), (XY, YY))[component]
+    # The traction's own stiffness row, entry by entry.
+    s0, s1, s2 = (c[first, a] * n_x + c[second, a] * n_y for a in range(3))
+    return vector_rows(stencils, s0 * dx + s2 * dy, s2 * dx + s1 * dy)
+
+
+def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
+    """Rows (e, 2n) of div sigma in x (0) or y (1) for a uniform stiffness."""
+    xx, xy, yy = stencils.weights[:, 3], stencils.weights[:, 4], stencils.weights[:, 5]
+    first, second = ((XX, XY), (XY, YY))[component]
+    on_x = c[first, 0] * xx + (c[first, 2] + c[second, 0]) * xy + c[second, 2] * yy
+    on_y = c[first, 2] * xx + (c[first, 1] + c[second, 2]) * xy + c[second, 1] * yy
+    return vector_rows(stencils, on_x, on_y)
+
+
+def value_rows(stencils: Stencils, component: int) -> sparse.csr_array:
+    """Rows (e, 2n) of the displacement's x (0) or y (1) component."""
+    value = stencils.weights[:, 0]
+    return vector_rows(stencils, value if component == 0 else None, value if component == 1 else None)
+
+
+def von_mises(stress: FloatArray, out_of_plane: float) -> FloatArray:
+    """Von Mises stress (n,) of plane ``stress`` (n, 3) with sigma_zz = out_of_plane (sigma_xx + sigma_yy)."""
+    xx, yy, xy = stress[:, XX], stress[:, YY], stress[:, XY]
+    zz = out_of_plane * (xx + yy)
+    result: FloatArray = np.sqrt(
+        0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2
+    )
+    return result

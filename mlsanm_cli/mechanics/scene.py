@@ -1,0 +1,91 @@
+"""What acts on the bodies: loads scaled by factors, rigid platens, supports.
+
+Load factors are collected in one vector f (L,), in the order the case names the loads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Surface
+from mlsanm_cli.mechanics.body import ElasticBody
+
+ROTATION = 2
+
+
+@dataclass(frozen=True)
+class SurfaceLoad:
+    """A traction (``held`` false) or displacement (``held`` true) of ``values`` (b, 2) on a surface at factor 1."""
+
+    number: int
+    body: str
+    surface: str
+    values: FloatArray
+    held: bool
+
+
+@dataclass(frozen=True)
+class PlatenMotion:
+    """One rigid motion of a platen: ``component`` 0 (x), 1 (y) or 2 (rotation about the platen's centre).
+
+    ``prescribed`` (L,) gives the motion per load factor, or is None when the motion is unknown and ``force`` (L,)
+    balances it. ``alone`` tells that nothing else holds the body in this component: the platen then carries
+    exactly what the other forces on the body leave; otherwise its force is the integral of sigma n.
+    """
+
+    component: int
+    prescribed: FloatArray | None
+    force: FloatArray
+    alone: bool
+
+
+@dataclass(frozen=True)
+class Platen:
+    """A rigid platen bonded to a surface; a component without a motion is free of traction there.
+
+    ``loads`` are the numbers of the loads that move it.
+    """
+
+    body: str
+    surface: str
+    center: tuple[float, float]
+    motions: tuple[PlatenMotion, ...]
+    loads: tuple[int, ...]
+
+    def pattern(self, surface: Surface, points: FloatArray, component: int) -> FloatArray:
+        """Displacements (b, 2) of the surface's nodes under a unit motion."""
+        if component == ROTATION:
+            arm = points[surface.index] - np.array(self.center)
+            return np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        values = np.zeros((len(surface.index), 2))
+        values[:, component] = 1.0
+        return values
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Factorised bodies with all that acts on them, contact apart.
+
+    ``supports`` maps a support's name to its body and surface; ``held_nodes`` tells for each body whether single
+    nodes hold it in x and y (their forces cannot be told from the stress field).
+    """
+
+    bodies: Mapping[str, ElasticBody]
+    loads: tuple[str, ...]
+    surface_loads: tuple[SurfaceLoad, ...]
+    platens: tuple[Platen, ...]
+    supports: Mapping[str, tuple[str, str]]
+    held_nodes: Mapping[str, tuple[bool, bool]]
+
+    def surface(self, body: str, name: str) -> Surface:
+        """A body's surface by name."""
+        return self.bodies[body].model.cloud.surfaces[name]
+
+    @property
+    def unknown_motions(self) -> list[tuple[Platen, PlatenMotion]]:
+        """Platen motions to be solved for, in the order of the unknowns q."""
+        return [(p, m) for p in self.platens for m in p.motions if m.prescribed is None]

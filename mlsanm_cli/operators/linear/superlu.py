@@ -1,0 +1,52 @@
+"""SuperLU (Li 2005, doi:10.1145/1089014.1089017) in symmetric mode, ordered by geometric nested dissection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+import scipy.sparse.linalg as sparse_linalg
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.operators.linear.dissection import nested_dissection
+
+
+@dataclass(frozen=True)
+class SuperLUFactor:
+    """Factor of the permuted matrix."""
+
+    factor: sparse_linalg.SuperLU
+    order: IntArray
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution for (n,) or (n, c) right-hand sides."""
+        solution = np.empty_like(rhs)
+        solution[self.order] = self.factor.solve(rhs[self.order])
+        return solution
+
+
+class SuperLUSolver:
+    """Default direct solver: scipy's SuperLU."""
+
+    name = "superlu"
+
+    def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
+        """Nested dissection of the nodes; both unknowns of a node stay together."""
+        nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2]))
+        return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
+
+    def factor(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
+        """Factorise without pivoting, which a positive definite matrix does not need."""
+        permuted = sparse.csc_matrix(matrix[order][:, order])
+        try:
+            factor = sparse_linalg.splu(
+                permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+            )
+        except (RuntimeError, MemoryError) as error:
+            raise NumericalError(
+                f"the elastic system of a body could not be factorised ({error})",
+                "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
+            ) from error
+        return SuperLUFactor(factor, order)

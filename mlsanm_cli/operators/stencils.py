@@ -1,0 +1,115 @@
+"""Stencils: the neighbours of a point and the weights of value and derivatives there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.kernels.stencils import mls_weights
+from mlsanm_cli.operators.settings import SHARPNESS, MlsSettings
+
+GROWTH = 1.3
+LARGEST = 3.0
+
+
+@dataclass(frozen=True)
+class Stencils:
+    """Stencils of ``e`` points in compressed rows.
+
+    ``indptr`` (e + 1,), ``indices`` (nnz,) into the cloud, ``weights`` (nnz, 1 | 3 | 6) of value, d/dx, d/dy,
+    d2/dx2, d2/dxdy, d2/dy2. ``enlarged`` counts stencils that needed more neighbours than asked for,
+    ``worst_ratio`` is the smallest ratio of diagonal entries of R that was accepted.
+    """
+
+    indptr: IntArray
+    indices: IntArray
+    weights: FloatArray
+    nodes: int
+    enlarged: int
+    worst_ratio: float
+
+    def take(self, rows: IntArray) -> Stencils:
+        """The stencils of some of the points, in the order given."""
+        count = np.diff(self.indptr)[rows]
+        indptr = np.concatenate([[0], np.cumsum(count)])
+        entry = np.repeat(self.indptr[rows] - indptr[:-1], count) + np.arange(indptr[-1])
+        return Stencils(
+            indptr, self.indices[entry], self.weights[entry], self.nodes, self.enlarged, self.worst_ratio
+        )
+
+
+def build_stencils(
+    points: FloatArray, tree: cKDTree, targets: FloatArray, order: int, settings: MlsSettings
+) -> Stencils:
+    """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
+
+    Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; the derivatives are those of the local
+    polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose weighted
+    QR is short of rank takes more neighbours; NumericalError names the place where that does not help.
+    """
+    targets = np.ascontiguousarray(targets)
+    size = settings.stencil_size
+    if len(points) < settings.coefficients:
+        raise NumericalError(
+            f"a body of {len(points)} nodes cannot carry polynomials of degree {settings.degree}",
+            "make its spacing smaller or mls.degree lower",
+        )
+    pending = np.arange(len(targets))
+    parts: list[tuple[IntArray, IntArray, FloatArray]] = []
+    worst, enlarged = 1.0, 0
+    while len(pending):
+        size = min(size, len(points))
+        indices, weights, ratio = _fit(points, tree, targets[pending], size, order, settings)
+        sound = ratio >= settings.rank_tolerance
+        parts.append((pending[sound], indices[sound], weights[sound]))
+        worst = float(min(worst, ratio[sound].min(initial=1.0)))
+        pending = pending[~sound]
+        enlarged += len(pending) if len(parts) == 1 else 0
+        if len(pending) and (size == len(points) or size >= LARGEST * settings.stencil_size):
+            x, y = targets[pending[0]]
+            raise NumericalError(
+                f"the nodes around ({x:.6g}, {y:.6g}) cannot carry polynomials of degree {settings.degree}, "
+                f"even {size} of them",
+                "make the spacing smaller there, or mls.degree lower",
+            )
+        size = int(np.ceil(GROWTH * size))
+    return _merge(parts, len(targets), len(points), enlarged, worst)
+
+
+def _fit(
+    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, order: int, settings: MlsSettings
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Neighbours (e, size), weights (e, size, kinds) and diagonal ratios (e,) of one stencil size."""
+    distance, indices = tree.query(targets, k=size)
+    weights = np.empty((len(targets) * size, (order + 1) * (order + 2) // 2))
+    ratio = np.empty(len(targets))
+    indptr = np.arange(len(targets) + 1, dtype=np.int64) * size
+    mls_weights(
+        points, indptr, indices.ravel(), targets, targets, distance[:, -1].copy(), settings.degree, SHARPNESS,
+        order, weights, ratio,
+    )  # fmt: skip
+    return indices, weights.reshape(len(targets), size, -1), ratio
+
+
+def _merge(
+    parts: list[tuple[IntArray, IntArray, FloatArray]], targets: int, nodes: int, enlarged: int, worst: float
+) -> Stencils:
+    if len(parts) == 1:
+        _, indices, weights = parts[0]
+        indptr = np.arange(targets + 1, dtype=np.int64) * indices.shape[1]
+        return Stencils(indptr, indices.ravel(), weights.reshape(-1, weights.shape[2]), nodes, enlarged, worst)
+    order = np.argsort(np.concatenate([which for which, _, _ in parts]))
+    count = np.concatenate([np.full(len(which), indices.shape[1]) for which, indices, _ in parts])
+    gathered = Stencils(
+        np.concatenate([[0], np.cumsum(count)]),
+        np.concatenate([indices.ravel() for _, indices, _ in parts]),
+        np.concatenate([weights.reshape(-1, weights.shape[2]) for _, _, weights in parts]),
+        nodes,
+        enlarged,
+        worst,
+    )
+    return gathered.take(order)
