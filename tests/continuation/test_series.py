@@ -103,6 +103,15 @@ def test_level_in_the_gap_between_pieces_is_the_start_of_the_next() -> None:
     assert locate(pieces, 1.0 + 5e-10) == (1, 0.0)
 
 
+def test_round_off_bounds_the_digits_lost() -> None:
+    # Denominator 1 - a/2, numerator terms of size 1e6 and opposite sign that cancel at a = 1
+    big = 1e6
+    branch = Branch(np.array([[0.0], [big], [-0.5 * big - big]]), np.zeros(3), 1.0, np.array([1.0, 0.5]))
+    assert abs(branch.evaluate(1.0)[0][0]) <= branch.round_off(1.0, np.ones(1))
+    assert branch.round_off(1.0, np.ones(1)) == pytest.approx(2.0 * big / 1.5 * 2.2e-16, rel=0.02)
+    assert branch.round_off(1.0, np.full(1, big)) == pytest.approx(2.0 / 1.5 * 2.2e-16, rel=0.02)
+
+
 def test_mismatched_coefficients_are_refused() -> None:
     with pytest.raises(ValueError, match="do not match"):
         Branch(np.zeros((4, 2)), np.zeros(3), 1.0)

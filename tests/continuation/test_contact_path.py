@@ -1,0 +1,120 @@
+"""Quadratic contact problems: the method's main use, against exact contact and the line-contact formula."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.continuation import AnmOptions, Outcome, Step, follow
+
+from .contact_problems import Contact, exact_pressure, hertz, open_start, random_contact
+
+
+def pressed(problem: Contact, options: AnmOptions | None = None) -> tuple[list[Step], Outcome]:
+    follower = follow(problem, open_start(problem), 0.0, 1.0, options)
+    steps = list(follower.steps())
+    assert follower.outcome.reached, follower.outcome
+    return steps, follower.outcome
+
+
+def residuals_inside(problem: Contact, steps: list[Step], count: int) -> np.ndarray:
+    """Return the largest residuals at random parameters of random steps; gaps must be open there."""
+    rng = np.random.default_rng(11)
+    values = []
+    for _ in range(count):
+        branch = steps[rng.integers(len(steps))].branch
+        x, lam = branch.evaluate(rng.uniform(0.0, branch.length))
+        assert problem.admissible(x, lam)
+        values.append(float(np.abs(problem.residual(x, lam)).max()))
+    return np.array(values)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pressure_tends_to_the_exact_one(seed: int) -> None:
+    errors = []
+    for eta in (1e-2, 1e-4, 1e-6):
+        problem = random_contact(30, eta, seed)
+        _, outcome = pressed(problem)
+        pressure, gap = exact_pressure(problem, 1.0)
+        assert 0 < np.count_nonzero(pressure) < problem.m
+        found = outcome.x[: problem.m]
+        assert found.min() > -eta
+        assert np.abs(outcome.x[problem.m :] - gap).max() < 20.0 * np.sqrt(eta)
+        errors.append(float(np.linalg.norm(found - pressure) / np.linalg.norm(pressure)))
+    # eta delta/p per node, at worst its root where a node just touches
+    assert errors[2] < 3e-3
+    assert errors[1] < 0.2 * errors[0]
+    assert errors[2] < 0.2 * errors[1]
+
+
+@pytest.mark.parametrize("pade", [True, False])
+@pytest.mark.parametrize("eta", [1e-2, 1e-4])
+def test_residual_holds_everywhere_between_the_ends_of_steps(pade: bool, eta: float) -> None:
+    problem, _, _ = hertz(60, eta)
+    steps, _ = pressed(problem, AnmOptions(pade=pade))
+    assert any(step.branch.denominator is not None for step in steps) is pade
+    values = residuals_inside(problem, steps, 200)
+    assert values.max() <= 1e-8
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_residual_holds_on_random_problems(seed: int) -> None:
+    problem = random_contact(25, 1e-4, 20 + seed)
+    steps, _ = pressed(problem)
+    values = residuals_inside(problem, steps, 100)
+    assert values.max() <= 1e-8
+
+
+def test_pieces_end_before_round_off_spoils_them() -> None:
+    # The first pieces have their poles close together ahead, as along a branch cut.
+    problem, _, _ = hertz(120, 1e-4)
+    steps, _ = pressed(problem)
+    for step in steps[:3]:
+        branch = step.branch
+        near = np.linspace(0.99, 1.0, 50) * branch.length
+        values = np.array([np.abs(problem.residual(*branch.evaluate(a))).max() for a in near])
+        assert values.max() <= 1e-8
+        assert np.abs(np.diff(values, 2)).max() <= 5e-10  # smooth: truncation, not noise
+
+
+def test_tolerance_is_obeyed() -> None:
+    counts = []
+    for tolerance in (1e-5, 1e-11):
+        problem, _, _ = hertz(60, 1e-2)
+        steps, outcome = pressed(problem, AnmOptions(tolerance=tolerance))
+        assert residuals_inside(problem, steps, 50).max() <= tolerance
+        counts.append(outcome.steps)
+    assert counts[0] < counts[1]
+
+
+def test_pade_approximants_save_steps() -> None:
+    counts = []
+    for pade in (False, True):
+        problem, _, _ = hertz(60, 1e-4)
+        _, outcome = pressed(problem, AnmOptions(pade=pade))
+        counts.append((outcome.steps, outcome.factorizations))
+    (plain, plain_factors), (rational, rational_factors) = counts
+    assert rational <= 0.8 * plain
+    assert rational_factors <= 0.85 * plain_factors
+
+
+def test_line_contact_has_the_pressure_of_the_formula() -> None:
+    problem, peak, x = hertz(120, 1e-4)
+    _, outcome = pressed(problem)
+    formula = peak * np.sqrt(np.maximum(0.0, 1.0 - (x / 0.05) ** 2))
+    pressure = outcome.x[:120]
+    assert np.linalg.norm(pressure - formula) <= 0.01 * np.linalg.norm(formula)
+    assert pressure.max() == pytest.approx(peak, rel=2e-3)
+    assert problem.balance @ pressure == pytest.approx(problem.force, rel=1e-9)
+    assert outcome.steps < 100
+
+
+def test_unloading_leads_back() -> None:
+    problem, _, _ = hertz(60, 1e-3)
+    steps, outcome = pressed(problem)
+    back = follow(problem, outcome.x, 1.0, 0.0)
+    lams = [step.lam for step in back.steps()]
+    assert back.outcome.reached
+    assert np.all(np.diff(lams) < 0.0)
+    start = steps[0].branch.x[0]
+    assert np.abs((back.outcome.x - start) / problem.scale).max() <= 1e-7
