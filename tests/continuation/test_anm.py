@@ -213,6 +213,13 @@ class Wall(Scalar):
         return bool(x[0] < 0.5)
 
 
+class Hole(Scalar):
+    """x = lam, not allowed for 0.4 < x < 0.6."""
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return not 0.4 < x[0] < 0.6
+
+
 class Kink(Scalar):
     """x = lam with a residual that jumps at x = 0.5, where no series holds."""
 
@@ -242,6 +249,7 @@ class Broken(Scalar):
     [
         (Scalar(0.0, 1.0, 1.0), AnmOptions(max_steps=1, order=5), StopReason.MAX_STEPS, None),
         (Wall(0.0, 1.0), AnmOptions(), StopReason.NOT_ADMISSIBLE, 0.5),
+        (Hole(0.0, 1.0), AnmOptions(), StopReason.NOT_ADMISSIBLE, 0.4),
         (Kink(0.0, 1.0), AnmOptions(), StopReason.STEP_TOO_SMALL, 0.5),
         (Noisy(0.0, 1.0, 1.0), AnmOptions(), StopReason.CORRECTION_FAILED, 0.0),
         (Broken(0.0, 1.0, 1.0), AnmOptions(drift=1.0), StopReason.SINGULAR_TANGENT, 0.0),
@@ -250,7 +258,7 @@ class Broken(Scalar):
 def test_reasons_to_stop_are_named(
     problem: Scalar, options: AnmOptions, reason: StopReason, last: float | None
 ) -> None:
-    follower = follow(problem, np.zeros(1), 0.0, 2.0, options)
+    follower = follow(problem, np.zeros(1), 0.0, 1.0, options)
     steps = list(follower.steps())
     outcome = follower.outcome
     assert outcome.reason is reason

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import AnmOptions, FloatArray, correct
+from mlsanm_cli.continuation import AnmOptions, FloatArray, Tangent, correct
 from mlsanm_cli.continuation.corrector import Effort, correct_end
 from mlsanm_cli.continuation.expansion import Metric, station
 from mlsanm_cli.errors import NumericalError
 
 from .contact_problems import Contact, open_start, random_contact
-from .problems import Circle, Scalar, Truss
+from .problems import Circle, DenseTangent, Scalar, Truss
 
 
 class Watched(Contact):
@@ -76,6 +76,21 @@ def test_singular_tangent_is_an_error_with_a_hint() -> None:
     with pytest.raises(NumericalError, match="singular tangent") as caught:
         correct(Circle(), np.zeros(1), 0.5)
     assert caught.value.hint
+
+
+class Arctan(Scalar):
+    """arctan(x) = lam: plain Newton diverges from abs(x) > 1.39."""
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        return np.arctan(x) - lam
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        return DenseTangent(np.atleast_2d(1.0 / (1.0 + x * x)), self.counts)
+
+
+def test_damping_makes_the_residual_fall() -> None:
+    found = correct(Arctan(0.0, 1.0), np.array([5.0]), 0.0)
+    assert found.x[0] == pytest.approx(0.0, abs=1e-10)
 
 
 def test_updates_are_limited() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import Problem, SingularTangentError, correct
+from mlsanm_cli.continuation import FloatArray, Problem, SingularTangentError, Tangent, correct
 from mlsanm_cli.continuation.expansion import Metric, Series, expand, station
 
 from .contact_problems import Contact, hertz, open_start, random_contact
@@ -137,6 +137,22 @@ def test_direction_decides_the_sign() -> None:
 def test_singular_tangent_is_named() -> None:
     with pytest.raises(SingularTangentError):
         station(Circle(), np.zeros(1), 1.0)
+
+
+class Quiet(Circle):
+    """A singular tangent that is not noticed by its factorisation."""
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        class _Factors:
+            def solve(self, rhs: FloatArray) -> FloatArray:
+                return np.full_like(rhs, np.inf)
+
+        return _Factors()
+
+
+def test_tangent_without_a_finite_solution_is_singular() -> None:
+    with pytest.raises(SingularTangentError):
+        station(Quiet(), np.array([0.8]), 0.6)
 
 
 @pytest.mark.parametrize("scale", [np.array([1.0, 0.0]), np.array([1.0, -1.0]), np.array([np.nan])])

@@ -23,7 +23,7 @@ def rational_series(poles: list[complex], size: int, order: int) -> tuple[np.nda
 def test_common_poles_are_found(size: int, order: int) -> None:
     poles = [1.0 + 0.0j, -1.3 + 0.0j, 0.5 + 1.2j, 0.5 - 1.2j]
     coefficients, _ = rational_series(poles, size, order)
-    coefficients = np.real(coefficients)
+    coefficients[0] += 5.0  # the start point is free: only the path from there is rational
     lower = denominator(coefficients, 0.5)
     assert lower is not None
     assert lower[0] == 1.0

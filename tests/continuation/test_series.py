@@ -64,6 +64,7 @@ def test_parameter_at_is_exact_to_round_off() -> None:
 def test_both_ends_belong_to_the_piece() -> None:
     branch = polynomial(0.1, 0.7, 0.1, length=0.3)
     assert branch.parameter_at(0.1) == 0.0
+    assert branch.parameter_at(float(np.nextafter(0.1, 0.0))) == 0.0
     assert branch.parameter_at(branch.load_factor(0.3)) == pytest.approx(0.3, rel=1e-14)
 
 
