@@ -7,8 +7,8 @@ as writing a dozen files.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,7 @@ class StateWriter:
             _write_cloud(path, body.points, _state_data(body))
             self._entries.append(
                 f'    <DataSet timestep="{float(position)!r}" group="" part="{part}" '
-                f"name={quoteattr(name)} file={quoteattr(path.name)}/>"
+                f'name="{escape(name)}" file="{path.name}"/>'
             )
             written.append(path)
         lines = (
