@@ -66,7 +66,7 @@ def _check_materials(draft: Draft, report: Report) -> None:
         if plane == "strain" and material.nu == 0.5:
             hint = "take a value below 0.5, or plane stress"
             report.add(path, "0.5 (incompressible) has no plane strain stiffness", hint)
-        elif not -1.0 < material.nu <= 0.5 or (material.nu == 0.5 and plane is None):
+        elif not -1.0 < material.nu <= 0.5:
             report.add(path, f"{material.nu:g} is not between -1 and 0.5")
 
 

@@ -18,7 +18,7 @@ _PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'\s]+))\s*(\.|$)""")
 
 class _BadOverride(Exception):
     def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
+        super().__init__()
         self.message = message
         self.hint = hint
 

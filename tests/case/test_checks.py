@@ -31,6 +31,7 @@ def load(name: str, boundary: str, kind: str, keys: str) -> str:
         ),
         (('along = "top"', 'along = "block.tpo"'), "body.block.refine.0.along", 'did you mean "top"'),
         (("x = [-100.0, 100.0]", "x = [100.0, -100.0]"), "body.block.shape.x", "no range"),
+        (("spacing = 4.0", "spacing = 101.0"), "body.cylinder.spacing", "larger than the body"),
         (("x = [-100.0, 100.0]", "x = [1.0, 1.0]"), "body.block.shape.x", "no range"),
         (("spacing = 0.02", "spacing = 5.0"), "body.cylinder.refine.0.spacing", "larger than the body's"),
         (("at = [0.0, 0.0]\n", ""), "body.cylinder.refine.0", "exactly one"),
@@ -42,6 +43,8 @@ def load(name: str, boundary: str, kind: str, keys: str) -> str:
         (("ux = 0.0\nuy = 0.0\n", ""), "support.0", "holds nothing"),
         (("force = [0.0, -350.0]\n", ""), "load.press", "needs a direction"),
         (("force = [", "displacement = [0.0, 1.0]\nforce = ["), "load.press", "both force and displacement"),
+        (("force = [", "uy = 1.0\nforce = ["), "load.press.uy", '"force" gives both'),
+        (("force = [", "fx = 1.0\ndisplacement = ["), "load.press.fx", '"displacement" gives both'),
         (("force = [0.0, -350.0]", "ux = 0.0\nfx = 1.0"), "load.press.fx", "ux already"),
     ],
 )
@@ -134,6 +137,8 @@ def test_two_loads_on_one_boundary(first: tuple[str, str], second: tuple[str, st
         ("left", "pressure", "pressure = 1", True),
         ("bottom", "pressure", "pressure = 1", True),
         ("bottom", "traction", "traction = [1, 0]", False),
+        ("bottom", "traction", "traction = [0, 1]", True),
+        ("bottom", "displacement", "displacement = [1, 0]", True),
         ("bottom", "platen", "fx = 1", False),
     ],
 )
@@ -147,11 +152,16 @@ def test_a_load_on_a_support(edge: str, kind: str, keys: str, clash: bool) -> No
         parse(text)
 
 
+def test_a_pressure_on_no_boundary() -> None:
+    assert only(SQUARE + CLAMP + load("a", "rigth", "pressure", "pressure = 1")).key == "load.a.boundary"
+
+
 def test_supports_that_overlap() -> None:
     assert only(SQUARE + CLAMP + PULL + '[[support]]\nboundary = "square.left"\nuy = 0\n').key == "support.1"
     point = '[[support]]\nbody = "square"\nnear = [1, 0]\nuy = 0\n'
     parse(SQUARE + CLAMP + PULL + point)
     assert only(SQUARE + CLAMP + PULL + point + point).key == "support.2"
+    parse(SQUARE + CLAMP + PULL + point + point.replace("uy", "ux"))
 
 
 @pytest.mark.parametrize(
