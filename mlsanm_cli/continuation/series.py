@@ -24,9 +24,11 @@ from mlsanm_cli.continuation.problem import FloatArray
 
 # lam(a) is searched for a level between this many samples: a series of order 30 cannot bend more often.
 _SAMPLES = 65
-# A level this close to the first or last value of lam, relative to the terms summed, is that value.
 _EPS = float(np.finfo(np.float64).eps)
+# A level this close to the first or last value of lam, relative to the terms summed, is that value.
 _ROUND_OFF = 32.0 * _EPS
+# Which way lam goes at the end of a piece is seen over this part of the last interval.
+_LAST = 1e-3
 # The finest relative precision that brentq accepts.
 _PRECISION = 4.0 * _EPS
 
@@ -124,9 +126,12 @@ class Branch:
         sign = np.sign(values)
         changes = np.flatnonzero(sign[1:] != sign[0])
         last = int(changes[0]) + 1 if changes.size else _SAMPLES - 1
-        touched = self._touching(lam, grid[: last + 1], values[: last + 1])
-        if touched is not None:
-            return touched
+        for low, high in self._dips(lam, grid[: last + 1], sign[0] * values[: last + 1]):
+            bottom = minimize_scalar(
+                lambda a: sign[0] * (self.load_factor(a) - lam), bounds=(low, high), method="bounded"
+            )
+            if bottom.fun <= 0.0:
+                return self._root(lam, low, float(bottom.x))
         if not changes.size:
             return self.length if abs(values[-1]) <= slack else None
         return self._root(lam, float(grid[last - 1]), float(grid[last]))
@@ -158,19 +163,24 @@ class Branch:
             return min(low, high, key=lambda a: abs(distance(a)))
         return float(brentq(distance, low, high, xtol=1e-300, rtol=_PRECISION, maxiter=200))
 
-    def _touching(self, lam: float, grid: FloatArray, values: FloatArray) -> float | None:
-        """Return a crossing hidden between samples of one sign: a fold that lies just past the level."""
-        distance = np.abs(values[:-1])
-        dips = np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:])) + 1
-        side = float(np.sign(values[0]))
-        for dip in dips:
-            low, high = float(grid[dip - 1]), float(grid[dip + 1])
-            bottom = minimize_scalar(
-                lambda a: side * (self.load_factor(a) - lam), bounds=(low, high), method="bounded"
-            )
-            if bottom.fun <= 0.0:
-                return self._root(lam, low, float(bottom.x))
-        return None
+    def _dips(self, lam: float, grid: FloatArray, distance: FloatArray) -> list[tuple[float, float]]:
+        """Return the intervals in which lam(a) may touch the level between samples on one side of it.
+
+        That happens beside a fold that lies just past the level. ``distance`` is positive but for the last.
+        """
+        if distance[-1] <= 0.0:  # the crossing behind the last sample but one is found by its change of sign
+            grid, distance = grid[:-1], distance[:-1]
+        if distance.size < 2:
+            return []
+        low = np.flatnonzero((distance[1:-1] <= distance[:-2]) & (distance[1:-1] <= distance[2:])) + 1
+        dips = [(float(grid[i - 1]), float(grid[i + 1])) for i in low]
+        side = 1.0 if self.lam[0] > lam else -1.0
+        if side * self.lam[1] < 0.0 and distance[1] >= distance[0]:
+            dips.insert(0, (float(grid[0]), float(grid[1])))
+        before = side * (self.load_factor(float(grid[-1] - _LAST * (grid[-1] - grid[-2]))) - lam)
+        if before < distance[-1] <= distance[-2]:
+            dips.append((float(grid[-2]), float(grid[-1])))
+        return dips
 
 
 def locate(branches: Sequence[Branch], lam: float) -> tuple[int, float]:

@@ -81,12 +81,13 @@ def test_first_of_two_crossings_beside_a_fold_is_found() -> None:
     assert branch.parameter_at(0.84) == pytest.approx(0.1, rel=1e-13)
 
 
-def test_crossings_hidden_between_samples_are_found() -> None:
-    fold = 0.5031
-    branch = polynomial(1.0 - fold**2, 2.0 * fold, -1.0)
-    found = branch.parameter_at(1.0 - 1e-8)
-    assert found == pytest.approx(fold - 1e-4, abs=1e-11)
-    assert branch.first_crossing(1.0 + 1e-8) is None
+@pytest.mark.parametrize("fold", [0.0041, 0.0141, 0.5031, 0.98, 0.991, 0.997])
+def test_crossings_hidden_between_samples_are_found(fold: float) -> None:
+    for side in (1.0, -1.0):  # a maximum, a minimum
+        branch = polynomial(side * (1.0 - fold**2), side * 2.0 * fold, -side)
+        found = branch.parameter_at(side * (1.0 - 1e-7))
+        assert found == pytest.approx(fold - np.sqrt(1e-7), abs=1e-10)
+        assert branch.first_crossing(side * (1.0 + 1e-7)) is None
 
 
 def test_locate_takes_the_first_piece_that_reaches_the_level() -> None:

@@ -1,0 +1,149 @@
+"""How paths end: named reasons, failures, the caller, senseless options."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.continuation import (
+    AnmFollower,
+    AnmOptions,
+    Follower,
+    SingularTangentError,
+    StopReason,
+    Tangent,
+    follow,
+)
+from mlsanm_cli.continuation.problem import FloatArray
+from mlsanm_cli.errors import NumericalError
+
+from .problems import Circle, Scalar
+
+
+class Wall(Scalar):
+    """x = lam, allowed up to x = 0.5 only."""
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return bool(x[0] < 0.5)
+
+
+class Hole(Scalar):
+    """x = lam, not allowed for 0.4 < x < 0.6."""
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        return not 0.4 < x[0] < 0.6
+
+
+class Kink(Scalar):
+    """x = lam with a residual that jumps at x = 0.5, where no series holds."""
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        return super().residual(x, lam) + 0.1 * (x > 0.5)
+
+
+class Noisy(Scalar):
+    """x + x^2 = lam with a residual that stays above 6e-9 everywhere but at the start."""
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        exact = super().residual(x, lam)
+        return np.asarray(exact + np.copysign(6e-9, exact) * (x != 0.0))
+
+
+class Broken(Scalar):
+    """x + x^2 = lam that can be factorised at the start only."""
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        if x[0] != 0.0:
+            raise SingularTangentError("broken")
+        return super().tangent(x, lam)
+
+
+@pytest.mark.parametrize(
+    ("problem", "options", "reason", "last"),
+    [
+        (Scalar(0.0, 1.0, 1.0), AnmOptions(max_steps=1, order=5), StopReason.MAX_STEPS, None),
+        (Wall(0.0, 1.0), AnmOptions(), StopReason.NOT_ADMISSIBLE, 0.5),
+        (Hole(0.0, 1.0), AnmOptions(), StopReason.NOT_ADMISSIBLE, 0.4),
+        (Kink(0.0, 1.0), AnmOptions(), StopReason.STEP_TOO_SMALL, 0.5),
+        (Noisy(0.0, 1.0, 1.0), AnmOptions(), StopReason.CORRECTION_FAILED, 0.0),
+        (Broken(0.0, 1.0, 1.0), AnmOptions(drift=1.0), StopReason.SINGULAR_TANGENT, 0.0),
+    ],
+)
+def test_reasons_to_stop_are_named(
+    problem: Scalar, options: AnmOptions, reason: StopReason, last: float | None
+) -> None:
+    follower = follow(problem, np.zeros(1), 0.0, 1.0, options)
+    steps = list(follower.steps())
+    outcome = follower.outcome
+    assert outcome.reason is reason
+    assert not outcome.reached
+    assert outcome.message
+    if last is not None:
+        assert outcome.lam == pytest.approx(last, abs=1e-6)
+    if steps:
+        assert (outcome.lam, outcome.residual) == (steps[-1].lam, steps[-1].residual)
+    assert outcome.residual <= options.tolerance
+
+
+def test_start_at_a_fold_is_a_singular_tangent() -> None:
+    follower = follow(Circle(), np.zeros(1), 1.0, 0.0)
+    assert list(follower.steps()) == []
+    assert follower.outcome.reason is StopReason.SINGULAR_TANGENT
+
+
+def test_start_at_the_target_takes_no_step() -> None:
+    follower = follow(Scalar(0.0, 1.0), np.zeros(1), 0.3, 0.3)
+    assert list(follower.steps()) == []
+    assert follower.outcome.reached
+    assert follower.outcome.x[0] == pytest.approx(0.3, abs=1e-15)
+
+
+def test_caller_can_stop() -> None:
+    follower: Follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1e6, AnmOptions(order=5))
+    for step in follower.steps():
+        if step.index == 2:
+            follower.stop()
+    assert follower.outcome.reason is StopReason.STOPPED_BY_CALLER
+    assert follower.outcome.steps == 2
+
+
+def test_caller_can_walk_away() -> None:
+    follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1e6, AnmOptions(order=5))
+    first = next(follower.steps())
+    outcome = follower.outcome
+    assert outcome.reason is StopReason.STOPPED_BY_CALLER
+    assert (outcome.lam, outcome.steps) == (first.lam, 1)
+
+
+def test_wrong_start_raises() -> None:
+    follower = follow(Scalar(1.0, 0.0, 1.0), np.ones(1), 0.0, 2.0)  # x^2 + 1 = 0
+    with pytest.raises(NumericalError):
+        next(follower.steps())
+    with pytest.raises(ValueError, match="shape"):
+        follow(Scalar(0.0, 1.0), np.zeros(2), 0.0, 1.0)
+
+
+def test_follower_goes_once() -> None:
+    follower = AnmFollower(Scalar(0.0, 1.0), np.zeros(1), 0.0, 1.0)
+    list(follower.steps())
+    with pytest.raises(RuntimeError, match="once"):
+        next(follower.steps())
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"order": 1},
+        {"order": 41},
+        {"tolerance": 0.0},
+        {"tolerance": float("nan")},
+        {"drift": 0.0},
+        {"max_steps": 0},
+        {"max_corrections": 0},
+        {"min_length": 0.0},
+        {"direction": 2},
+    ],
+)
+def test_senseless_options_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="must"):
+        AnmOptions(**wrong)  # type: ignore[arg-type]
