@@ -45,6 +45,25 @@ def apply_overrides(
     return content, frozenset(changed), tuple(problems)
 
 
+def key_path(content: dict[str, Any], key: str) -> KeyPath:
+    """Where a dotted key, with list items by name, leads in the content; as far as it can be followed.
+
+    >>> key_path({"load": [{"name": "press"}]}, "load.press.force")
+    ('load', 0, 'force')
+    """
+    path: KeyPath = ()
+    table: Any = content
+    parts = _parts(key)
+    for position, part in enumerate(parts):
+        try:
+            step = _step(table, part, parts[:position])
+            path = (*path, step)
+            table = table[step]
+        except (_BadOverride, KeyError):
+            break
+    return path
+
+
 def _parts(key: str) -> list[str]:
     parts: list[str] = []
     at = 0

@@ -7,7 +7,7 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,9 @@ from pydantic import ValidationError
 
 from mlsanm_cli.case.checks import run_checks
 from mlsanm_cli.case.draft import make_draft
-from mlsanm_cli.case.lines import KeyPath, key_lines
+from mlsanm_cli.case.lines import KeyPath, key_lines, line_of
 from mlsanm_cli.case.model import Case
-from mlsanm_cli.case.overrides import apply_overrides
+from mlsanm_cli.case.overrides import apply_overrides, key_path
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.schema_errors import report_schema_errors
 from mlsanm_cli.case.unsupported import refusals
@@ -36,6 +36,17 @@ class LoadedCase:
     path: Path
     overrides: tuple[str, ...]
     case_hash: str
+
+    def located(self, error: CaseError) -> CaseError:
+        """The same problems with file and line, found by their keys (list items by name)."""
+        lines = key_lines(self.raw)
+        content = tomllib.loads(self.raw)
+        return CaseError(
+            tuple(
+                replace(problem, source=str(self.path), line=line_of(lines, key_path(content, problem.key)))
+                for problem in error.problems
+            )
+        )
 
 
 def load_case(path: Path, overrides: Sequence[str] = ()) -> LoadedCase:

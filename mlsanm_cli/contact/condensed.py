@@ -48,13 +48,26 @@ class Condensed:
     contact_forces: Mapping[str, LinearMap]
     imbalance: LinearMap
     sources: Mapping[str, sparse.csc_array]
+    solutions: Mapping[str, FloatArray]
     stability: float | None
     solves: int
 
-    def displacement(self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray) -> FloatArray:
-        """Nodal displacements (n, 2) of a body in one state, by one back-substitution."""
-        source = sparse.csc_array((self.sources[body] @ np.concatenate([f, q, p]))[:, None])
-        return scene.bodies[body].system.solve(source, corrections=2).reshape(-1, 2)
+    def displacement(
+        self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray
+    ) -> tuple[FloatArray, float]:
+        """Nodal displacements (n, 2) of a body in one state, and the relative residual of its normal equations.
+
+        One back-substitution; none where there is no contact, since ``solutions`` (2n, loads + motions) of so
+        few columns are kept.
+        """
+        unknowns = np.concatenate([f, q, p])
+        source = sparse.csc_array((self.sources[body] @ unknowns)[:, None])
+        system = scene.bodies[body].system
+        if body in self.solutions:
+            solution = (self.solutions[body] @ unknowns)[:, None]
+        else:
+            solution = system.solve(source, corrections=2)
+        return solution.reshape(-1, 2), system.optimality(source, solution)
 
 
 def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
@@ -68,7 +81,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
 
     paired = sum(len(pairing.position) for pairing in pairings)
     observed = np.zeros((paired + 3 * len(held), columns.total))
-    sources = {}
+    sources, solutions = {}, {}
     solves = 0
     for name, body in scene.bodies.items():
         sources[name] = body_sources(scene, name, pairings, spans, columns)
@@ -79,8 +92,13 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         ]
         rows = sparse.csr_array(sparse.vstack([gap_rows(body, name, pairings), *reactions], format="csr"))
         used = np.flatnonzero(np.diff(sources[name].indptr))
+        kept = np.zeros((rows.shape[1], columns.total if not pairings else 0))
         for block, solution in body.system.solve_blocks(sources[name][:, used]):
             observed[:, used[block]] += rows @ solution
+            if not pairings:
+                kept[:, used[block]] = solution
+        if not pairings:
+            solutions[name] = kept
         solves += len(used)
 
     candidate = np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
@@ -104,6 +122,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         contact_forces={pairing.name: forces.contact(pairing).take(slice(0, 2)) for pairing in pairings},
         imbalance=body_imbalance(forces),
         sources=sources,
+        solutions=solutions,
         stability=stability_certificate(weight, gap.take(candidate).pressure),
         solves=solves,
     )

@@ -42,10 +42,12 @@ class LeastSquares:
             columns = slice(first, min(first + BLOCK, sources.shape[1]))
             yield columns, self.solve(sources[:, columns])
 
-    def misfit(self, solution: FloatArray, source: FloatArray) -> FloatArray:
-        """Weighted residuals (r,) of one solution (2n,) for one right-hand side (r,)."""
-        residual: FloatArray = self.rows @ solution - self.weight * source
-        return residual
+    def optimality(self, source: sparse.csc_array, solution: FloatArray) -> float:
+        """|M^T r| over |M^T b| in the largest norm, r = b - M u: zero at the exact minimum."""
+        weighted = (source * self.weight[:, None]).toarray()
+        scale = float(np.abs(self.rows.T @ weighted).max(initial=0.0))
+        gradient = np.abs(self.rows.T @ (weighted - self.rows @ solution)).max(initial=0.0)
+        return float(gradient) / scale if scale > 0.0 else float(gradient)
 
 
 def factorise(
@@ -55,10 +57,3 @@ def factorise(
     weighted = sparse.csr_array(rows.multiply(weight[:, None]))
     normal = sparse.csc_array(weighted.T @ weighted)
     return LeastSquares(weighted, weight, solver.factor(normal, solver.analyse(normal, points)))
-
-
-def stack_columns(columns: list[FloatArray], rows: int) -> sparse.csc_array:
-    """Dense right-hand sides (r,) as the columns of one sparse array."""
-    if not columns:
-        return sparse.csc_array((rows, 0))
-    return sparse.csc_array(np.stack(columns, axis=1))

@@ -1,0 +1,163 @@
+"""From a case to the condensed problem, phase by phase."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.clouds import clouds
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.estimate import refuse_too_large
+from mlsanm_cli.app.scene import Prepared, factorise, prepare
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.case import Case, LoadedCase
+from mlsanm_cli.contact.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.condensed import Condensed, condense
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.errors import CaseError, NumericalError
+from mlsanm_cli.kernels.jit import CACHE_NOTE, is_warm
+from mlsanm_cli.kernels.warm import load_all
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+
+WIDER = 1.5
+WIDENINGS = 6
+
+
+@dataclass(frozen=True)
+class Built:
+    """A scene ready for its load path.
+
+    ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the exact
+    contact states there (none without contact).
+    """
+
+    case: Case
+    scene: Scene
+    condensed: Condensed
+    stages: FloatArray
+    ends: tuple[ExactState, ...]
+
+
+def load_kernels(clock: Clock, console: Console) -> None:
+    """Load the compiled kernels; say so where they have to be compiled first."""
+    with clock.phase("jit"):
+        if CACHE_NOTE:
+            console.warning(CACHE_NOTE)
+        if not is_warm():
+            console.phase("compiling kernels, once for this installation (about 15 s)")
+        load_all()
+
+
+def build_scene(loaded: LoadedCase, clock: Clock, console: Console) -> Prepared:
+    """Clouds, stencils, pairs and conditions: all that can show that a case cannot be run as written.
+
+    Raises RunError for a scene that memory cannot hold, CaseError for contacts and platens that make no sense.
+    """
+    refuse_too_large(loaded.case)
+    load_kernels(clock, console)
+    with clock.phase("cloud"):
+        console.phase("placing nodes")
+        placed = clouds(loaded.case)
+    with clock.phase("operators"):
+        console.phase("building operators")
+        try:
+            return prepare(loaded.case, placed)
+        except CaseError as error:
+            raise loaded.located(error) from error
+
+
+def complete(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Built:
+    """Factorise, condense, and find the reach of every contact."""
+    with clock.phase("factorization"):
+        console.phase("factorising")
+        scene = factorise(case, prepared, SuperLUSolver())
+    stages = stage_factors(case)
+    condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console)
+    return Built(case, scene, condensed, stages, ends)
+
+
+def stage_factors(case: Case) -> FloatArray:
+    """Load factors (T + 1, L): zero at first, then the values every stage moves to; the others stay."""
+    names = [load.name for load in case.load]
+    factors = [np.zeros(len(names))]
+    for stage in case.stage:
+        factors.append(np.array([stage.get(n, old) for n, old in zip(names, factors[-1], strict=True)]))
+    return np.array(factors)
+
+
+def _condense(
+    case: Case,
+    scene: Scene,
+    pairings: tuple[Pairing, ...],
+    stages: FloatArray,
+    clock: Clock,
+    console: Console,
+) -> tuple[Condensed, tuple[ExactState, ...]]:
+    """Condense; where a contact's reach is automatic, widen it until no node left out touches."""
+    fixed = {contact.name: contact.reach for contact in case.contact}
+    for _ in range(WIDENINGS):
+        with clock.phase("condensation"):
+            console.phase(f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes")
+            condensed = condense(scene, pairings)
+            require_stable(condensed)
+            if not pairings:
+                return condensed, ()
+            ends = _exact_ends(condensed, stages)
+            touched = _touched(condensed, ends)
+        if not any(mask.any() for mask in touched.values()):
+            return condensed, ends
+        for pairing in pairings:
+            if touched[pairing.name].any() and fixed[pairing.name] != "auto":
+                raise reach_error(pairing.name, float(pairing.gap[touched[pairing.name]].max()))
+        pairings = tuple(
+            pairing.with_reach(WIDER * float(pairing.gap[touched[pairing.name] | pairing.candidate].max()))
+            for pairing in pairings
+        )
+    raise NumericalError(
+        f"the contact zone was still growing after {WIDENINGS} enlargements",
+        "refine the surfaces over the whole zone that comes into contact, or set contact.NAME.reach",
+    )
+
+
+def _exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
+    ends: list[ExactState] = []
+    for factors in stages[1:]:
+        ends.append(solve_exact(condensed, factors, ends[-1].active if ends else None))
+    return tuple(ends)
+
+
+def _touched(condensed: Condensed, ends: tuple[ExactState, ...]) -> Mapping[str, BoolArray]:
+    """Per contact, which paired nodes (w,) are no candidates and yet overlap in one of the states."""
+    overlap = np.zeros(len(condensed.watched.constant), dtype=bool)
+    for state in ends:
+        overlap |= condensed.watched(state.factors, state.motion, state.pressure) < 0.0
+    touched, first = {}, 0
+    for pairing in condensed.pairings:
+        mask = np.zeros(len(pairing.position), dtype=bool)
+        left_out = np.flatnonzero(~pairing.candidate)
+        mask[left_out] = overlap[first : first + len(left_out)]
+        first += len(left_out)
+        touched[pairing.name] = mask
+    return touched
+
+
+def reach_error(contact: str, gap: float) -> NumericalError:
+    """A node that was left out of a contact overlaps the other surface."""
+    return NumericalError(
+        f"contact {contact}: a node left out because of its initial gap has come into contact",
+        f'set contact.{contact}.reach above {gap:.3g}, or to "auto"',
+    )
+
+
+def require_stable(condensed: Condensed) -> None:
+    """Raises NumericalError when the condensed compliance is not positive: pressures would mean nothing."""
+    if condensed.stability is not None and not condensed.stability > 0.0:
+        raise NumericalError(
+            f"the contact compliance is not positive (smallest eigenvalue {condensed.stability:.2g} of the largest)",
+            "give the two surfaces nearly equal node spacings where they meet (`mlsanm check` shows the ratio), "
+            "or use mls.degree = 2",
+        )

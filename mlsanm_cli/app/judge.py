@@ -1,0 +1,81 @@
+"""Whether a result can be believed: the checks that every run must pass to be called done."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.app.build import Built, reach_error
+from mlsanm_cli.app.paths import State
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.errors import NumericalError
+
+BALANCE_LIMIT = 0.15
+"""Largest lack of force balance of a body, relative to the forces on it, that passes.
+
+The balance is taken from the stress field at the held surfaces and falls with the spacing there; clamped corners,
+where stresses are singular, make it the coarsest figure of a run.
+"""
+BALANCE_WARNING = 0.05
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """``force_balance`` per body and in all (the largest), ``residual`` the largest of the path."""
+
+    force_balance: float
+    bodies: Mapping[str, float]
+
+
+def force_balance(built: Built, state: State) -> Verdict:
+    """Sum of the forces on each body over the largest force on it, in one state."""
+    arguments = (state.factors, state.motion, state.pressure)
+    lack = built.condensed.imbalance(*arguments).reshape(-1, 2)
+    per_body = {}
+    for number, name in enumerate(built.scene.bodies):
+        largest = float(_largest_force(built, name, arguments))
+        size = float(np.hypot(*lack[number]))
+        per_body[name] = size / largest if largest > 0.0 else 0.0
+    return Verdict(max(per_body.values()), per_body)
+
+
+def _largest_force(built: Built, body: str, arguments: tuple[FloatArray, FloatArray, FloatArray]) -> float:
+    sizes = [0.0]
+    for pairing in built.condensed.pairings:
+        if body in (pairing.slave_body, pairing.master_body):
+            sizes.append(float(np.hypot(*built.condensed.contact_forces[pairing.name](*arguments))))
+    for load in built.case.load:
+        if load.boundary.partition(".")[0] == body:
+            sizes.append(float(np.hypot(*built.condensed.forces[load.name](*arguments))))
+    return max(sizes)
+
+
+def judge_state(built: Built, state: State) -> None:
+    """Raise NumericalError when a state on the path cannot be believed."""
+    condensed = built.condensed
+    tolerance = built.case.solver.tolerance
+    if not state.residual <= tolerance:
+        raise NumericalError(
+            f"the residual {state.residual:.3g} at position {state.position:.6g} is above the tolerance",
+            "raise solver.tolerance only if that residual is good enough for you",
+        )
+    if not all(np.isfinite(a).all() for a in (state.pressure, state.gap, state.motion)):
+        raise NumericalError(f"the state at position {state.position:.6g} is not finite")
+    overlap = condensed.watched(state.factors, state.motion, state.pressure) < 0.0
+    if overlap.any():
+        owners = np.concatenate([np.full((~p.candidate).sum(), i) for i, p in enumerate(condensed.pairings)])
+        gaps = np.concatenate([p.gap[~p.candidate] for p in condensed.pairings])
+        first = condensed.pairings[int(owners[overlap][0])]
+        raise reach_error(first.name, float(gaps[overlap].max()))
+
+
+def judge_balance(verdict: Verdict) -> str:
+    """A warning where the forces balance poorly, "" where they do; NumericalError past the limit."""
+    worst = max(verdict.bodies, key=lambda name: verdict.bodies[name])
+    message = f"the forces on body {worst} balance to {100 * verdict.force_balance:.2g} % only"
+    hint = f"make body.{worst}.spacing smaller where it is held"
+    if not verdict.force_balance <= BALANCE_LIMIT:
+        raise NumericalError(message, hint)
+    return f"{message}; {hint}" if verdict.force_balance > BALANCE_WARNING else ""

@@ -1,0 +1,48 @@
+"""Where a result comes from: versions, machine, command."""
+
+from __future__ import annotations
+
+import platform
+import socket
+import subprocess
+from importlib.metadata import version
+from pathlib import Path
+
+from mlsanm_cli import __version__
+from mlsanm_cli.case import LoadedCase
+
+PACKAGES = ("numpy", "scipy", "numba", "h5py", "meshio", "pydantic")
+
+
+def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[str, str | int | float]:
+    """Root attributes of run.h5."""
+    return {
+        "git": git_state(Path(__file__).resolve().parents[2]),
+        "argv": " ".join(argv),
+        "case_hash": loaded.case_hash,
+        "case_path": str(loaded.path),
+        "versions": " ".join(
+            [f"python {platform.python_version()}", *(f"{name} {version(name)}" for name in PACKAGES)]
+        ),
+        "cpu": platform.processor() or platform.machine(),
+        "host": socket.gethostname(),
+        "threads": threads,
+        "mlsanm": __version__,
+    }
+
+
+def git_state(directory: Path) -> str:
+    """Commit of the source tree, "+" behind it if files differ; "" for an installed package."""
+    if not (directory / ".git").exists():
+        return ""
+    try:
+        output = subprocess.run(
+            ["git", "-C", str(directory), "describe", "--always", "--dirty=+", "--abbrev=12"],
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return output.stdout.strip()

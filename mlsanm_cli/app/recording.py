@@ -1,0 +1,171 @@
+"""Turns states of the path into what is stored: rows of run.h5, fields, tables, figures of the summary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.paths import PathStep, State
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.profile import half_width
+from mlsanm_cli.io.records import ContactRecord, StepRecord
+from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.vtu import BodyState
+
+OPEN, SLIP = 0, 2
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Nodal fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,)."""
+
+    displacement: FloatArray
+    stress: FloatArray
+    stress_zz: FloatArray
+    von_mises: FloatArray
+
+
+def slave_points(built: Built, pairing: Pairing) -> FloatArray:
+    """Reference positions (m, 2) of a contact's candidates."""
+    return built.scene.bodies[pairing.slave_body].model.cloud.points[pairing.node[pairing.candidate]]
+
+
+def slave_arc(pairing: Pairing) -> FloatArray:
+    """Arc lengths (m,) of a contact's candidates along the slave surface."""
+    return pairing.slave.arc_length[pairing.position[pairing.candidate]]
+
+
+def write_model(file: RunFile, built: Built) -> None:
+    """Bodies and contacts as they are before loading."""
+    for name, body in built.scene.bodies.items():
+        surfaces = body.model.cloud.surfaces.values()
+        file.write_body(
+            name,
+            body.model.cloud.points,
+            np.concatenate([surface.index for surface in surfaces]),
+            np.concatenate([surface.normal for surface in surfaces]),
+            [surface.name for surface in surfaces for _ in surface.index],
+        )
+    for pairing in built.condensed.pairings:
+        chosen = pairing.candidate
+        file.write_contact(
+            pairing.name,
+            slave_points(built, pairing),
+            pairing.normal[chosen],
+            slave_arc(pairing),
+            pairing.weight[chosen],
+        )
+    file.start_path(built.scene.loads, tuple(built.condensed.forces))
+
+
+def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecord:
+    """One contact in one state. Without friction there is no traction, and slip is not computed (nan)."""
+    span = built.condensed.spans[pairing.name]
+    count = span.stop - span.start
+    return ContactRecord(
+        pressure=state.pressure[span],
+        traction=np.zeros(count),
+        gap=state.gap[span],
+        slip=np.full(count, np.nan),
+        status=np.where(state.closed[span], SLIP, OPEN).astype(np.int8),
+    )
+
+
+def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
+    """One row of the path."""
+    state = step.state
+    arguments = (state.factors, state.motion, state.pressure)
+    return StepRecord(
+        position=state.position,
+        step_length=step.length,
+        residual=state.residual,
+        order=step.order,
+        factorizations=step.factorizations,
+        solves=step.solves,
+        seconds=seconds,
+        factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
+        resultants={name: force(*arguments) for name, force in built.condensed.forces.items()},
+        contacts={p.name: contact_record(built, p, state) for p in built.condensed.pairings},
+    )
+
+
+def interface_columns(built: Built, pairing: Pairing, state: State) -> dict[str, Any]:
+    """Columns of a contact's CSV."""
+    record = contact_record(built, pairing, state)
+    points = slave_points(built, pairing)
+    return {
+        "x": points[:, 0],
+        "y": points[:, 1],
+        "arc_length": slave_arc(pairing),
+        "gap": record.gap,
+        "pressure": record.pressure,
+        "traction": record.traction,
+        "slip": record.slip,
+        "status": record.status,
+    }
+
+
+def contact_summary(built: Built, pairing: Pairing, state: State) -> dict[str, Any]:
+    """The engineer's figures of a contact."""
+    record = contact_record(built, pairing, state)
+    force = built.condensed.contact_forces[pairing.name](state.factors, state.motion, state.pressure)
+    return {
+        "peak_pressure": float(record.pressure.max(initial=0.0)),
+        "half_width": half_width(slave_arc(pairing), record.pressure),
+        "force": force.tolist(),
+        "stick_nodes": 0,
+        "slip_nodes": int((record.status == SLIP).sum()),
+        "min_gap": float(record.gap.min()),
+        "max_cone_ratio": None,
+    }
+
+
+def fields_of(built: Built, state: State, stress: bool) -> tuple[dict[str, Fields], float]:
+    """Fields of all bodies, stresses only if asked for; and the largest residual of the linear systems."""
+    fields, worst = {}, 0.0
+    for name, body in built.scene.bodies.items():
+        displacement, residual = built.condensed.displacement(
+            built.scene, name, state.factors, state.motion, state.pressure
+        )
+        worst = max(worst, residual)
+        sigma = body.model.stress(displacement) if stress else np.zeros((0, 3))
+        ratio = body.model.material.out_of_plane
+        fields[name] = Fields(
+            displacement, sigma, ratio * (sigma[:, 0] + sigma[:, 1]), body.model.von_mises(sigma)
+        )
+    return fields, worst
+
+
+def stored_fields(fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, dict[str, FloatArray]]:
+    """The fields asked for, by body and name."""
+    return {body: {name: getattr(values, name) for name in wanted} for body, values in fields.items()}
+
+
+def vtu_states(built: Built, fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, BodyState]:
+    """The fields asked for, as VTU files take them."""
+    states = {}
+    for name, values in fields.items():
+        cloud = built.scene.bodies[name].model.cloud
+        states[name] = BodyState(
+            points=cloud.points,
+            boundary_tag=boundary_tags(cloud),
+            displacement=values.displacement if "displacement" in wanted else None,
+            stress=values.stress if "stress" in wanted else None,
+            von_mises=values.von_mises if "von_mises" in wanted else None,
+            stress_zz=values.stress_zz if "stress" in wanted else None,
+        )
+    return states
+
+
+def boundary_tags(cloud: Cloud) -> IntArray:
+    """0 inside, k on the k-th boundary; a corner node counts to the later one."""
+    tags = np.zeros(len(cloud.points), dtype=np.int64)
+    for number, surface in enumerate(cloud.surfaces.values(), start=1):
+        tags[surface.index] = number
+    return tags

@@ -1,0 +1,136 @@
+"""The closed formula a case names, with its parameters taken from the case and the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.clouds import materials
+from mlsanm_cli.app.paths import State
+from mlsanm_cli.app.recording import slave_points
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Contact, Disk, HalfDisk, LoadedCase, Rectangle, split_boundary
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.reference.hertz import HertzLine
+
+SAMPLES = 4001
+
+
+@dataclass(frozen=True)
+class ReferenceProfile:
+    """A known pressure along a contact.
+
+    ``coordinate`` (m,) of the nodes along the surface, from the middle of the contact; ``curve`` the pressure
+    there as a function of that coordinate; ``error_l2`` the L2 norm of the difference to the nodal pressures,
+    joined linearly, over the reference's norm.
+    """
+
+    label: str
+    coordinate: FloatArray
+    curve: Callable[[FloatArray], FloatArray]
+    peak: float
+    half_width: float
+    error_l2: float
+
+
+def check_reference(loaded: LoadedCase) -> None:
+    """Raise CaseError when the named solution does not fit the scene."""
+    case = loaded.case
+    if case.reference is None:
+        return
+    solution = case.reference.solution
+    problems = [] if case.contact else ["needs a [[contact]]"]
+    for contact in case.contact:
+        curved = _curvature(case, contact.slave) + _curvature(case, contact.master) > 0.0
+        if curved != (solution == "hertz-line"):
+            problems.append(f"does not fit contact {contact.name}: its surfaces are {'' if curved else 'not '}curved")
+    if problems:
+        raise loaded.located(
+            CaseError(tuple(CaseProblem("reference.solution", f'"{solution}" {text}') for text in problems))
+        )
+
+
+def reference_profile(built: Built, pairing: Pairing, state: State) -> ReferenceProfile | None:
+    """The reference pressure of a contact in one state; None where the case names none or nothing is pressed."""
+    case = built.case
+    arguments = (state.factors, state.motion, state.pressure)
+    force = float(np.hypot(*built.condensed.contact_forces[pairing.name](*arguments)))
+    if case.reference is None or force == 0.0:
+        return None
+    contact = next(c for c in case.contact if c.name == pairing.name)
+    return profile_on(
+        case,
+        contact,
+        slave_points(built, pairing),
+        pairing.normal[pairing.candidate],
+        state.pressure[built.condensed.spans[pairing.name]],
+        force,
+    )
+
+
+def profile_on(
+    case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray, force: float
+) -> ReferenceProfile:
+    """The reference for nodes ``points`` (m, 2) with the master's ``normal`` (m, 2), carrying ``pressure`` (m,)."""
+    middle, axis = _middle(case, contact, points, normal)
+    coordinate = (points - middle) @ np.array([axis[1], -axis[0]])
+    if coordinate[-1] < coordinate[0]:
+        coordinate = -coordinate
+    if _curvature(case, contact.slave) + _curvature(case, contact.master) > 0.0:
+        hertz = HertzLine(force, _radius(case, contact), _modulus(case, contact))
+        label, curve, peak, width = "Hertz", hertz.pressure, hertz.peak_pressure, hertz.half_width
+    else:
+        even = force / float(np.ptp(coordinate))
+        label, peak, width = "uniform", even, 0.5 * float(np.ptp(coordinate))
+
+        def curve(x: FloatArray) -> FloatArray:
+            return np.full(len(x), even)
+
+    x = np.linspace(coordinate[0], coordinate[-1], SAMPLES)
+    expected = curve(x)
+    difference = np.interp(x, coordinate, pressure) - expected
+    error = float(np.sqrt((difference**2).sum() / (expected**2).sum()))
+    return ReferenceProfile(label, coordinate, curve, peak, width, error)
+
+
+def _middle(case: Case, contact: Contact, points: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the contact's middle lies, and the normal there: on the line of centres of curved surfaces."""
+    slave, master = (_shape(case, boundary) for boundary in (contact.slave, contact.master))
+    mean = normal.mean(axis=0)
+    axis = mean / np.hypot(*mean)
+    if slave[1] == "arc" and isinstance(slave[0], Disk | HalfDisk):
+        if master[1] == "arc" and isinstance(master[0], Disk | HalfDisk):
+            line = np.array(slave[0].center) - np.array(master[0].center)
+            axis = line / np.hypot(*line)
+        return np.array(slave[0].center), axis
+    if master[1] == "arc" and isinstance(master[0], Disk | HalfDisk):
+        return np.array(master[0].center), axis
+    return 0.5 * (points[0] + points[-1]), axis
+
+
+def _shape(case: Case, boundary: str) -> tuple[Rectangle | Disk | HalfDisk, str]:
+    body, edge = split_boundary(boundary)
+    return next(b.shape for b in case.body if b.name == body), edge
+
+
+def _curvature(case: Case, boundary: str) -> float:
+    shape, edge = _shape(case, boundary)
+    return 1.0 / shape.radius if isinstance(shape, Disk | HalfDisk) and edge == "arc" else 0.0
+
+
+def _radius(case: Case, contact: Contact) -> float:
+    return 1.0 / (_curvature(case, contact.slave) + _curvature(case, contact.master))
+
+
+def _modulus(case: Case, contact: Contact) -> float:
+    stiffness = materials(case)
+    inverse = 0.0
+    for boundary in (contact.slave, contact.master):
+        body, _ = split_boundary(boundary)
+        material = next(b.material for b in case.body if b.name == body)
+        inverse += 1.0 / stiffness[material].contact_modulus
+    return 1.0 / inverse

@@ -1,0 +1,21 @@
+"""Loads, or compiles where needed, every kernel the package uses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.kernels.fill import advance_front, spacing_at
+from mlsanm_cli.kernels.stencils import mls_weights
+
+
+def load_all() -> None:
+    """Call every kernel once on a tiny input of the types used everywhere."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    edges = np.hstack([square, np.roll(square, -1, axis=0)])
+    zones = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.1]])
+    spacing_at(1.0, zones, square)
+    start, numbers = np.array([0, 2], dtype=np.int64), np.array([1, 3], dtype=np.int64)
+    advance_front(square, edges, start, numbers, 0.0, 1.1, 1.0, zones, 15, 0, 1000)
+    indptr, indices = np.array([0, 4], dtype=np.int64), np.arange(4, dtype=np.int64)
+    center, radius = square[:1].copy(), np.array([1.5])
+    mls_weights(square, indptr, indices, center, center, radius, 1, 4.0, 1, np.empty((4, 3)), np.empty(1))

@@ -1,0 +1,1 @@
+"""Closed formulae that results are checked against."""
