@@ -1,8 +1,9 @@
 """The asymptotic numerical method: a path followed by power series of high order.
 
-Every step costs one factorised tangent and about N solves for the series, a few residuals to find out how far
-it is good, and, when the residual has drifted, a correction of its end. Folds are passed: the parameter is
-the projection on the tangent and the load factor is an unknown like the others.
+Every step costs one factorised tangent and N + 1 solves for the series, and a few residuals to find out how
+far it is good. What residual is left at its end the next series leads back to zero; a correction of its own
+comes only on request, and at the end of the path. Folds are passed: the parameter is the projection on the
+tangent and the load factor is an unknown like the others.
 """
 
 from __future__ import annotations
@@ -102,6 +103,10 @@ class AnmFollower:
             self._reason, self._message = stop.reason, stop.message
 
     def _start(self) -> None:
+        if self._previous is not None:
+            self._residual = residual_norm(self._problem, self._x, self._lam)
+            if self._residual <= self._options.tolerance:
+                return  # the end of a step, which its successor starts from as it is
         start = correct(self._problem, self._x, self._lam, self._options)
         self._x, self._residual = start.x, start.residual
         self._effort.factorizations += start.factorizations
@@ -125,7 +130,7 @@ class AnmFollower:
             if ahead is None:
                 raise _Stop(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             here, self._effort = ahead, effort
-            direction, unit = (branch.x[1], float(branch.lam[1])), _power_of_two(branch.length * unit)
+            direction, unit = self._onward(branch)
 
     def _station(self, x: FloatArray, lam: float, effort: Effort) -> Station:
         effort.factorizations += 1
@@ -135,17 +140,21 @@ class AnmFollower:
     def _direction(self) -> tuple[tuple[FloatArray, float], float]:
         """Return the direction in which to leave the start point, and a guess of the step's length."""
         if self._previous is not None:
-            direction = self._previous.x[1], float(self._previous.lam[1])
-            return direction, _power_of_two(self._previous.length * self._metric.norm(*direction))
+            return self._onward(self._previous)
         sign = self._options.direction or np.sign(self._lam_end - self._lam)
         return (np.zeros(self._problem.size), float(sign)), 1.0
+
+    def _onward(self, branch: Branch) -> tuple[tuple[FloatArray, float], float]:
+        """Return the same for the step that follows a piece of path."""
+        direction = branch.x[1], float(branch.lam[1])
+        return direction, _power_of_two(branch.length * self._metric.norm(*direction))
 
     def _branch(self, here: Station, direction: tuple[FloatArray, float], unit: float) -> Branch:
         """Return the longest good piece of path that begins at ``here``."""
         order = self._options.order
         with np.errstate(over="ignore", invalid="ignore"):
             series = expand(self._problem, self._metric, here, order, direction, unit)
-        self._effort.solves += order - 1
+        self._effort.solves += order
         branch = self._gauge.branch(series)
         shortest = self._options.min_length / unit
         if branch.length > shortest or branch.first_crossing(self._lam_end) is not None:
@@ -156,7 +165,7 @@ class AnmFollower:
         raise _Stop(StopReason.STEP_TOO_SMALL, f"the series is good for less than the shortest step {place}")
 
     def _arrive(self, here: Station, branch: Branch) -> tuple[Branch, Correction, Station | None, Effort]:
-        """Correct the end of a step and factorise there; the step is shortened while that fails.
+        """Settle the end of a step and factorise there; the step is shortened while that fails.
 
         Returns the step's piece of path, its end, the next station (None at the target) and its effort.
         """
@@ -166,7 +175,7 @@ class AnmFollower:
             crossing = piece.first_crossing(self._lam_end)
             if crossing is not None:
                 return self._finish(here, piece.shortened(crossing))
-            end = self._corrected(here, piece, piece.evaluate(length), self._normal(piece))
+            end = self._end(here, piece)
             place = f"near load factor {piece.load_factor(length):.9g}"
             if end is None:
                 failure = _Stop(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
@@ -186,17 +195,21 @@ class AnmFollower:
     def _finish(self, here: Station, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
         """Correct the end of the last step, which lies exactly at the load factor asked for."""
         x = piece.evaluate(piece.length)[0]
-        end = self._corrected(here, piece, (x, self._lam_end), None)
+        end = self._corrected(here, (x, self._lam_end), None)
         if end is None:  # a fold at the very target: the series' own end keeps the tolerance
             end = Correction(x, self._lam_end, residual_norm(self._problem, x, self._lam_end), 0, 0, 0)
         return piece, end, None, Effort()
 
+    def _end(self, here: Station, piece: Branch) -> Correction | None:
+        """Return the end of a step, corrected if its residual has drifted; None when that fails."""
+        x, lam = piece.evaluate(piece.length)
+        residual = residual_norm(self._problem, x, lam)
+        if residual <= self._options.drift * self._options.tolerance:
+            return Correction(x, lam, residual, 0, 0, 0)
+        return self._corrected(here, (x, lam), self._normal(piece))
+
     def _corrected(
-        self,
-        here: Station,
-        piece: Branch,
-        end: tuple[FloatArray, float],
-        normal: tuple[FloatArray, float] | None,
+        self, here: Station, end: tuple[FloatArray, float], normal: tuple[FloatArray, float] | None
     ) -> Correction | None:
         return correct_end(self._problem, self._metric, here, end, normal, self._options, self._effort)
 
@@ -240,7 +253,8 @@ def follow(
 
     Parameters
     ----------
-    x0 : (size,), start point; corrected at fixed ``lam0`` when its residual asks for it
+    x0 : (size,), start point; corrected at fixed ``lam0`` when its residual asks for it (behind a
+        ``previous`` piece: when it exceeds the tolerance)
     lam_end : the path ends where the load factor first takes this value, going along the path
     previous : the piece of path that led to the start point; the path goes on in its direction with its
         length of step, exactly as if it had not been interrupted

@@ -63,7 +63,7 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: AnmOptions | N
     """Solve R(x, lam) = 0 at fixed ``lam`` by Newton's method from an admissible ``x``, shape (size,).
 
     Updates are halved until the point stays admissible and the norm of the residual falls. The residual
-    aimed at is ``options.tolerance * options.drift``; when round-off forbids that, ``tolerance`` will do.
+    aimed at is ``options.goal``; when round-off forbids that, ``tolerance`` will do.
 
     Raises
     ------

@@ -3,11 +3,14 @@
 With y = x/scale and the product <(x, lam), (z, mu)> = mean(y_x y_z) + lam mu (a mean, so that the load
 factor keeps its weight whatever the number of unknowns), the parameter of the path is
 
-    a = <X - X_0, X_1> / unit^2,    |X_1| = unit,
+    a = <X - X_0, T> / unit^2,    T tangent to the path at X_0,    |T| = unit,
 
-the projection on the tangent, hence regular at folds. Order k >= 2 of R = 0 and of the definition of a are
+hence regular at folds. A start point carries a small residual R_0; its series follows R(X(a)) = (1 - a) R_0,
+which leads back to the path over about the length of the step, without a factorisation of its own. Orders
+1 and k >= 2 are
 
-    dR/dx x_k + dR/dlam lam_k = rhs_k,    <X_k, X_1> = 0,
+    dR/dx x_1 + dR/dlam lam_1 = -R_0,     <X_1 - T, T> = 0,
+    dR/dx x_k + dR/dlam lam_k = rhs_k,    <X_k, T> = 0,
 
 solved with the one factorised dR/dx and the slope v = dx/dlam. ``unit`` is a power of two near the
 expected length of the step, which keeps high orders from overflowing and, being a power of two, leaves
@@ -74,7 +77,7 @@ def station(problem: Problem, x: FloatArray, lam: float) -> Station:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Coefficients ``x``, shape (N + 1, size), and ``lam``, shape (N + 1,), with |X_1| = ``unit``."""
+    """Coefficients ``x``, shape (N + 1, size), and ``lam``, shape (N + 1,); ``unit`` is the length of T."""
 
     x: FloatArray
     lam: FloatArray
@@ -89,12 +92,12 @@ def expand(
     direction: tuple[FloatArray, float],
     unit: float,
 ) -> Series:
-    """Return the series of the path at ``start`` (order - 1 solves).
+    """Return the series of the path at ``start`` (``order`` solves).
 
     Parameters
     ----------
     direction : the path goes to the side where the product with this direction is positive
-    unit : length of X_1
+    unit : length of the tangent, a guess of the length of the step
 
     Coefficients that overflow are returned as they come; the caller's residuals will show it.
     """
@@ -102,17 +105,17 @@ def expand(
     lam = np.empty(order + 1)
     slope = start.slope
     size = metric.norm(slope, 1.0)
-    sign = np.copysign(1.0, metric.product(slope, 1.0, *direction))
-    x[0], lam[0] = start.x, start.lam
-    lam[1] = sign * unit / size
-    np.multiply(slope, lam[1], out=x[1])
-    normal = metric.weight * x[1]
-    # <v, x_1> + lam_1, the denominator of every lam_k
-    denominator = unit * sign * size
+    rise = float(np.copysign(unit / size, metric.product(slope, 1.0, *direction)))
+    normal = metric.weight * (rise * slope)
+    # <v, T_x> + T_lam, the denominator of every lam_k
+    denominator = rise * size * size
     solve, series_rhs = start.tangent.solve, problem.series_rhs
-    for k in range(2, order + 1):
-        free = solve(series_rhs(x[:k], lam[:k]))
+    x[0], lam[0] = start.x, start.lam
+    for k in range(1, order + 1):
+        free = solve(series_rhs(x[:k], lam[:k]) if k > 1 else -problem.residual(start.x, start.lam))
         lam[k] = -float(normal @ free) / denominator
+        if k == 1:
+            lam[1] += rise
         np.multiply(slope, lam[k], out=x[k])
         x[k] += free
     return Series(x, lam, unit)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+# A correction aims at this part of the tolerance, so that the series that follows has the rest.
+_CORRECTED = 0.01
+
 
 @dataclass(frozen=True)
 class AnmOptions:
@@ -18,7 +21,9 @@ class AnmOptions:
     max_steps : the path stops after so many steps
     direction : which way to leave the start point: load factor growing (1), falling (-1), or toward the
         load factor asked for (0); the sign of later steps is that of the path itself
-    drift : an end of step is corrected when its residual exceeds this fraction of ``tolerance``
+    drift : an end of step is corrected by Newton's method when its residual exceeds this fraction of
+        ``tolerance``; below, the next series leads the residual back to zero, which takes no factorisation.
+        At 1 only the start and the end of the path are corrected
     min_length : a step shorter than this, in scaled units of the path, ends it
     max_corrections : Newton updates allowed in one correction
     """
@@ -28,7 +33,7 @@ class AnmOptions:
     pade: bool = True
     max_steps: int = 2000
     direction: Literal[-1, 0, 1] = 0
-    drift: float = 0.01
+    drift: float = 1.0
     min_length: float = 1e-10
     max_corrections: int = 50
 
@@ -47,4 +52,4 @@ class AnmOptions:
     @property
     def goal(self) -> float:
         """Residual a correction aims at."""
-        return self.tolerance * self.drift
+        return self.tolerance * _CORRECTED

@@ -38,8 +38,8 @@ class Step:
     Attributes
     ----------
     index : 1 for the first step
-    branch : the path over the step; ``branch.evaluate(branch.length)`` is the end before its correction
-    x, lam : end of the step, corrected: unknowns, shape (size,), and load factor
+    branch : the path over the step; ``branch.evaluate(branch.length)`` is the end before a correction
+    x, lam : end of the step and start of the next: unknowns, shape (size,), and load factor
     residual : largest residual at the end
     arc_length : length of the step along its first tangent, in the scaled units of the path
     corrections : Newton updates made at the end

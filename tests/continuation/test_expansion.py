@@ -108,19 +108,35 @@ def test_coefficients_are_the_derivatives_of_the_path() -> None:
 def test_parameter_is_the_projection_on_the_tangent() -> None:
     problem, _, _ = hertz(30, 1e-2)
     start = correct(problem, open_start(problem), 0.0)
-    series = series_at(problem, start.x, 0.0, 6, unit=0.25)
+    here = station(problem, start.x, 0.0)
     metric = Metric(problem.scale)
-    assert metric.norm(series.x[1], float(series.lam[1])) == pytest.approx(0.25, rel=1e-13)
+    series = series_at(problem, start.x, 0.0, 6, unit=0.25)
+    length = metric.norm(here.slope, 1.0)
+    tangent = 0.25 / length * here.slope, 0.25 / length
+    # The first coefficient is the tangent and, orthogonal to it, what leads the start's residual to zero.
+    rest = series.x[1] - tangent[0], float(series.lam[1]) - tangent[1]
+    assert metric.norm(*rest) < 1e-8
+    assert abs(metric.product(*rest, *tangent)) < 1e-17
     for k in range(2, 7):
         size = metric.norm(series.x[k], float(series.lam[k]))
-        product = metric.product(series.x[k], float(series.lam[k]), series.x[1], float(series.lam[1]))
+        product = metric.product(series.x[k], float(series.lam[k]), *tangent)
         assert abs(product) <= 1e-12 * size * 0.25
 
 
-def test_unit_of_the_parameter_changes_no_digit() -> None:
+def test_residual_of_the_start_is_led_to_zero() -> None:
     problem = random_contact(8, 0.2, 3)
-    x = correct(problem, open_start(problem), 0.0).x
-    one, half = series_at(problem, x, 0.0, 10), series_at(problem, x, 0.0, 10, unit=0.5)
+    x = correct(problem, open_start(problem), 0.0).x + 1e-5
+    start = problem.residual(x, 0.0)
+    series = series_at(problem, x, 0.0, 20, unit=0.02)
+    for a in (0.0, 0.5, 1.0, 1.5):
+        powers = a ** np.arange(21.0)
+        residual = problem.residual(powers @ series.x, float(powers @ series.lam))
+        np.testing.assert_allclose(residual, (1.0 - a) * start, atol=1e-13)
+
+
+def test_unit_of_the_parameter_changes_no_digit() -> None:
+    problem = Scalar(0.0, 1.0, 0.7, 0.1)  # an exact start: its residual would be led to zero at a = 1
+    one, half = (series_at(problem, np.zeros(1), 0.0, 10, unit) for unit in (1.0, 0.5))
     np.testing.assert_array_equal(half.x, one.x * 0.5 ** np.arange(11.0)[:, None])
     np.testing.assert_array_equal(half.lam, one.lam * 0.5 ** np.arange(11.0))
 

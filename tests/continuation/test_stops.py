@@ -65,8 +65,8 @@ class Broken(Scalar):
         (Wall(0.0, 1.0), AnmOptions(), StopReason.NOT_ADMISSIBLE, 0.5),
         (Hole(0.0, 1.0), AnmOptions(), StopReason.NOT_ADMISSIBLE, 0.4),
         (Kink(0.0, 1.0), AnmOptions(), StopReason.STEP_TOO_SMALL, 0.5),
-        (Noisy(0.0, 1.0, 1.0), AnmOptions(), StopReason.CORRECTION_FAILED, 0.0),
-        (Broken(0.0, 1.0, 1.0), AnmOptions(drift=1.0), StopReason.SINGULAR_TANGENT, 0.0),
+        (Noisy(0.0, 1.0, 1.0), AnmOptions(drift=0.01), StopReason.CORRECTION_FAILED, 0.0),
+        (Broken(0.0, 1.0, 1.0), AnmOptions(), StopReason.SINGULAR_TANGENT, 0.0),
     ],
 )
 def test_reasons_to_stop_are_named(
