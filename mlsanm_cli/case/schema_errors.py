@@ -82,8 +82,6 @@ def _path(location: tuple[int | str, ...]) -> KeyPath:
         path = (*path[:2], *path[3:])
     if len(path) > 3 and path[0] == "body" and path[2] == "shape" and path[3] in SHAPES:
         path = (*path[:3], *path[4:])
-    if len(path) > 4 and path[0] == "body" and path[2] == "shape" and path[4] in SHAPES:
-        path = (*path[:4], *path[5:])
     return path[:-1] if path and path[-1] == "[key]" else path
 
 

@@ -22,6 +22,8 @@ literal = \'\'\'
 '' two quotes \'\'\'\'\'
 dates = 1979-05-27 07:32:00   # with a space
 "quoted.key" . 'sub key' . bare-key = 1e5
+'back\slash' = 1
+"\"\u0041\U00000042" = 2
 
 [ spaced . "table" ]
 a.b.c = true
@@ -72,6 +74,8 @@ def test_nasty_text() -> None:
     assert row(("item", 0, "part", 1, "n")) == "n = 1"
     assert row(("item", 1, "part", 0, "n")) == "n = 2"
     assert row(("item", 1, "part", 0, "deep", "z")) == "z = 3"
+    assert row(("back\\slash",)).endswith("= 1")
+    assert row(('"AB',)).endswith("= 2")
     assert ("fake",) not in lines
     assert set(lines) >= set(_paths(tomllib.loads(NASTY)))
 

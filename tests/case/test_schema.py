@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tomli_w
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlsanm_cli.case import Disk, HalfDisk, Platen, Rectangle, load_case, resolved_mapping
-from mlsanm_cli.errors import CaseError, RunError
+from mlsanm_cli.case import Case, Disk, HalfDisk, Platen, Rectangle, load_case, resolved_mapping
+from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse, problems
 
 
@@ -169,6 +171,96 @@ def test_all_problems_at_once_in_the_order_of_the_file() -> None:
 
 
 @pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        (("radius = 1.0", 'radius = 1.0\nradios = 2.0\nalong = "arc"'), "body.cylinder.refine.0"),
+        (("y = [-100.0, 0.0]", "y = [-100.0, 0.0]\nz = 0\n"), "support.0.boundary"),
+        (("uy = 0.0", "uy = 0.0\nuz = 0.0\nnear = [0, 0]"), "support.0"),
+        (("force = [", "mass = 1.0\nux = 1.0\nforce = ["), "load.press.ux"),
+        (("friction = 0.0", "frictoin = 1\nregularization = {lw = 1, law = 'exact'}"), "solver.method"),
+    ],
+)
+def test_an_unknown_key_hides_no_other_fault(change: tuple[str, str], key: str) -> None:
+    text = (HERTZ + 'friction = 0.0\n[solver]\nmethod = "anm"\n').replace(*change, 1)
+    changes = ['support.0.boundary="block.tp"'] if key.endswith("boundary") else []
+    found = problems(text, changes)
+    assert "unknown key" in [problem.message for problem in found]
+    assert key in [problem.key for problem in found]
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("body.0.shape=3", "body.cylinder.shape: expected a table"),
+        ("load.0=3", "load.0: expected a table"),
+        ("body.0.shape={kind=3}", 'unknown kind "3"'),
+        ("body=[]", "body: the list is empty"),
+        ("body.0.name=3", "letters, digits"),
+        ('body.0.name=""', "body.0.name: a name has"),
+        ('body.0.spacing="4"', 'without quotes: "4" is text'),
+        ("model.plane=true", "true is not a valid value"),
+        ('model.plane="shell"', "valid: strain, stress"),
+        ("contact.0.master=7", '"<body>.<boundary>"'),
+    ],
+)
+def test_wrong_types(setting: str, words: str) -> None:
+    assert words in "\n".join(str(problem) for problem in problems(HERTZ, [setting]))
+
+
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-3, 3),
+    st.integers(10**400, 10**401),
+    st.floats(),
+    st.text(max_size=3),
+    st.sampled_from(["platen", "annulus", "block.top", "auto", "strain", "press"]),
+    st.lists(st.floats(), max_size=3),
+    st.just({}),
+    st.just([{}]),
+    st.dictionaries(st.sampled_from(["kind", "name", "x", "law", "at"]), st.integers(-1, 1), max_size=2),
+)
+
+
+def outcome(text: str) -> tuple[tuple[CaseProblem, ...], Case | None]:
+    """The problems of a case, or the case."""
+    try:
+        return (), parse(text).case
+    except CaseError as error:
+        return error.problems, None
+
+
+@settings(max_examples=300)
+@given(st.data())
+def test_any_content_is_a_case_or_a_list_of_problems(data: st.DataObject) -> None:
+    content: dict[str, Any] = tomllib.loads(HERTZ)
+    for _ in range(data.draw(st.integers(1, 4))):
+        table: Any = content
+        while True:
+            keys = list(table) if isinstance(table, dict) else list(range(len(table)))
+            key = data.draw(st.sampled_from([*keys, "extra"] if isinstance(table, dict) else keys))
+            value = table.get(key) if isinstance(table, dict) else table[key]
+            if not isinstance(value, dict | list) or not value or data.draw(st.booleans()):
+                break
+            table = value
+        junk = copy.deepcopy(data.draw(JUNK))
+        if junk is not None:
+            table[key] = junk
+        elif isinstance(table, dict):
+            table.pop(key, None)
+    text = tomli_w.dumps(content)
+    found, again = outcome(text)
+    for problem in found:
+        assert (problem.source, problem.line >= 1) == ("case.toml", True)
+        assert problem.key
+        assert problem.message
+    if again is not None:
+        assert outcome(tomli_w.dumps(resolved_mapping(again))) == ((), again)
+    else:
+        assert found
+
+
+@pytest.mark.parametrize(
     ("text", "line"),
     [("format = 1\ntitle = half\n", 2), ("a = 1\n\na = 2\n", 3), ('t = """\nnever\nclosed', 3), ("[x\n", 1)],
 )
@@ -225,9 +317,9 @@ def test_resolved_case_keeps_every_bit(
     title: str, spacing: float, force: float, at: list[float], seed: int
 ) -> None:
     changes = {"body.block.refine.0.spacing": spacing, "load.press.force.1": force, "output.at": at}
-    settings = [f"{key}={value!r}" for key, value in changes.items()]
+    overrides = [f"{key}={value!r}" for key, value in changes.items()]
     text = tomli_w.dumps({**tomllib.loads(HERTZ), "title": title})
-    loaded = parse(text, [*settings, f"body.block.seed={seed}"])
+    loaded = parse(text, [*overrides, f"body.block.seed={seed}"])
     assert loaded.case.title == title
     assert loaded.case.output.at == tuple(at)
     again = parse(tomli_w.dumps(resolved_mapping(loaded.case)))
