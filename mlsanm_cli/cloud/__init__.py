@@ -1,1 +1,1 @@
-"""Node clouds: outlines made of named curves, node spacing, boundary nodes, interior nodes, quality figures."""
+"""Node clouds: outlines of named curves, node spacing, boundary and interior nodes, quality figures."""

@@ -38,9 +38,11 @@ class Surface:
         s = self.arc_length
         if self.curve.closed:
             steps = np.diff(np.append(s, self.curve.length))
-            return 0.5 * (steps + np.roll(steps, 1))
-        steps = np.diff(s)
-        return 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+            both = steps + np.roll(steps, 1)
+        else:
+            steps = np.diff(s)
+            both = np.append(steps, 0.0) + np.append(0.0, steps)
+        return np.asarray(0.5 * both)
 
 
 @dataclass(frozen=True)
@@ -64,9 +66,7 @@ def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_0
     """
     steps = [spacing.steps_along(curve) for curve in outline.curves]
     total = sum(len(s) - 1 for s in steps)
-    boundary = np.concatenate(
-        [curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)]
-    )
+    boundary = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
     edges = np.hstack([boundary, np.roll(boundary, -1, axis=0)])
     points = advance_front(
         boundary, edges, *_strips(edges), spacing.far, spacing.table(), CANDIDATES, seed, limit

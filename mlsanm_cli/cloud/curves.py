@@ -56,11 +56,13 @@ class Segment:
 
     @property
     def _tangent(self) -> FloatArray:
-        return (np.array(self.end) - np.array(self.start)) / self.length
+        tangent: FloatArray = (np.array(self.end) - np.array(self.start)) / self.length
+        return tangent
 
     def points(self, s: FloatArray) -> FloatArray:
         fraction = (s / self.length)[:, None]
-        return (1.0 - fraction) * np.array(self.start) + fraction * np.array(self.end)
+        points: FloatArray = (1.0 - fraction) * np.array(self.start) + fraction * np.array(self.end)
+        return points
 
     def normals(self, s: FloatArray) -> FloatArray:
         tangent = self._tangent

@@ -12,8 +12,9 @@ from mlsanm_cli.cloud.cloud import Cloud
 
 @dataclass(frozen=True)
 class CloudQuality:
-    """``closest``: smallest node distance over the local spacing; ``hole``: radius of the largest empty circle
-    inside over the local spacing; ``growth``: largest change of spacing per unit distance between neighbours."""
+    """``closest``: smallest node distance over the local spacing; ``hole``: radius of the largest empty
+    circle inside over the local spacing; ``growth``: largest change of spacing per unit distance between
+    neighbours."""
 
     nodes: int
     boundary_nodes: int
@@ -24,7 +25,8 @@ class CloudQuality:
 
 def measure(cloud: Cloud) -> CloudQuality:
     """Quality figures of a cloud."""
-    distance, neighbour = cKDTree(cloud.points).query(cloud.points, k=7)
+    found = cKDTree(cloud.points).query(cloud.points, k=7)
+    distance, neighbour = np.asarray(found[0]), np.asarray(found[1])
     growth = np.abs(cloud.spacing[neighbour[:, 1:]] - cloud.spacing[:, None]) / distance[:, 1:]
     return CloudQuality(
         nodes=len(cloud.points),

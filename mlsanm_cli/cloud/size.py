@@ -29,7 +29,9 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
         if total > limit or len(cells) > 4_000_000:
             return max(total, limit)
         quarter = 0.25 * size
-        corners = np.array([(-quarter, -quarter), (quarter, -quarter), (-quarter, quarter), (quarter, quarter)])
+        corners = np.array(
+            [(-quarter, -quarter), (quarter, -quarter), (-quarter, quarter), (quarter, quarter)]
+        )
         cells = (cells[~fine][:, None, :] + corners).reshape(-1, 2)
         outside = ((cells < low - quarter) | (cells > high + quarter)).any(axis=1)
         cells = cells[~outside]

@@ -50,8 +50,8 @@ class Spacing:
     def steps_along(self, curve: Curve) -> FloatArray:
         """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h.
 
-        Equal increments of the integral, and not steps of h rescaled at the end, keep a fine zone where it was
-        asked for; two bodies' fine zones would otherwise no longer face each other.
+        Equal increments of the integral, and not steps of h rescaled at the end, keep a fine zone where it
+        was asked for; two bodies' fine zones would otherwise no longer face each other.
         """
         s = np.linspace(0.0, curve.length, 257)
         for _ in range(40):

@@ -1,7 +1,7 @@
 """Exact unilateral contact: p >= 0, h >= 0, p h = 0, solved by an active set on the condensed system.
 
-The primal-dual active set (Hintermuller, Ito and Kunisch 2002, doi:10.1137/S1052623401383558) settles in a few
-passes. Should it come back to a set it has seen, the least-index principal pivoting of Murty (1974,
+The primal-dual active set (Hintermuller, Ito and Kunisch 2002, doi:10.1137/S1052623401383558) settles in a
+few passes. Should it come back to a set it has seen, the least-index principal pivoting of Murty (1974,
 doi:10.1007/BF01580238) takes over, which cannot cycle while sym(W A) is positive definite.
 """
 
@@ -23,8 +23,8 @@ ROUND_OFF = 1e-11
 class ExactState:
     """Pressures (m,), gaps (m,) and unknown motions (k,) at load factors ``factors`` (L,).
 
-    ``active`` (m,) marks closed nodes; ``solves`` counts dense systems; ``residual`` is the largest violation of
-    the contact conditions and balances, relative to the peak pressure, its elastic gap and the forces.
+    ``active`` (m,) marks closed nodes; ``solves`` counts dense systems; ``residual`` is the largest violation
+    of the contact conditions and balances, relative to the peak pressure, its elastic gap and the forces.
     """
 
     factors: FloatArray
@@ -65,7 +65,8 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
             active[np.argmin(free_gap)] = len(condensed.balance.constant) > 0
     raise NumericalError(
         f"the active set found no contact state in {limit} passes",
-        "the cloud may be too coarse or unlike on the two surfaces; see the stability figure of `mlsanm check`",
+        "the cloud may be too coarse or unlike on the two surfaces; "
+        "see the stability figure of `mlsanm check`",
     )
 
 
@@ -105,8 +106,8 @@ def _solve_active(
     if info != 0 or rcond < 1e-15:
         raise NumericalError(
             "no contact pressure balances the loads",
-            "a force-controlled platen may push its body away from the contact, or nothing resists its direction; "
-            "prescribe that direction's displacement instead",
+            "a force-controlled platen may push its body away from the contact, or nothing resists its "
+            "direction; prescribe that direction's displacement instead",
         )
     solution, _ = linalg.lapack.dgetrs(factor, pivots, rhs * rows)
     solution = solution * columns

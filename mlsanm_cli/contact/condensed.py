@@ -30,12 +30,13 @@ from mlsanm_cli.mechanics.scene import Scene
 class Condensed:
     """All that the contact laws need to know.
 
-    ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their surface
-    lengths. ``gap`` maps to the candidates' gaps (m,), ``watched`` to the gaps of paired nodes that are no
-    candidates, ``balance`` to what the platens lack (k,). ``forces`` maps each load and support to its force (2,)
-    on its body, ``contact_forces`` each contact to its force (2,) on the slave; ``imbalance`` holds the sum of
-    forces on each body (2 per body). ``stability`` is the smallest over the largest eigenvalue of sym(W A), W the
-    weights: a discretisation whose compliance is not positive cannot be trusted. ``solves`` counts columns.
+    ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their
+    surface lengths. ``gap`` maps to the candidates' gaps (m,), ``watched`` to the gaps of paired nodes that
+    are no candidates, ``balance`` to what the platens lack (k,). ``forces`` maps each load and support to its
+    force (2,) on its body, ``contact_forces`` each contact to its force (2,) on the slave; ``imbalance``
+    holds the sum of forces on each body (2 per body). ``stability`` is the smallest over the largest
+    eigenvalue of sym(W A), W the weights: a discretisation whose compliance is not positive cannot be
+    trusted. ``solves`` counts columns.
     """
 
     pairings: tuple[Pairing, ...]
@@ -55,7 +56,8 @@ class Condensed:
     def displacement(
         self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray
     ) -> tuple[FloatArray, float]:
-        """Nodal displacements (n, 2) of a body in one state, and the relative residual of its normal equations.
+        """Nodal displacements (n, 2) of a body in one state, and the relative residual of its normal
+        equations.
 
         One back-substitution; none where there is no contact, since ``solutions`` (2n, loads + motions) of so
         few columns are kept.
@@ -75,7 +77,9 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     counts = [int(pairing.candidate.sum()) for pairing in pairings]
     columns = Columns(len(scene.loads), len(scene.unknown_motions), sum(counts))
     ends = np.cumsum([0, *counts])
-    spans = {pair.name: slice(int(a), int(b)) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)}
+    spans = {
+        pair.name: slice(int(a), int(b)) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)
+    }
     centers = {(platen.body, platen.surface): platen.center for platen in scene.platens}
     held = [(name, surface) for name, body in scene.bodies.items() for surface in body.held]
 
@@ -87,7 +91,9 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         sources[name] = body_sources(scene, name, pairings, spans, columns)
         empty = sparse.csr_array((3, 2 * len(body.model.cloud.points)))
         reactions = [
-            reaction_rows(body, surface, centers.get((owner, surface), (0.0, 0.0))) if owner == name else empty
+            reaction_rows(body, surface, centers.get((owner, surface), (0.0, 0.0)))
+            if owner == name
+            else empty
             for owner, surface in held
         ]
         rows = sparse.csr_array(sparse.vstack([gap_rows(body, name, pairings), *reactions], format="csr"))

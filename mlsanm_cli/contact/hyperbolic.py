@@ -1,8 +1,8 @@
 """Regularised unilateral contact: the hyperbola (p + eta) h = eta delta, followed along a load path.
 
-Elhage-Hussein, Potier-Ferry and Damil 2000 (doi:10.1016/S0020-7683(99)00322-7): the gap left under a pressure p
-is about eta delta / p, the spurious tension of an open node stays below eta, and the branch h < 0 means nothing.
-Unknowns x = (p, h, q); with s from 0 to 1 along the stage and f(s) = f_a + s (f_b - f_a)::
+Elhage-Hussein, Potier-Ferry and Damil 2000 (doi:10.1016/S0020-7683(99)00322-7): the gap left under a pressure
+p is about eta delta / p, the spurious tension of an open node stays below eta, and the branch h < 0 means
+nothing. Unknowns x = (p, h, q); with s from 0 to 1 along the stage and f(s) = f_a + s (f_b - f_a)::
 
     r1 = (p + eta) h - eta delta
     r2 = h - gap(f, q, p)
@@ -23,8 +23,8 @@ from mlsanm_cli.errors import NumericalError
 
 @dataclass(frozen=True)
 class Regularization:
-    """``eta`` (a pressure), ``delta`` (m,) lengths, and the reference pressure, gap, force and motion that scale
-    residuals and unknowns."""
+    """``eta`` (a pressure), ``delta`` (m,) lengths, and the reference pressure, gap, force and motion that
+    scale residuals and unknowns."""
 
     eta: float
     delta: FloatArray
@@ -59,7 +59,9 @@ class HyperbolicTangent:
         problem, m = self._problem, self._problem.m
         scale = problem.law.gap
         shift = rhs[m : 2 * m] * scale
-        reduced = np.concatenate([rhs[:m] - self._stress * shift / (problem.law.pressure * scale), rhs[2 * m :]])
+        reduced = np.concatenate(
+            [rhs[:m] - self._stress * shift / (problem.law.pressure * scale), rhs[2 * m :]]
+        )
         solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
         p, q = solution[:m], solution[m:]
         gap = problem.condensed.gap
@@ -113,7 +115,7 @@ class HyperbolicContact:
         return self._load_derivative
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
-        """Right-hand side of order k from the coefficients (k, 2m + k) of the orders below: -sum p_r h_(k-r)."""
+        """Right-hand side of order k, -sum p_r h_(k-r), from the coefficients (k, 2m + k) of lower orders."""
         rhs = np.zeros(self.size)
         if len(x) > 1:
             p, h, _ = self.split(x[1:])

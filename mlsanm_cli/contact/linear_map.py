@@ -65,7 +65,10 @@ class Columns:
     def of_loads(self, load: FloatArray) -> LinearMap:
         """A map (r, L) of the load factors alone."""
         return LinearMap(
-            np.zeros(len(load)), load, np.zeros((len(load), self.motions)), np.zeros((len(load), self.pressures))
+            np.zeros(len(load)),
+            load,
+            np.zeros((len(load), self.motions)),
+            np.zeros((len(load), self.pressures)),
         )
 
     def of_pressures(self, span: slice, pressure: FloatArray) -> LinearMap:

@@ -1,4 +1,4 @@
-"""Functionals of a body's displacements that the condensed problem needs: gaps and forces of held surfaces."""
+"""Functionals of a body's displacements: gaps, and forces of held surfaces."""
 
 from __future__ import annotations
 

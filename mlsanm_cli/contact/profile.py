@@ -19,7 +19,10 @@ def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
     above = np.flatnonzero(pressure > level)
     if level <= 0.0 or not len(above):
         return 0.0
-    return 0.5 * (_crossing(arc_length, pressure, level, above[-1], 1) - _crossing(arc_length, pressure, level, above[0], -1))
+    return 0.5 * (
+        _crossing(arc_length, pressure, level, above[-1], 1)
+        - _crossing(arc_length, pressure, level, above[0], -1)
+    )
 
 
 def _crossing(arc: FloatArray, pressure: FloatArray, level: float, last: int, step: int) -> float:

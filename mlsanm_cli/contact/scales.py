@@ -1,4 +1,4 @@
-"""Reference magnitudes of a contact scene, taken from its exact contact states, and the law made from them."""
+"""Reference magnitudes of a contact scene, from its exact states, and the law made from them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,9 @@ def regularize(condensed: Condensed, states: Sequence[ExactState], eta: float) -
     for pairing in condensed.pairings:
         initial = pairing.gap[pairing.candidate]
         delta[condensed.spans[pairing.name]] = np.clip(initial - initial.min(), gap, WIDEST * gap)
-    force = np.array([np.abs(condensed.balance.pressure) @ np.abs(state.pressure) for state in states]).max(axis=0)
+    force = np.array([np.abs(condensed.balance.pressure) @ np.abs(state.pressure) for state in states]).max(
+        axis=0
+    )
     motion = np.array([np.abs(state.motion) for state in states]).max(axis=0)
     return Regularization(
         eta=eta * pressure,

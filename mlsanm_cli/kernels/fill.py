@@ -11,15 +11,15 @@ import math
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.jit import kernel
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 
 EMPTY = -1
 
 
 @kernel
 def _distance(zone: FloatArray, x: float, y: float) -> float:
-    """Distance to a zone's curve: (0, x0, y0, x1, y1, ...) segment, (1, cx, cy, radius, from, sweep, ...) arc."""
+    """Distance to a zone's segment (0, x0, y0, x1, y1, ...) or arc (1, cx, cy, radius, from, sweep, ...)."""
     if zone[0] == 0.0:
         ex = zone[3] - zone[1]
         ey = zone[4] - zone[2]
@@ -30,10 +30,14 @@ def _distance(zone: FloatArray, x: float, y: float) -> float:
         return math.hypot(x - zone[1] - t * ex, y - zone[2] - t * ey)
     angle = (math.atan2(y - zone[2], x - zone[1]) - zone[4]) % (2.0 * math.pi)
     if angle <= zone[5]:
-        return abs(math.hypot(x - zone[1], y - zone[2]) - zone[3])
-    first = math.hypot(x - zone[1] - zone[3] * math.cos(zone[4]), y - zone[2] - zone[3] * math.sin(zone[4]))
+        from_center = math.hypot(x - zone[1], y - zone[2])
+        radius: float = zone[3]
+        return abs(from_center - radius)
+    first: float = math.hypot(
+        x - zone[1] - zone[3] * math.cos(zone[4]), y - zone[2] - zone[3] * math.sin(zone[4])
+    )
     end = zone[4] + zone[5]
-    last = math.hypot(x - zone[1] - zone[3] * math.cos(end), y - zone[2] - zone[3] * math.sin(end))
+    last: float = math.hypot(x - zone[1] - zone[3] * math.cos(end), y - zone[2] - zone[3] * math.sin(end))
     return min(first, last)
 
 
@@ -50,7 +54,7 @@ def _spacing(far: float, zones: FloatArray, x: float, y: float) -> float:
 
 @kernel
 def spacing_at(far: float, zones: FloatArray, points: FloatArray) -> FloatArray:
-    """Node spacing at ``points`` (n, 2); ``zones`` (z, 9) as :func:`_distance` and :func:`_spacing` read them."""
+    """Spacing (n,) at ``points`` (n, 2); ``zones`` (z, 9) as :func:`_distance` and :func:`_spacing` read."""
     h = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         h[i] = _spacing(far, zones, points[i, 0], points[i, 1])
@@ -64,14 +68,14 @@ def _key(level: int, i: int, j: int) -> int:
 
 @kernel
 def _level(h: float, finest: float) -> int:
-    return max(0, int(math.floor(math.log2(h / finest))))
+    return max(0, math.floor(math.log2(h / finest)))
 
 
 @kernel
 def _slot(keys: IntArray, key: int) -> int:
     """Place of ``key`` in an open-addressing table, or of the free entry where it would go."""
     mixed = key * 0x9E3779B97F4A7C1
-    slot = (mixed ^ (mixed >> 29)) % keys.shape[0]
+    slot: int = (mixed ^ (mixed >> 29)) % keys.shape[0]
     while keys[slot] != EMPTY and keys[slot] != key:
         slot = (slot + 1) % keys.shape[0]
     return slot
@@ -79,7 +83,13 @@ def _slot(keys: IntArray, key: int) -> int:
 
 @kernel
 def _enter(
-    keys: IntArray, heads: IntArray, following: IntArray, points: FloatArray, h: FloatArray, finest: float, node: int
+    keys: IntArray,
+    heads: IntArray,
+    following: IntArray,
+    points: FloatArray,
+    h: FloatArray,
+    finest: float,
+    node: int,
 ) -> int:
     """Put ``node`` at the head of its cell's list; returns 1 when the cell is new."""
     level = _level(h[node], finest)
@@ -96,7 +106,15 @@ def _enter(
 
 
 @kernel
-def _inside(loops: FloatArray, strip_start: IntArray, strip_edges: IntArray, low: float, step: float, x: float, y: float) -> bool:
+def _inside(
+    loops: FloatArray,
+    strip_start: IntArray,
+    strip_edges: IntArray,
+    low: float,
+    step: float,
+    x: float,
+    y: float,
+) -> bool:
     """Even-odd rule over the boundary edges (e, 4) that share the horizontal strip of (x, y)."""
     strip = int((y - low) / step)
     if strip < 0 or strip >= strip_start.shape[0] - 1:
@@ -104,14 +122,25 @@ def _inside(loops: FloatArray, strip_start: IntArray, strip_edges: IntArray, low
     inside = False
     for k in range(strip_start[strip], strip_start[strip + 1]):
         edge = loops[strip_edges[k]]
-        if (edge[1] > y) != (edge[3] > y) and x < edge[0] + (y - edge[1]) / (edge[3] - edge[1]) * (edge[2] - edge[0]):
+        if (edge[1] > y) != (edge[3] > y) and x < edge[0] + (y - edge[1]) / (edge[3] - edge[1]) * (
+            edge[2] - edge[0]
+        ):
             inside = not inside
     return inside
 
 
 @kernel
 def _free(
-    points: FloatArray, keys: IntArray, heads: IntArray, following: IntArray, finest: float, lowest: int, highest: int, x: float, y: float, radius: float
+    points: FloatArray,
+    keys: IntArray,
+    heads: IntArray,
+    following: IntArray,
+    finest: float,
+    lowest: int,
+    highest: int,
+    x: float,
+    y: float,
+    radius: float,
 ) -> bool:
     """Whether no accepted node of cell levels ``lowest`` to ``highest`` lies within ``radius`` of (x, y)."""
     for level in range(lowest, highest + 1):

@@ -25,7 +25,7 @@ def _source_hash() -> str:
 
 
 def cache_root() -> Path:
-    """Directory of everything mlsanm keeps between runs: ``MLSANM_CACHE_DIR``, else the user's cache directory."""
+    """Where mlsanm keeps things between runs: ``MLSANM_CACHE_DIR``, else the user's cache directory."""
     named = os.environ.get("MLSANM_CACHE_DIR")
     if named:
         return Path(named)
@@ -53,7 +53,8 @@ if CACHE_DIRECTORY is not None:
 import numba  # noqa: E402  (must follow the choice of the cache directory)
 
 if CACHE_DIRECTORY is not None:
-    numba.config.CACHE_DIR = str(CACHE_DIRECTORY)
+    # The variable above comes too late where another package has imported numba before.
+    vars(numba.config)["CACHE_DIR"] = str(CACHE_DIRECTORY)
 
 
 def is_warm() -> bool:
@@ -63,5 +64,6 @@ def is_warm() -> bool:
 
 def kernel(function: Function) -> Function:
     """Compile ``function`` at its first call, without the interpreter lock and without fast-math."""
-    compiled: Function = numba.njit(cache=CACHE_DIRECTORY is not None, nogil=True, error_model="numpy")(function)
+    decorate: Any = numba.njit(cache=CACHE_DIRECTORY is not None, nogil=True, error_model="numpy")
+    compiled: Function = decorate(function)
     return compiled

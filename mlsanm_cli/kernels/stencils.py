@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from mlsanm_cli.kernels.jit import kernel
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.kernels.jit import kernel
 
 
 @kernel

@@ -1,8 +1,8 @@
 """One elastic body: its least-squares system, and the right-hand sides and functionals others work with.
 
 Rows, in this order: equilibrium in x and y at every node, boundary nodes included; then, surface by surface,
-the x and y conditions at each of its nodes, a displacement where the component is held and a traction where it
-is not; then single held nodes. A corner node has the rows of both its surfaces. Weights: equilibrium h/E,
+the x and y conditions at each of its nodes, a displacement where the component is held and a traction where
+it is not; then single held nodes. A corner node has the rows of both its surfaces. Weights: equilibrium h/E,
 traction 1/E, displacement ``HOLD``/h, which makes all rows strains; near singular corners they are lowered.
 """
 
@@ -54,7 +54,14 @@ class BodyModel:
     def build(cls, name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings) -> BodyModel:
         """Stencils with second derivatives at every node."""
         tree = cKDTree(cloud.points)
-        return cls(name, cloud, material, settings, tree, build_stencils(cloud.points, tree, cloud.points, 2, settings))
+        return cls(
+            name,
+            cloud,
+            material,
+            settings,
+            tree,
+            build_stencils(cloud.points, tree, cloud.points, 2, settings),
+        )
 
     def values_at(self, points: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Rows (e, 2n) of u_x and u_y at any ``points`` (e, 2) of the body."""
@@ -104,7 +111,8 @@ class ElasticBody:
     def source(self, surface: str, values: FloatArray, held: bool) -> FloatArray:
         """Right-hand side (r,) that prescribes ``values`` (b, 2) on a surface.
 
-        They go into the components that hold a displacement if ``held``, else into those that take a traction.
+        They go into the components that hold a displacement if ``held``, else into those that take a
+        traction.
         """
         source = np.zeros(self.rows)
         for component in (0, 1):
@@ -139,7 +147,9 @@ def assemble(
                 weights.append(HOLD / cloud.spacing[surface.index])
             else:
                 blocks.append(traction_rows(stencils, c, surface.normal, component))
-                weights.append(factor[surface.index] / scale)
+                # A node at the end of a surface stands for half a spacing of it.
+                share = np.sqrt(surface.weight / cloud.spacing[surface.index])
+                weights.append(factor[surface.index] * share / scale)
         count += 2 * len(surface.index)
     for node, component in held_nodes:
         at = np.array([node], dtype=np.int64)

@@ -1,9 +1,9 @@
 """Corners where a fully held surface meets a free one: the stress is singular there.
 
-A least-squares solution would spend its whole error budget on such a corner and pay for it everywhere else: at
-a clamped block it lost 18 % of the force on the way from the contact to the support. Rows are therefore
-weighted by the distance to the corner, the weighted norm of Lee and Manteuffel (2006,
-doi:10.1137/040618588), which brought that loss to below 1 %.
+A least-squares solution would spend its whole error budget on such a corner and pay for it everywhere else:
+at a clamped block it lost 18 % of the force on the way from the contact to the support. Rows are therefore
+weighted by the distance to the corner, the weighted norm of Lee and Manteuffel (2006, doi:10.1137/040618588),
+which brought that loss to below 1 %.
 """
 
 from __future__ import annotations

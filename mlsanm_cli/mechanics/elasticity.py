@@ -57,7 +57,5 @@ def von_mises(stress: FloatArray, out_of_plane: float) -> FloatArray:
     """Von Mises stress (n,) of plane ``stress`` (n, 3) with sigma_zz = out_of_plane (sigma_xx + sigma_yy)."""
     xx, yy, xy = stress[:, XX], stress[:, YY], stress[:, XY]
     zz = out_of_plane * (xx + yy)
-    result: FloatArray = np.sqrt(
-        0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2
-    )
+    result: FloatArray = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
     return result

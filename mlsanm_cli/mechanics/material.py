@@ -11,8 +11,9 @@ from mlsanm_cli.arrays import FloatArray
 
 @dataclass(frozen=True)
 class PlaneMaterial:
-    """``stiffness`` (3, 3) between (xx, yy, xy) stresses and (e_xx, e_yy, 2 e_xy); ``out_of_plane`` is the ratio
-    sigma_zz / (sigma_xx + sigma_yy); ``contact_modulus`` is the plane modulus E' with 1/E* = sum of 1/E'."""
+    """``stiffness`` (3, 3) between (xx, yy, xy) stresses and (e_xx, e_yy, 2 e_xy); ``out_of_plane`` is the
+    ratio sigma_zz / (sigma_xx + sigma_yy); ``contact_modulus`` is the plane modulus E' with 1/E* = sum of
+    1/E'."""
 
     stiffness: FloatArray
     out_of_plane: float

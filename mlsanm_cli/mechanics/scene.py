@@ -19,7 +19,7 @@ ROTATION = 2
 
 @dataclass(frozen=True)
 class SurfaceLoad:
-    """A traction (``held`` false) or displacement (``held`` true) of ``values`` (b, 2) on a surface at factor 1."""
+    """``values`` (b, 2) on a surface at factor 1: a displacement if ``held``, else a traction."""
 
     number: int
     body: str
@@ -32,9 +32,9 @@ class SurfaceLoad:
 class PlatenMotion:
     """One rigid motion of a platen: ``component`` 0 (x), 1 (y) or 2 (rotation about the platen's centre).
 
-    ``prescribed`` (L,) gives the motion per load factor, or is None when the motion is unknown and ``force`` (L,)
-    balances it. ``alone`` tells that nothing else holds the body in this component: the platen then carries
-    exactly what the other forces on the body leave; otherwise its force is the integral of sigma n.
+    ``prescribed`` (L,) gives the motion per load factor, or is None when the motion is unknown and ``force``
+    (L,) balances it. ``alone`` tells that nothing else holds the body in this component: the platen then
+    carries exactly what the other forces on the body leave; otherwise its force is the integral of sigma n.
     """
 
     component: int
@@ -70,8 +70,8 @@ class Platen:
 class Scene:
     """Factorised bodies with all that acts on them, contact apart.
 
-    ``supports`` maps a support's name to its body and surface; ``held_nodes`` tells for each body whether single
-    nodes hold it in x and y (their forces cannot be told from the stress field).
+    ``supports`` maps a support's name to its body and surface; ``held_nodes`` tells for each body whether
+    single nodes hold it in x and y (their forces cannot be told from the stress field).
     """
 
     bodies: Mapping[str, ElasticBody]

@@ -1,1 +1,1 @@
-"""Moving least squares: stencils on a cloud, sparse rows made of them, least-squares systems and their solution."""
+"""Moving least squares: stencils on a cloud, sparse rows made of them, least-squares systems."""

@@ -16,9 +16,10 @@ def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | 
     """
     shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
     if on_x is None or on_y is None:
-        values = on_y if on_x is None else on_x
-        columns = 2 * stencils.indices + (1 if on_x is None else 0)
-        return sparse.csr_array((values, columns, stencils.indptr), shape=shape)
+        component, alone = (1, on_y) if on_x is None else (0, on_x)
+        if alone is None:
+            raise ValueError("a row acts on one component at least")
+        return sparse.csr_array((alone, 2 * stencils.indices + component, stencils.indptr), shape=shape)
     columns = np.empty(2 * len(stencils.indices), dtype=np.int64)
     columns[0::2] = 2 * stencils.indices
     columns[1::2] = 2 * stencils.indices + 1

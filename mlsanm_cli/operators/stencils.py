@@ -47,9 +47,10 @@ def build_stencils(
 ) -> Stencils:
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
 
-    Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; the derivatives are those of the local
-    polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose weighted
-    QR is short of rank takes more neighbours; NumericalError names the place where that does not help.
+    Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; the derivatives are those of the
+    local polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose
+    weighted QR is short of rank takes more neighbours; NumericalError names the place where that does not
+    help.
     """
     targets = np.ascontiguousarray(targets)
     size = settings.stencil_size
@@ -84,7 +85,8 @@ def _fit(
     points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, order: int, settings: MlsSettings
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Neighbours (e, size), weights (e, size, kinds) and diagonal ratios (e,) of one stencil size."""
-    distance, indices = tree.query(targets, k=size)
+    found = tree.query(targets, k=size)
+    distance, indices = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
     weights = np.empty((len(targets) * size, (order + 1) * (order + 2) // 2))
     ratio = np.empty(len(targets))
     indptr = np.arange(len(targets) + 1, dtype=np.int64) * size
@@ -101,7 +103,9 @@ def _merge(
     if len(parts) == 1:
         _, indices, weights = parts[0]
         indptr = np.arange(targets + 1, dtype=np.int64) * indices.shape[1]
-        return Stencils(indptr, indices.ravel(), weights.reshape(-1, weights.shape[2]), nodes, enlarged, worst)
+        return Stencils(
+            indptr, indices.ravel(), weights.reshape(-1, weights.shape[2]), nodes, enlarged, worst
+        )
     order = np.argsort(np.concatenate([which for which, _, _ in parts]))
     count = np.concatenate([np.full(len(which), indices.shape[1]) for which, indices, _ in parts])
     gathered = Stencils(

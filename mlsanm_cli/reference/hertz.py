@@ -41,7 +41,7 @@ class HertzLine:
         return result
 
     def stress(self, x: FloatArray, z: FloatArray) -> FloatArray:
-        """Stresses (n, 3) in the order xx, zz, xz below the surface, z > 0 (McEwen 1949, as given by Johnson)."""
+        """Stresses (n, 3) in the order xx, zz, xz at depth z > 0 (McEwen 1949, as given by Johnson)."""
         a, p0 = self.half_width, self.peak_pressure
         s = a**2 - x**2 + z**2
         root = np.sqrt(s**2 + 4.0 * x**2 * z**2)

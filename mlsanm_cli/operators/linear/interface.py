@@ -23,7 +23,7 @@ class DirectSolver(Protocol):
     name: str
 
     def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
-        """Elimination order (2n,) of the unknowns; ``points`` (n, 2) are the nodes they belong to, two each."""
+        """Elimination order (2n,) of the unknowns, two to each of the nodes ``points`` (n, 2)."""
         ...
 
     def factor(self, matrix: sparse.csc_array, order: IntArray) -> Factor:

@@ -1,4 +1,4 @@
-"""SuperLU (Li 2005, doi:10.1145/1089014.1089017) in symmetric mode, ordered by geometric nested dissection."""
+"""SuperLU (Li 2005, doi:10.1145/1089014.1089017), symmetric mode, geometric nested dissection."""
 
 from __future__ import annotations
 
