@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import AnmOptions, FloatArray, Tangent, correct
-from mlsanm_cli.continuation.corrector import Effort, correct_end
+from mlsanm_cli.continuation.corrector import Effort, correct_end, residual_norm
 from mlsanm_cli.continuation.expansion import Metric, station
 from mlsanm_cli.errors import NumericalError
 
@@ -141,6 +141,11 @@ def test_old_tangent_is_used_first_and_a_fresh_one_when_it_stalls() -> None:
         efforts.append(effort)
     assert efforts[0].factorizations == 0
     assert efforts[1].factorizations >= 1
+    assert efforts[1].updates == efforts[1].factorizations  # the slow update was thrown away
+
+
+def test_residual_that_is_no_number_counts_as_infinite() -> None:
+    assert residual_norm(Scalar(0.0, 1.0), np.array([np.nan]), 0.0) == np.inf
 
 
 def test_failing_end_of_step_is_reported() -> None:

@@ -54,8 +54,17 @@ class Broken(Scalar):
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
         if x[0] != 0.0:
+            self.counts.tangents += 1
+            self.counts.solves += 1  # asked for together
             raise SingularTangentError("broken")
         return super().tangent(x, lam)
+
+
+class Steep(Scalar):
+    """x + x^2 = lam with a load derivative that beyond the start is that of a fold."""
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        return super().load_derivative(x, lam) * (1.0 if x[0] == 0.0 else 1e9)
 
 
 @pytest.mark.parametrize(
@@ -67,6 +76,7 @@ class Broken(Scalar):
         (Kink(0.0, 1.0), AnmOptions(), StopReason.STEP_TOO_SMALL, 0.5),
         (Noisy(0.0, 1.0, 1.0), AnmOptions(drift=0.01), StopReason.CORRECTION_FAILED, 0.0),
         (Broken(0.0, 1.0, 1.0), AnmOptions(), StopReason.SINGULAR_TANGENT, 0.0),
+        (Steep(0.0, 1.0, 1.0), AnmOptions(), StopReason.SINGULAR_TANGENT, 0.0),
     ],
 )
 def test_reasons_to_stop_are_named(
@@ -83,6 +93,16 @@ def test_reasons_to_stop_are_named(
     if steps:
         assert (outcome.lam, outcome.residual) == (steps[-1].lam, steps[-1].residual)
     assert outcome.residual <= options.tolerance
+    assert outcome.factorizations == problem.counts.tangents
+    assert outcome.solves == problem.counts.solves
+
+
+def test_end_that_cannot_be_corrected_keeps_the_tolerance() -> None:
+    options = AnmOptions(order=4, tolerance=1e-3, pade=False)
+    follower = follow(Broken(0.0, 1.0, 1.0), np.zeros(1), 0.0, 0.2, options)
+    step = next(follower.steps())
+    assert step.lam == 0.2
+    assert options.goal < step.residual <= options.tolerance
 
 
 def test_start_at_a_fold_is_a_singular_tangent() -> None:
