@@ -191,7 +191,9 @@ def check(
         result = check_case(case, overrides=overrides, write=write, threads=threads, console=console)
     finally:
         console.close()
-    _print_result(settings, result, _pretty(settings, result))
+    # The warnings are on stderr already.
+    shown = {key: value for key, value in result.items() if key != "warnings"}
+    _print_result(settings, result, _pretty(settings, shown))
     return 0
 
 

@@ -83,6 +83,8 @@ def grid(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], colo
 
 def pretty(mapping: Mapping[str, Any], title: str = "", color: bool = False, width: int = 100) -> str:
     """A nested mapping as tables: single values as rows, equal sub-mappings as columns side by side."""
+    if mapping and title and all(isinstance(value, dict) for value in mapping.values()):
+        return _items(title, mapping, color, width)
     flat: list[tuple[str, str]] = []
     blocks: list[str] = []
     for key, value in mapping.items():
@@ -108,4 +110,4 @@ def _items(title: str, items: Mapping[str, Mapping[str, Any]], color: bool, widt
     used = sum(max(len(row[i]) for row in [columns, *rows]) + 2 for i in range(len(columns)))
     if simple and used <= width:
         return grid(title, columns, rows, color)
-    return "\n".join(pretty(item, f"{title} {name}", color, width) for name, item in items.items())
+    return "\n".join(pretty(item, f"{title} {label(name)}", color, width) for name, item in items.items())

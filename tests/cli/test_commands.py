@@ -32,6 +32,27 @@ def _same_environment(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     os.environ.update(before)
 
 
+RUN_TEXT = """\
+done: target reached
+  position   1
+  path       243 steps, 250 factorizations, 5000 solves
+  directory  results/hertz
+contact interface
+  peak pressure  1234.57
+  half width     0.5
+  force          0, -350
+  min gap        1.5e-07
+quality and cost
+  residual        3.2e-10
+  force balance   1.1e-12
+  stability       0.02
+  peak memory mb  150
+  size            5210 nodes, 10420 unknowns, 118 contact unknowns
+  CPU seconds     2.31 (cloud 0.25, operators 0.50)
+pictures: mlsanm plot results/hertz
+"""
+
+
 def raising(error: BaseException) -> Any:
     def function(*arguments: Any, **options: Any) -> Any:
         raise error
@@ -68,9 +89,7 @@ def test_run_passes_everything_on(
     }
     assert threads == ["2"] * 4
     out, err = capsys.readouterr()
-    for text in ("done: target reached", "contact interface", "1234.57", "0, -350", "2.31 (cloud 0.25, oper"):
-        assert text in out
-    assert "mlsanm plot results/hertz" in out
+    assert out == RUN_TEXT
     assert err.splitlines() == ["clouds ...", "warning: spacing ratio 2.1"]
     assert "\x1b" not in out + err
 
@@ -226,7 +245,8 @@ def test_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
             "unknowns": 240,
             "bodies": bodies,
             "size": {"memory_mb": 12.5},
-            "warnings": ["spacing ratio 3"],
+            "notes": ["a node faces nothing"],
+            "warnings": ["told on stderr"],
         }
 
     install(monkeypatch, "check", check)
@@ -238,7 +258,31 @@ def test_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
     assert ["nodes", "largest", "hole"] in lines
     assert ["cylinder", "20", "1.5"] in lines
     assert ["memory", "mb", "12.5"] in lines
-    assert ["-", "spacing", "ratio", "3"] in lines
+    assert ["-", "a", "node", "faces", "nothing"] in lines
+    assert ["-", "told", "on", "stderr"] not in lines
+
+
+@pytest.mark.parametrize(
+    ("arguments", "threads"),
+    [
+        (["check", "a.toml", "--threads", "3"], "3"),
+        (["info", "there"], "1"),
+        (["plot", "there"], "1"),
+        (["warmup", "--threads", "2"], "2"),
+    ],
+)
+def test_threads_are_set_before_the_numerics_are_loaded(
+    monkeypatch: pytest.MonkeyPatch, arguments: list[str], threads: str
+) -> None:
+    seen: list[str | None] = []
+
+    def function(*positional: Any, **options: Any) -> Any:
+        seen.extend(os.environ.get(variable) for variable in THREAD_VARIABLES)
+        return [] if arguments[0] == "plot" else {}
+
+    install(monkeypatch, arguments[0], function)
+    assert main(arguments) == 0
+    assert seen == [threads] * 4
 
 
 def test_info_plot_warmup(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

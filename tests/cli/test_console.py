@@ -78,6 +78,19 @@ def test_a_terminal_keeps_the_last_step_and_no_phase() -> None:
     assert (int(last.split()[1]), note, rest) == (25, "saved", "")
 
 
+def test_a_phase_that_ended_leaves_nothing() -> None:
+    stream = Terminal()
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=120)
+    console.step(1, 0.5, 1e-9)
+    console.phase("fields")
+    assert [line.split()[0] for line in stream.screen()] == ["step", "fields"]
+    console.table("clouds", [("block", "100 nodes")])
+    assert stream.screen()[1:] == ["clouds", "  block  100 nodes", ""]
+    console.phase("files")
+    console.close()
+    assert stream.screen()[3:] == [""]
+
+
 def test_a_line_never_wraps() -> None:
     stream = Terminal()
     console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=20)
