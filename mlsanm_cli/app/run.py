@@ -13,6 +13,7 @@ from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.judge import force_balance, judge_balance, judge_state
 from mlsanm_cli.app.paths import State, path_of
 from mlsanm_cli.app.provenance import attributes
+from mlsanm_cli.app.quality import Quality, assess
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import check_reference, reference_profile
 from mlsanm_cli.case import load_case
@@ -44,6 +45,8 @@ def run(
     directory = out or RESULTS / case_path.stem
     run_dir.check(directory, force)
     prepared = build_scene(loaded, clock, console)
+    with clock.phase("cloud"):
+        quality = assess(prepared)
     run_dir.prepare(directory, force)
     built: Built | None = None
     status, reason, hint = "done", "end of the last stage", ""
@@ -51,6 +54,8 @@ def run(
         try:
             for note in prepared.notes:
                 console.note(note)
+            for warning in quality.warnings:
+                recorder.warn(warning)
             built = complete(loaded.case, prepared, clock, console)
             recorder.start(built)
             _follow(built, recorder, clock)
@@ -62,7 +67,7 @@ def run(
             status, reason = "stopped", "stopped by a signal"
         if built is not None:
             recorder.interfaces(built)
-        summary = _summary(built, recorder, clock, status, reason, hint)
+        summary = _summary(built, quality, recorder, clock, status, reason, hint)
         recorder.finish(summary)
     return {**summary, "directory": str(directory)}
 
@@ -85,7 +90,13 @@ def _follow(built: Built, recorder: Recorder, clock: Clock) -> None:
 
 
 def _summary(
-    built: Built | None, recorder: Recorder, clock: Clock, status: str, reason: str, hint: str
+    built: Built | None,
+    quality: Quality,
+    recorder: Recorder,
+    clock: Clock,
+    status: str,
+    reason: str,
+    hint: str,
 ) -> dict[str, Any]:
     """The content of summary.json, as far as the run came."""
     state = recorder.last
@@ -121,6 +132,7 @@ def _summary(
         summary["force_balance"] = verdict.force_balance
         summary["force_balance_bodies"] = dict(verdict.bodies)
     summary["stability"] = built.condensed.stability if built is not None else None
+    summary["quality"] = quality.figures
     summary["seconds"] = clock.seconds
     summary["peak_memory_mb"] = peak_memory_mb()
     summary["warnings"] = recorder.warnings

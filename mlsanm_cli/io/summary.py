@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import tomli_w
 
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write, write_text
 
 if TYPE_CHECKING:
@@ -47,6 +48,17 @@ def write_json_atomic(path: Path, mapping: Mapping[str, Any]) -> None:
     """Write ``mapping`` as indented JSON; nan and inf become null. RunError if the file cannot be written."""
     text = json.dumps(to_plain(mapping), indent=2, ensure_ascii=False, allow_nan=False)
     write_text(path, text + "\n")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The mapping that `write_json_atomic` wrote to ``path``. RunError if it cannot be read."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RunError(f"{path} cannot be read: {error}", hint="remove it; run.h5 holds the run") from error
+    if not isinstance(content, dict):
+        raise RunError(f"{path} is no summary of a run", hint="remove it; run.h5 holds the run")
+    return content
 
 
 def write_toml(path: Path, mapping: Mapping[str, Any]) -> None:

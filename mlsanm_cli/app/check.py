@@ -1,0 +1,161 @@
+"""``mlsanm check``: everything short of solving."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.build import build_scene
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.cost import cpu_seconds
+from mlsanm_cli.app.estimate import estimate
+from mlsanm_cli.app.quality import Quality, assess, ratio_message
+from mlsanm_cli.app.recording import boundary_tags
+from mlsanm_cli.app.references import check_reference
+from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.case import Case, Displacement, Platen, Pressure, Traction, load_case
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.io.vtu import ModelBody, write_model
+
+REMARKABLE_RATIO = 1.5
+"""Facing spacings are remarked on above this ratio; ``quality`` warns where the result is at risk."""
+
+
+def check(
+    case_path: Path,
+    *,
+    overrides: tuple[str, ...] = (),
+    write: Path | None = None,
+    threads: int = 1,
+    console: Console,
+) -> Mapping[str, Any]:
+    """Validate a case, place its nodes, build stencils and pairs, and tell sizes, quality and cost.
+
+    ``write`` names a VTU file for a look at the model. Raises what ``run`` would raise before it solves.
+    """
+    clock = Clock()
+    loaded = load_case(case_path, overrides)
+    check_reference(loaded)
+    case = loaded.case
+    prepared = build_scene(loaded, clock, console)
+    quality = assess(prepared)
+    for warning in quality.warnings:
+        console.warning(warning)
+    if write is not None:
+        write_model(write, model_bodies(prepared))
+        console.note(f"model written to {write}")
+    nodes = sum(body.nodes for body in quality.bodies.values())
+    seconds = clock.seconds
+    return {
+        "case": str(case_path),
+        "title": case.title,
+        "plane": case.model.plane,
+        "nodes": nodes,
+        "unknowns": 2 * nodes,
+        "contact_unknowns": sum(int(p.candidate.sum()) for p in prepared.pairings),
+        "loads": len(case.load),
+        "stages": len(case.stage),
+        "estimated_memory_mb": round(estimate(case).memory_mb),
+        "estimated_cpu_seconds": round(cpu_seconds(case, prepared), 1),
+        "bodies": {name: _body(name, prepared, quality) for name in prepared.models},
+        "contacts": {p.name: _contact(p, quality.spacing_ratio[p.name]) for p in prepared.pairings},
+        "boundaries": _conditions(case),
+        "notes": [*prepared.notes, *_remarks(prepared, quality)],
+        "warnings": list(quality.warnings),
+        "seconds": {phase: seconds[phase] for phase in ("jit", "cloud", "operators")},
+        "threads": threads,
+    }
+
+
+def _body(name: str, prepared: Prepared, quality: Quality) -> dict[str, Any]:
+    model, cloud = prepared.models[name], quality.bodies[name]
+    return {
+        "nodes": cloud.nodes,
+        "boundary_nodes": cloud.boundary_nodes,
+        "finest": float(model.cloud.spacing.min()),
+        "closest": cloud.closest,
+        "hole": cloud.hole,
+        "growth": cloud.growth,
+        "stencils_enlarged": model.stencils.enlarged,
+        "worst_ratio": model.stencils.worst_ratio,
+    }
+
+
+def _contact(pairing: Pairing, ratio: float) -> dict[str, Any]:
+    gap = pairing.gap[pairing.candidate]
+    return {
+        "slave_nodes": len(pairing.slave.index),
+        "paired": len(pairing.position),
+        "candidates": len(gap),
+        "smallest_gap": float(gap.min()),
+        "reach": float(gap.max()),
+        "spacing_ratio": ratio,
+    }
+
+
+def _conditions(case: Case) -> dict[str, dict[str, str]]:
+    """What acts on every boundary (or single node) in x and y; boundaries that are not named are free."""
+    found: dict[str, dict[str, str]] = {}
+
+    def add(where: str, x: str, y: str) -> None:
+        row = found.setdefault(where, {"x": "", "y": ""})
+        for axis, text in (("x", x), ("y", y)):
+            row[axis] = ", ".join(filter(None, (row[axis], text)))
+
+    for support in case.support:
+        place = support.boundary or f"{support.body} near {support.near}"
+        add(place, "" if support.ux is None else "held", "" if support.uy is None else "held")
+    for load in case.load:
+        if isinstance(load, Platen):
+            moved = {axis: f"{kind} {value:g} ({load.name})" for axis, (kind, value) in load.control.items()}
+            add(load.boundary, moved.get("x", ""), moved.get("y", ""))
+        elif isinstance(load, Pressure):
+            add(load.boundary, *[f"pressure {load.pressure:g} ({load.name})"] * 2)
+        else:
+            assert isinstance(load, Traction | Displacement)
+            x, y = load.traction if isinstance(load, Traction) else load.displacement
+            add(load.boundary, f"{load.kind} {x:g} ({load.name})", f"{load.kind} {y:g} ({load.name})")
+    for contact in case.contact:
+        add(contact.slave, *[f"slave of {contact.name}"] * 2)
+        add(contact.master, *[f"master of {contact.name}"] * 2)
+    return {where: {axis: text or "free" for axis, text in row.items()} for where, row in found.items()}
+
+
+def _remarks(prepared: Prepared, quality: Quality) -> list[str]:
+    """What is worth knowing although it does no harm yet."""
+    remarks = []
+    for pairing in prepared.pairings:
+        ratio = quality.spacing_ratio[pairing.name]
+        message = ratio_message(pairing, ratio)
+        if ratio > REMARKABLE_RATIO and message not in quality.warnings:
+            remarks.append(message)
+        unpaired = len(pairing.slave.index) - len(pairing.position)
+        if unpaired:
+            remarks.append(f"contact {pairing.name}: {unpaired} slave nodes face no part of the master")
+    for name, model in prepared.models.items():
+        if model.stencils.enlarged:
+            remarks.append(
+                f"body {name}: {model.stencils.enlarged} stencils needed more nodes than "
+                f"{model.settings.stencil_size}; an even cloud (lower growth) avoids that"
+            )
+    return remarks
+
+
+def model_bodies(prepared: Prepared) -> dict[str, ModelBody]:
+    """Clouds with tags, outward normals and, for contact candidates, the way to their virtual nodes."""
+    bodies = {}
+    for name, model in prepared.models.items():
+        cloud = model.cloud
+        normal, partner = np.zeros_like(cloud.points), np.zeros_like(cloud.points)
+        for surface in cloud.surfaces.values():
+            normal[surface.index] = surface.normal
+        for pairing in prepared.pairings:
+            if pairing.slave_body == name:
+                node = pairing.node[pairing.candidate]
+                partner[node] = pairing.partner[pairing.candidate] - cloud.points[node]
+        bodies[name] = ModelBody(cloud.points, boundary_tags(cloud), cloud.spacing, normal, partner)
+    return bodies

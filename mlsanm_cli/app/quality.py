@@ -1,0 +1,82 @@
+"""Judgement of the node clouds: what makes a result worse, and the key to change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.cloud.quality import CloudQuality, measure
+from mlsanm_cli.contact.pairing import Pairing, spacing_ratio
+
+CLOSEST = 0.5
+"""Nodes closer than this part of the local spacing make stencils ill-conditioned."""
+HOLE = 1.6
+"""An empty circle with a radius of more spacings leaves stencils lopsided; sound clouds stay near 1.1."""
+GROWTH = 0.3
+"""A spacing that grows faster than this per unit length mixes coarse and fine nodes in one stencil."""
+RATIO = 2.0
+"""Facing spacings that differ by more can cost the contact compliance its stability."""
+ROUND_OFF = 1e-6
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Figures per body, ratio of facing spacings per contact, and warnings where they are poor."""
+
+    bodies: Mapping[str, CloudQuality]
+    spacing_ratio: Mapping[str, float]
+    warnings: tuple[str, ...]
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The figures as plain values."""
+        return {
+            "bodies": {name: asdict(cloud) for name, cloud in self.bodies.items()},
+            "spacing_ratio": dict(self.spacing_ratio),
+        }
+
+
+def assess(prepared: Prepared) -> Quality:
+    """Measure the clouds of all bodies and the spacings that face each other in every contact."""
+    bodies = {name: measure(model.cloud) for name, model in prepared.models.items()}
+    ratios = {
+        pairing.name: spacing_ratio(pairing, prepared.models[pairing.master_body].cloud)
+        for pairing in prepared.pairings
+    }
+    warnings = [text for name, cloud in bodies.items() for text in _cloud_warnings(name, cloud)]
+    warnings += [
+        ratio_message(pairing, ratios[pairing.name])
+        for pairing in prepared.pairings
+        if ratios[pairing.name] > RATIO * (1.0 + ROUND_OFF)
+    ]
+    return Quality(bodies, ratios, tuple(warnings))
+
+
+def ratio_message(pairing: Pairing, ratio: float) -> str:
+    """What to do about unequal facing spacings."""
+    return (
+        f"contact {pairing.name}: spacings that face each other differ by a factor of {ratio:.3g}; "
+        f"bring the spacings of {pairing.slave_body}.{pairing.slave.name} and "
+        f"{pairing.master_body}.{pairing.master.name} closer together "
+        f"(body.{pairing.slave_body}.spacing, body.{pairing.master_body}.spacing, or their refinements)"
+    )
+
+
+def _cloud_warnings(name: str, cloud: CloudQuality) -> Iterator[str]:
+    if cloud.closest < CLOSEST:
+        yield (
+            f"body {name}: two nodes are only {cloud.closest:.2g} of the local spacing apart; "
+            f"lower body.{name}.refine growth, or try another body.{name}.seed"
+        )
+    if cloud.hole > HOLE:
+        yield (
+            f"body {name}: a hole among the nodes has a radius of {cloud.hole:.3g} spacings; "
+            f"lower body.{name}.refine growth, or make body.{name}.spacing smaller"
+        )
+    if cloud.growth > GROWTH * (1.0 + ROUND_OFF):
+        yield (
+            f"body {name}: the spacing grows by {cloud.growth:.3g} per unit length; "
+            f"lower body.{name}.refine growth to {GROWTH:g} or less"
+        )

@@ -1,0 +1,87 @@
+"""What a picture of the bodies shows: its colour, its deformation scale, its detail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mlsanm_cli.app.clouds import materials
+from mlsanm_cli.app.history import pressures_at
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case
+from mlsanm_cli.contact.profile import THRESHOLD
+from mlsanm_cli.io.plot_cloud import CloudBody
+from mlsanm_cli.io.run_reader import RunData
+from mlsanm_cli.mechanics.elasticity import von_mises
+
+VISIBLE = 0.05
+"""Displacements are shown as large as this part of the scene, at most."""
+OVERLAP = 0.003
+"""Enlarged displacements may make touching surfaces overlap by this part of the detail shown, at most."""
+DETAIL = 2.5
+"""Half-widths of the contact that the detail shows on either side of its middle."""
+WHOLE = 0.5
+"""A contact that takes up more than this part of the scene needs no detail."""
+
+
+def scalar_of(
+    case: Case, body: str, fields: Mapping[str, FloatArray], displacement: FloatArray
+) -> tuple[FloatArray, str]:
+    """Von Mises stress (n,) where stresses were saved, else the size of the displacements; and its name."""
+    if "von_mises" in fields:
+        return fields["von_mises"], "von Mises stress"
+    if "stress" in fields:
+        material = next(b.material for b in case.body if b.name == body)
+        return von_mises(fields["stress"], materials(case)[material].out_of_plane), "von Mises stress"
+    return np.hypot(displacement[:, 0], displacement[:, 1]), "displacement"
+
+
+def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
+    """1, 2 or 5 times a power of ten by which displacements are multiplied to be seen; never below 1.
+
+    Surfaces that met after closing a gap overlap in a picture by (scale - 1) times that gap, so scenes with
+    curved contacts are drawn nearly to scale.
+    """
+    size = _size(bodies)
+    largest = max(float(np.hypot(*body.displacement.T).max(initial=0.0)) for body in bodies)
+    if largest == 0.0:
+        return 1.0
+    limit = VISIBLE * size / largest
+    for contact in run.contacts.values():
+        loaded = contact.pressure[-1] > THRESHOLD * contact.pressure[-1].max(initial=0.0)
+        if not loaded.any():
+            continue
+        closed_gap = float(contact.gap[0][loaded].max())
+        detail = DETAIL * float(np.ptp(contact.points[loaded], axis=0).max())
+        if closed_gap > 0.0:
+            limit = min(limit, 1.0 + OVERLAP * detail / closed_gap)
+    if limit < 2.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(limit))
+    return float(power * max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= limit))
+
+
+def contact_window(
+    run: RunData, position: float, bodies: Sequence[CloudBody]
+) -> tuple[float, float, float, float] | None:
+    """The square (x0, x1, y0, y1) around the highest contact pressure; None if it is most of the scene."""
+    if not run.contacts:
+        return None
+    pressures = pressures_at(run, position)
+    name = max(pressures, key=lambda n: float(pressures[n].max(initial=0.0)))
+    pressure = pressures[name]
+    loaded = run.contacts[name].points[pressure > THRESHOLD * pressure.max(initial=0.0)]
+    if len(loaded) < 2 or pressure.max() <= 0.0:
+        return None
+    low, high = loaded.min(axis=0), loaded.max(axis=0)
+    half = DETAIL * 0.5 * float((high - low).max())
+    if not 0.0 < 2.0 * half <= WHOLE * _size(bodies):
+        return None
+    x, y = (0.5 * (low + high)).tolist()
+    return x - half, x + half, y - half, y + half
+
+
+def _size(bodies: Sequence[CloudBody]) -> float:
+    points = np.concatenate([body.points for body in bodies])
+    return float(np.ptp(points, axis=0).max())

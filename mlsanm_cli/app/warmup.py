@@ -1,0 +1,28 @@
+"""``mlsanm warmup``: the kernels compiled now, not at the first run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from mlsanm_cli.app.build import load_kernels
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.kernels.jit import CACHE_DIRECTORY, is_warm
+
+
+def warmup(console: Console) -> Mapping[str, Any]:
+    """Compile the kernels, or load them where they are compiled already.
+
+    Returns CPU ``seconds``, whether they were ``compiled`` now, whether the code is ``kept`` for later runs,
+    and the ``cache_directory`` (None if it cannot be written).
+    """
+    clock = Clock()
+    warm = is_warm()
+    load_kernels(clock, console)
+    return {
+        "seconds": clock.seconds["jit"],
+        "compiled": not warm,
+        "kept": CACHE_DIRECTORY is not None,
+        "cache_directory": None if CACHE_DIRECTORY is None else str(CACHE_DIRECTORY),
+    }
