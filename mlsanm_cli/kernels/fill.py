@@ -193,8 +193,8 @@ def advance_front(
     """Nodes inside the closed boundary: the boundary nodes (b, 2) first, then the interior ones.
 
     ``edges`` (e, 4) are the boundary's chords, sorted into horizontal strips for the inside test. The same
-    ``seed`` gives the same nodes. More than ``limit`` nodes: the front stops there, and the caller, who sees
-    exactly ``limit`` nodes, must refuse the cloud.
+    ``seed`` gives the same nodes. From ``limit`` nodes on the front stops, and the caller, who sees at least
+    ``limit`` nodes, must refuse the cloud.
     """
     finest = far
     steepest = 0.0

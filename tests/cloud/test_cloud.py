@@ -1,0 +1,137 @@
+"""Clouds: surfaces, corners, units, size, quality."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle
+from mlsanm_cli.cloud.quality import measure
+from mlsanm_cli.cloud.size import estimate_nodes
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+
+BLOCK = rectangle((-2.0, 2.0), (-2.0, 0.0))
+FINE = Spacing(0.15, (Zone.around((0.0, 0.0), 0.01, 0.1, 0.12),))
+SCENES: list[tuple[Outline, Spacing]] = [
+    (BLOCK, Spacing(0.1)),
+    (BLOCK, FINE),
+    (half_disk((0.0, 1.0), 1.0, "lower"), FINE),
+    (disk((0.0, 1.0), 1.0), FINE),
+    (BLOCK, Spacing(0.2, (Zone(BLOCK.curves[2], 0.03, 0.05, 0.2),))),
+]
+
+
+@pytest.mark.parametrize(("outline", "spacing"), SCENES)
+def test_surfaces_lie_on_their_curves_with_outward_normals(outline: Outline, spacing: Spacing) -> None:
+    cloud = build_cloud(outline, spacing, 0)
+    inside = cloud.points[len(cloud.boundary_nodes) :]
+    assert tuple(cloud.surfaces) == outline.names
+    for curve, surface in zip(outline.curves, cloud.surfaces.values(), strict=True):
+        points = cloud.points[surface.index]
+        assert np.abs(points - curve.points(surface.arc_length)).max() <= 1e-14 * 4.0
+        assert np.hypot(*surface.normal.T) == pytest.approx(1.0)
+        assert (np.diff(surface.arc_length) > 0.0).all()
+        # These outlines are convex: every interior node lies behind every boundary node.
+        behind = np.einsum("bid,bd->bi", inside[None] - points[:, None], surface.normal)
+        assert behind.max() < 0.0
+
+
+@pytest.mark.parametrize(("outline", "spacing"), SCENES)
+def test_weights_add_up_to_the_length(outline: Outline, spacing: Spacing) -> None:
+    for curve, surface in zip(
+        outline.curves, build_cloud(outline, spacing, 0).surfaces.values(), strict=True
+    ):
+        assert surface.weight.sum() == pytest.approx(curve.length, rel=1e-13)
+        assert (surface.weight > 0.0).all()
+        # The trapezoid rule: exact for a linear function of the arc length, where nothing is joined.
+        if not curve.closed:
+            moment = float(surface.weight @ surface.arc_length)
+            assert moment == pytest.approx(0.5 * curve.length**2, rel=1e-12)
+
+
+def test_corner_nodes_belong_to_both_surfaces_each_with_its_own_normal() -> None:
+    cloud = build_cloud(BLOCK, Spacing(0.3), 0)
+    names = list(cloud.surfaces)
+    for one, other in zip(names, names[1:] + names[:1], strict=True):
+        shared = np.intersect1d(cloud.surfaces[one].index, cloud.surfaces[other].index)
+        assert len(shared) == 1
+        assert cloud.surfaces[one].index[-1] == cloud.surfaces[other].index[0] == shared[0]
+        assert float(cloud.surfaces[one].normal[-1] @ cloud.surfaces[other].normal[0]) == pytest.approx(0.0)
+    assert len(cloud.boundary_nodes) == sum(len(s.index) for s in cloud.surfaces.values()) - 4
+
+
+def test_a_closed_arc_has_every_node_once() -> None:
+    cloud = build_cloud(disk((1.0, 2.0), 0.5), Spacing(0.1), 0)
+    (arc,) = cloud.surfaces.values()
+    assert len(np.unique(arc.index)) == len(arc.index) == len(cloud.boundary_nodes)
+    assert arc.arc_length[-1] < arc.curve.length
+    assert arc.weight == pytest.approx(math.pi / len(arc.index), rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 25.4])
+@pytest.mark.parametrize("round_", [False, True])
+def test_other_units_give_the_same_cloud(unit: float, round_: bool) -> None:
+    def cloud(unit: float) -> Cloud:
+        zone = Zone.around((0.0, 0.0), 0.02 * unit, 0.1 * unit, 0.12)
+        outline = (
+            half_disk((0.0, unit), unit, "lower")
+            if round_
+            else rectangle((-2.0 * unit, 2.0 * unit), (-2.0 * unit, 0.0))
+        )
+        return build_cloud(outline, Spacing(0.15 * unit, (zone,)), 3)
+
+    one, other = cloud(1.0), cloud(unit)
+    assert one.points.shape == other.points.shape
+    assert np.abs(other.points / unit - one.points).max() <= 1e-12
+    assert np.abs(other.spacing / unit / one.spacing - 1.0).max() <= 1e-12
+
+
+@pytest.mark.parametrize(("outline", "spacing"), SCENES)
+def test_estimate_of_the_number_of_nodes(outline: Outline, spacing: Spacing) -> None:
+    nodes = len(build_cloud(outline, spacing, 0).points)
+    assert estimate_nodes(outline, spacing) == pytest.approx(nodes, rel=0.1)
+
+
+def test_estimate_stops_at_its_limit() -> None:
+    assert estimate_nodes(BLOCK, Spacing(1e-9), limit=1e7) >= 1e7
+
+
+@pytest.mark.parametrize(("outline", "spacing"), SCENES)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_quality_of_a_good_cloud(outline: Outline, spacing: Spacing, seed: int) -> None:
+    cloud = build_cloud(outline, spacing, seed)
+    quality = measure(cloud)
+    assert (quality.nodes, quality.boundary_nodes) == (len(cloud.points), len(cloud.boundary_nodes))
+    steepest = max((zone.growth for zone in spacing.zones), default=0.0)
+    # A node keeps its parent's h away, which may be finer than its own, and its neighbour's coarser still.
+    assert 0.98 / (1.0 + 2.0 * steepest) <= quality.closest <= 1.05
+    assert 0.7 <= quality.hole <= 1.25
+    assert quality.growth <= steepest * (1.0 + 1e-9) + 1e-15
+    assert quality.growth >= 0.5 * steepest
+
+
+def test_quality_shows_nodes_too_close() -> None:
+    cloud = build_cloud(BLOCK, Spacing(0.1), 0)
+    spoilt = cloud.points.copy()
+    spoilt[-1] = spoilt[-2] + np.array([1e-3, 0.0])
+    assert measure(replace(cloud, points=spoilt)).closest == pytest.approx(0.01)
+
+
+def test_quality_shows_a_hole_of_its_size() -> None:
+    cloud = build_cloud(BLOCK, Spacing(0.1), 0)
+    away = np.hypot(cloud.points[:, 0] - 0.5, cloud.points[:, 1] + 1.0)
+    kept = away > 0.4
+    spoilt = replace(cloud, points=cloud.points[kept], spacing=cloud.spacing[kept])
+    # Removing interior nodes alone leaves the boundary nodes' numbers as they are.
+    assert kept[: len(cloud.boundary_nodes)].all()
+    assert 4.0 <= measure(spoilt).hole <= 5.0
+
+
+def test_quality_shows_a_jump_of_the_spacing() -> None:
+    cloud = build_cloud(BLOCK, Spacing(0.1), 0)
+    jump = np.where(cloud.points[:, 0] > 0.0, 0.2, 0.1)
+    assert measure(replace(cloud, spacing=jump)).growth >= 0.8

@@ -1,0 +1,97 @@
+"""Curves and outlines: positions, normals, closest points."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, disk, half_disk, rectangle
+
+OUTLINES = [
+    rectangle((-1.0, 2.0), (0.5, 1.0)),
+    disk((1.0, -1.0), 0.7),
+    *(half_disk((0.3, 0.2), 1.5, side) for side in ("lower", "upper", "left", "right")),
+]
+AREAS = [1.5, math.pi * 0.49, *[0.5 * math.pi * 2.25] * 4]
+
+coordinate = st.floats(-2.0, 2.0)
+curves = st.one_of(
+    st.builds(Segment, st.tuples(coordinate, coordinate), st.tuples(st.floats(2.5, 4.0), coordinate)),
+    st.builds(
+        Arc,
+        st.tuples(coordinate, coordinate),
+        st.floats(0.1, 2.0),
+        st.floats(-7.0, 7.0),
+        st.floats(0.1, 2.0 * math.pi),
+    ),
+)
+
+
+@given(curve=curves, point=st.tuples(coordinate, coordinate))
+def test_closest_point_beats_every_sample(curve: Curve, point: tuple[float, float]) -> None:
+    target = np.array([point])
+    s = curve.closest(target)
+    assert 0.0 <= s[0] <= curve.length
+    found = np.hypot(*(curve.points(s) - target)[0])
+    sampled = np.hypot(*(curve.points(np.linspace(0.0, curve.length, 501)) - target).T).min()
+    assert found <= sampled + 1e-12
+
+
+@given(curve=curves, fraction=st.floats(0.0, 1.0))
+def test_points_on_a_curve_find_their_own_arc_length(curve: Curve, fraction: float) -> None:
+    s = np.array([fraction * curve.length])
+    found = curve.closest(curve.points(s))
+    assert np.abs(curve.points(found) - curve.points(s)).max() <= 1e-12
+
+
+@given(curve=curves, fraction=st.floats(0.0, 0.99))
+def test_normals_are_the_tangent_turned_to_the_right(curve: Curve, fraction: float) -> None:
+    # The material is on the left, so the outward normal is on the right.
+    s = np.array([fraction * curve.length])
+    step = 1e-6 * curve.length
+    tangent = (curve.points(s + step) - curve.points(s - step))[0] / (2.0 * step)
+    assert math.hypot(*tangent) == pytest.approx(1.0, abs=1e-8)
+    assert curve.normals(s)[0] == pytest.approx([tangent[1], -tangent[0]], abs=1e-7)
+
+
+@pytest.mark.parametrize(("outline", "area"), list(zip(OUTLINES, AREAS, strict=True)))
+def test_outlines_close_and_run_counter_clockwise(outline: Outline, area: float) -> None:
+    ends = [curve.points(np.array([0.0, curve.length])) for curve in outline.curves]
+    for this, following in zip(ends, ends[1:] + ends[:1], strict=True):
+        assert np.abs(this[1] - following[0]).max() <= 1e-12
+    chain = np.concatenate([c.points(np.linspace(0.0, c.length, 2001)[:-1]) for c in outline.curves])
+    after = np.roll(chain, -1, axis=0)
+    enclosed = 0.5 * float((chain[:, 0] * after[:, 1] - chain[:, 1] * after[:, 0]).sum())
+    assert enclosed == pytest.approx(area, rel=1e-5)
+
+
+def test_boundaries_lie_where_their_names_say() -> None:
+    sides = dict(zip(OUTLINES[0].names, OUTLINES[0].curves, strict=True))
+    middles = {name: curve.points(np.array([0.5 * curve.length]))[0] for name, curve in sides.items()}
+    assert middles["bottom"] == pytest.approx([0.5, 0.5])
+    assert middles["top"] == pytest.approx([0.5, 1.0])
+    assert middles["left"] == pytest.approx([-1.0, 0.75])
+    assert middles["right"] == pytest.approx([2.0, 0.75])
+
+
+@pytest.mark.parametrize(
+    ("side", "towards"), [("lower", (0, -1)), ("upper", (0, 1)), ("left", (-1, 0)), ("right", (1, 0))]
+)
+def test_half_disks_bulge_to_their_side(side: str, towards: tuple[float, float]) -> None:
+    outline = half_disk((0.3, 0.2), 1.5, side)
+    assert outline.names == ("arc", "flat")
+    arc, flat = outline.curves
+    middle = np.array([0.5 * arc.length])
+    assert arc.normals(middle)[0] == pytest.approx(towards, abs=1e-12)
+    assert arc.points(middle)[0] == pytest.approx(np.array([0.3, 0.2]) + 1.5 * np.array(towards))
+    assert flat.normals(np.zeros(1))[0] == pytest.approx([-towards[0], -towards[1]], abs=1e-12)
+
+
+def test_only_whole_circles_are_closed() -> None:
+    assert Arc((0.0, 0.0), 1.0, 0.3, 2.0 * math.pi).closed
+    assert not Arc((0.0, 0.0), 1.0, 0.3, 6.2).closed
+    assert not Segment((0.0, 0.0), (1.0, 0.0)).closed

@@ -1,0 +1,114 @@
+"""Nodes along curves: equal increments of the integral of ds/h."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.curves import Arc, Curve, Segment
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+
+LINE = Segment((-2.0, 0.0), (2.0, 0.0))
+
+
+def density_integrals(spacing: Spacing, curve: Curve, s: FloatArray) -> FloatArray:
+    """Integral of ds/h over every step, by adaptive quadrature."""
+    return np.array(
+        [
+            quad(lambda t: 1.0 / float(spacing.at(curve.points(np.array([t])))[0]), a, b, limit=200)[0]
+            for a, b in pairwise(s)
+        ]
+    )
+
+
+@pytest.mark.parametrize("curve", [LINE, Arc((0.0, 1.0), 1.0, math.pi, math.pi)])
+def test_steps_are_equal_in_the_integral_of_one_over_h(curve: Curve) -> None:
+    spacing = Spacing(
+        0.3, (Zone.around((0.1, 0.0), 0.01, 0.05, 0.15), Zone.around((1.0, 0.9), 0.05, 0.1, 0.1))
+    )
+    s = spacing.steps_along(curve)
+    assert (s[0], s[-1]) == (0.0, curve.length)
+    parts = density_integrals(spacing, curve, s)
+    # Most are equal to 0.1 %; the samples see a kink of h between them to a few per cent only.
+    assert np.median(np.abs(parts / np.median(parts) - 1.0)) <= 1e-3
+    assert parts == pytest.approx(parts.mean(), rel=0.03)
+    assert len(parts) == round(parts.sum())
+
+
+@given(
+    far=st.floats(0.1, 1.0),
+    at=st.floats(-2.0, 2.0),
+    fine=st.floats(1e-4, 0.05),
+    radius=st.floats(0.0, 0.3),
+    growth=st.floats(0.05, 0.5),
+)
+def test_ends_are_kept_and_steps_follow_the_spacing(
+    far: float, at: float, fine: float, radius: float, growth: float
+) -> None:
+    spacing = Spacing(far, (Zone.around((at, 0.0), fine, radius, growth),))
+    s = spacing.steps_along(LINE)
+    assert (s[0], s[-1]) == (0.0, LINE.length)
+    steps = np.diff(s)
+    assert (steps > 0.0).all()
+    inside = s[:-1, None] + np.linspace(0.0, 1.0, 41) * steps[:, None]
+    h = spacing.at(LINE.points(inside.ravel())).reshape(inside.shape)
+    # N increments instead of the integral's exact value stretch the steps by at most half of one in N.
+    stretch = 1.03 * (1.0 + 0.51 / max(len(steps) - 0.5, 0.5))
+    assert (steps <= h.max(axis=1) * stretch).all()
+    assert (steps >= h.min(axis=1) / stretch).all() or len(steps) == 2
+
+
+@given(at=st.floats(-1.5, 1.5), fine=st.floats(1e-4, 1e-2))
+def test_a_fine_zone_stays_where_it_was_asked_for(at: float, fine: float) -> None:
+    spacing = Spacing(0.5, (Zone.around((at, 0.0), fine, 20.0 * fine, 0.12),))
+    x = spacing.steps_along(LINE) - 2.0
+    middle = 0.5 * (x[1:] + x[:-1])
+    within = middle[np.diff(x) < 1.05 * fine]
+    assert 0.5 * (within[0] + within[-1]) == pytest.approx(at, abs=2.0 * fine)
+    assert 0.5 * (within[-1] - within[0]) == pytest.approx(20.0 * fine, abs=3.0 * fine)
+
+
+def test_a_zone_far_smaller_than_the_far_spacing_is_not_missed() -> None:
+    at = 0.123_456
+    spacing = Spacing(1.0, (Zone.around((at, 0.0), 1e-6, 1e-5, 0.2),))
+    x = spacing.steps_along(LINE) - 2.0
+    assert np.diff(x).min() <= 1.1e-6
+    assert np.count_nonzero(np.abs(x - at) <= 1e-5) == pytest.approx(21, abs=2)
+
+
+def test_facing_surfaces_get_the_same_spacing_in_a_shared_zone() -> None:
+    zone = Zone.around((0.0, 0.0), 0.005, 0.1, 0.12)
+    arc = Arc((0.0, 1.0), 1.0, math.pi, math.pi)
+    line = Segment((-3.0, 0.0), (2.0, 0.0))
+    across = np.linspace(-0.1, 0.1, 21)
+    spacings = []
+    for curve, far in ((arc, 0.2), (line, 0.35)):
+        s = Spacing(far, (zone,)).steps_along(curve)
+        x = curve.points(0.5 * (s[1:] + s[:-1]))[:, 0]
+        spacings.append(np.interp(across, x, np.diff(s)))
+    assert spacings[0] / spacings[1] == pytest.approx(1.0, abs=0.02)
+
+
+def test_an_even_curve_is_cut_into_equal_steps() -> None:
+    assert np.diff(Spacing(0.3).steps_along(LINE)) == pytest.approx(4.0 / 13.0, rel=1e-12)
+    # Halves: the same number in every system of units.
+    for unit in (1.0, 1e-3, 1e3, 0.0254):
+        segment = Segment((0.0, 0.0), (unit, 0.0))
+        assert len(Spacing(unit / 2.5).steps_along(segment)) == 3
+
+
+def test_short_curves_keep_a_node_in_their_middle_and_circles_eight() -> None:
+    assert len(Spacing(100.0).steps_along(LINE)) == 3
+    assert len(Spacing(100.0).steps_along(Arc((0.0, 0.0), 1.0, 0.0, 2.0 * math.pi))) == 9
+
+
+def test_finest_spacing() -> None:
+    assert Spacing(0.3).finest == 0.3
+    assert Spacing(0.3, (Zone.around((0.0, 0.0), 0.02, 0.1, 0.1),)).finest == 0.02

@@ -1,0 +1,160 @@
+"""The advancing front against a slow twin, and its parts against their definitions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import cdist
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.cloud.cloud import CANDIDATES, build_cloud
+from mlsanm_cli.cloud.curves import Arc, Outline, Segment, disk, rectangle
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.kernels.fill import spacing_at
+
+SQUARE = rectangle((0.0, 1.0), (0.0, 1.0))
+
+
+def even_odd(chain: FloatArray, points: FloatArray) -> BoolArray:
+    """Points (n, 2) inside the polygon ``chain`` (c, 2), every edge asked."""
+    inside = np.zeros(len(points), dtype=bool)
+    for (x0, y0), (x1, y1) in zip(chain, np.roll(chain, -1, axis=0), strict=True):
+        crosses = (y0 > points[:, 1]) != (y1 > points[:, 1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inside ^= crosses & (points[:, 0] < x0 + (points[:, 1] - y0) / (y1 - y0) * (x1 - x0))
+    return inside
+
+
+def slow_front(outline: Outline, spacing: Spacing, seed: int) -> FloatArray:
+    """The front as described: every candidate compared with every accepted node and every edge."""
+    chain = np.concatenate([curve.points(spacing.steps_along(curve)[:-1]) for curve in outline.curves])
+    points = [tuple(p) for p in chain]
+    word = 2**64
+    state = (seed * 2 + 1) * 0x9E3779B97F4A7C15 % word
+    parent = 0
+    while parent < len(points):
+        state = (state * 6364136223846793005 + 1442695040888963407) % word
+        turn = (state >> 11) / 2**53
+        x, y = points[parent]
+        h = float(spacing.at(np.array([[x, y]]))[0])
+        for number in range(CANDIDATES):
+            angle = 2.0 * math.pi * (number + turn) / CANDIDATES
+            new = np.array([[x + h * math.cos(angle), y + h * math.sin(angle)]])
+            radius = min(h, float(spacing.at(new)[0])) * (1.0 - 1e-9)
+            if cdist(new, np.array(points)).min() >= radius and even_odd(chain, new)[0]:
+                points.append((float(new[0, 0]), float(new[0, 1])))
+        parent += 1
+    return np.array(points)
+
+
+zones = st.lists(
+    st.builds(
+        lambda x, y, h, r, g: Zone.around((x, y), h, r, g),
+        st.floats(0.0, 1.0),
+        st.floats(0.0, 1.0),
+        st.floats(0.03, 0.2),
+        st.floats(0.0, 0.1),
+        st.floats(0.05, 0.4),
+    ),
+    max_size=2,
+)
+
+
+@settings(max_examples=15)
+@given(far=st.floats(0.12, 0.3), zones=zones, seed=st.integers(0, 2**31), round_=st.booleans())
+def test_front_is_its_slow_twin(far: float, zones: list[Zone], seed: int, round_: bool) -> None:
+    outline = disk((0.5, 0.5), 0.6) if round_ else SQUARE
+    spacing = Spacing(far, tuple(zones))
+    cloud = build_cloud(outline, spacing, seed)
+    expected = slow_front(outline, spacing, seed)
+    assert cloud.points.shape == expected.shape
+    assert np.abs(cloud.points - expected).max() <= 1e-9
+
+
+@settings(max_examples=20)
+@given(zones=zones, seed=st.integers(0, 1000))
+def test_no_two_nodes_are_closer_than_their_spacing(zones: list[Zone], seed: int) -> None:
+    spacing = Spacing(0.15, tuple(zones))
+    cloud = build_cloud(SQUARE, spacing, seed)
+    interior = np.arange(len(cloud.boundary_nodes), len(cloud.points))
+    assert len(interior)
+    distance = cdist(cloud.points[interior], cloud.points)
+    distance[np.arange(len(interior)), interior] = np.inf
+    # A node is at least min(its own h, its parent's h) away from the others, its parent one h(parent) off.
+    growth = max((zone.growth for zone in zones), default=0.0)
+    own = cloud.spacing[interior][:, None] / (1.0 + growth)
+    least = np.minimum(own, cloud.spacing[None, :] / (1.0 + growth))
+    assert (distance >= (1.0 - 1e-9) * least).all()
+
+
+def test_even_spacing_keeps_every_interior_node_a_whole_spacing_away() -> None:
+    cloud = build_cloud(SQUARE, Spacing(0.07), 5)
+    interior = np.arange(len(cloud.boundary_nodes), len(cloud.points))
+    distance = cdist(cloud.points[interior], cloud.points)
+    distance[np.arange(len(interior)), interior] = np.inf
+    assert distance.min() >= 0.07 * (1.0 - 1e-8)
+
+
+def test_same_seed_same_bits_other_seed_other_nodes() -> None:
+    spacing = Spacing(0.1, (Zone.around((0.5, 1.0), 0.01, 0.1, 0.12),))
+    first, again = (build_cloud(SQUARE, spacing, 7).points for _ in range(2))
+    assert np.array_equal(first, again)
+    other = build_cloud(SQUARE, spacing, 8).points
+    assert other.shape != first.shape or not np.allclose(other, first)
+
+
+def test_nodes_lie_inside_their_chain() -> None:
+    spacing = Spacing(0.08, (Zone.around((0.0, -1.0), 0.02, 0.05, 0.2),))
+    cloud = build_cloud(disk((0.0, 0.0), 1.0), spacing, 0)
+    count = len(cloud.boundary_nodes)
+    assert even_odd(cloud.points[:count], cloud.points[count:]).all()
+
+
+def test_a_front_that_outgrows_its_limit_is_refused() -> None:
+    with pytest.raises(RunError, match="more than 200 nodes"):
+        build_cloud(SQUARE, Spacing(0.02), 0, limit=200)
+    whole = len(build_cloud(SQUARE, Spacing(0.1), 0).points)
+    assert len(build_cloud(SQUARE, Spacing(0.1), 0, limit=whole + 1).points) == whole
+
+
+def test_tables_that_grow_lose_no_node() -> None:
+    # More than 8192 / 4 cells: the hash table is rebuilt several times on the way.
+    cloud = build_cloud(SQUARE, Spacing(0.2, (Zone.around((0.5, 0.5), 0.004, 0.1, 0.05),)), 0)
+    assert len(cloud.points) > 5000
+    pairs = cdist(cloud.points[::7], cloud.points)
+    pairs[pairs == 0.0] = np.inf
+    assert (pairs.min(axis=1) >= cloud.spacing[::7] / 1.05 * 0.9).all()
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        Segment((0.2, 0.3), (1.1, -0.4)),
+        Segment((0.4, 0.4), (0.4, 0.4)),
+        Arc((0.1, 0.2), 0.7, 0.4, 2.1),
+        Arc((0.1, 0.2), 0.7, 5.5, 3.0),
+        Arc((0.0, 0.0), 0.5, 1.0, 2.0 * math.pi),
+    ],
+)
+def test_spacing_grows_with_the_distance_to_the_zone(curve: Segment | Arc) -> None:
+    points = np.random.default_rng(2).uniform(-2.0, 2.0, (400, 2))
+    s = np.linspace(0.0, curve.length, 20_001)
+    on_curve = curve.points(s) if curve.length > 0.0 else np.array([curve.start])
+    distance = cdist(points, on_curve).min(axis=1)
+    zone = Zone(curve, 0.1, 0.3, 0.5)
+    expected = np.minimum(0.8, 0.1 + 0.5 * np.maximum(0.0, distance - 0.3))
+    assert np.abs(spacing_at(0.8, Spacing(0.8, (zone,)).table(), points) - expected).max() <= 1e-6
+
+
+def test_of_several_zones_the_finest_holds() -> None:
+    first, second = Zone.around((0.0, 0.0), 0.1, 0.1, 0.2), Zone.around((1.0, 0.0), 0.05, 0.2, 0.4)
+    points = np.random.default_rng(0).uniform(-1.0, 2.0, (100, 2))
+    both = Spacing(0.3, (first, second)).at(points)
+    alone = np.minimum(Spacing(0.3, (first,)).at(points), Spacing(0.3, (second,)).at(points))
+    assert np.array_equal(both, alone)
+    assert len(np.unique(both)) > 30

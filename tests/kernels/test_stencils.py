@@ -1,0 +1,137 @@
+"""Moving least-squares weights against a slow twin made of numpy's own least squares."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.kernels.stencils import mls_weights
+
+SHARPNESS = 4.0
+SIZES = {1: 9, 2: 16, 3: 24, 4: 34, 5: 46, 6: 60}
+TOLERANCE = {1: 1e-12, 2: 1e-12, 3: 1e-11, 4: 1e-10, 5: 1e-9, 6: 1e-8}
+KINDS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
+
+
+def nearest_of_lattice(size: int, jitter: float, seed: int) -> FloatArray:
+    """The ``size`` nodes nearest to the origin of a lattice of spacing 1, each moved by up to ``jitter``."""
+    side = np.arange(-6.0, 7.0)
+    points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    points += np.random.default_rng(seed).uniform(-jitter, jitter, points.shape)
+    return points[np.argsort(np.hypot(*points.T), kind="stable")[:size]]
+
+
+def fast(
+    points: FloatArray, center: FloatArray, target: FloatArray, degree: int, order: int
+) -> tuple[FloatArray, float]:
+    """Weights (k, kinds) and ratio from the kernel, the stencil being all ``points``."""
+    weights = np.empty((len(points), (order + 1) * (order + 2) // 2))
+    ratio = np.empty(1)
+    radius = np.hypot(*(points - center).T).max()
+    mls_weights(
+        points,
+        np.array([0, len(points)]),
+        np.arange(len(points)),
+        center[None],
+        target[None],
+        np.array([radius]),
+        degree,
+        SHARPNESS,
+        order,
+        weights,
+        ratio,
+    )
+    return weights, float(ratio[0])
+
+
+def slow(points: FloatArray, center: FloatArray, target: FloatArray, degree: int, order: int) -> FloatArray:
+    """The same from the definition: derivatives of the best-fitting polynomial, term by term."""
+    radius = np.hypot(*(points - center).T).max()
+    local, at = (points - center) / radius, (target - center) / radius
+    gauss = np.exp(-SHARPNESS * (local**2).sum(axis=1))
+    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
+    basis = np.stack([local[:, 0] ** i * local[:, 1] ** j for i, j in powers], axis=1)
+    fit = np.linalg.lstsq(gauss[:, None] * basis, np.diag(gauss), rcond=None)[0]
+    columns = []
+    for dx, dy in KINDS[: (order + 1) * (order + 2) // 2]:
+        functional = [
+            math.perm(i, dx) * math.perm(j, dy) * at[0] ** max(i - dx, 0) * at[1] ** max(j - dy, 0)
+            for i, j in powers
+        ]
+        columns.append(np.array(functional) @ fit / radius ** (dx + dy))
+    return np.stack(columns, axis=1)
+
+
+@given(
+    degree=st.integers(1, 6),
+    order=st.integers(0, 2),
+    jitter=st.floats(0.05, 0.4),
+    seed=st.integers(0, 10_000),
+    scale=st.sampled_from([1.0, 1e-3, 1e4]),
+    off=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+)
+def test_weights_are_those_of_the_weighted_least_squares_fit(
+    degree: int, order: int, jitter: float, seed: int, scale: float, off: tuple[float, float]
+) -> None:
+    points = scale * nearest_of_lattice(SIZES[degree], jitter, seed)
+    center, target = np.zeros(2), scale * np.array(off)
+    weights, ratio = fast(points, center, target, degree, order)
+    expected = slow(points, center, target, degree, order)
+    assert ratio > 10.0 ** -(degree + 2)
+    # Second derivatives of a straight line are zero: weights and expected ones alike.
+    size = np.maximum(np.abs(expected).max(axis=0), np.finfo(float).tiny)
+    assert (np.abs(weights - expected).max(axis=0) / size).max() <= TOLERANCE[degree]
+
+
+@given(degree=st.integers(1, 6), seed=st.integers(0, 10_000))
+def test_a_fit_through_as_many_points_as_coefficients_interpolates(degree: int, seed: int) -> None:
+    count = (degree + 1) * (degree + 2) // 2
+    points = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 2))
+    weights, ratio = fast(points, np.zeros(2), points[0].copy(), degree, 0)
+    assume(ratio > 1e-6)
+    assert np.abs(weights[:, 0] - np.eye(count)[0]).max() <= 1e-8
+
+
+def test_centre_and_target_may_differ() -> None:
+    points = nearest_of_lattice(34, 0.3, 1)
+    center, target = np.array([0.2, -0.1]), np.array([-0.3, 0.4])
+    weights, _ = fast(points, center, target, 4, 2)
+    assert np.abs(weights - slow(points, center, target, 4, 2)).max() <= 1e-10
+    elsewhere, _ = fast(points, target, target, 4, 2)
+    assert np.abs(weights - elsewhere).max() > 1e-4
+
+
+@pytest.mark.parametrize("degree", range(1, 7))
+def test_ratio_is_zero_where_the_points_are_too_few(degree: int) -> None:
+    count = (degree + 1) * (degree + 2) // 2
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (count - 1, 2))
+    assert fast(points, np.zeros(2), np.zeros(2), degree, 0)[1] == 0.0
+
+
+@pytest.mark.parametrize("degree", range(1, 7))
+def test_ratio_shows_points_on_a_curve_of_that_degree(degree: int) -> None:
+    # Points on as many parallel lines as the degree: one polynomial of that degree vanishes on all of them.
+    side = np.linspace(-1.0, 1.0, 12)
+    lines = np.linspace(-0.8, 0.9, degree)
+    points = np.stack(np.meshgrid(side, lines), axis=-1).reshape(-1, 2)
+    assert fast(points, np.zeros(2), np.zeros(2), degree, 2)[1] <= 1e-13
+
+
+def test_stencils_of_unequal_sizes_do_not_touch_each_other() -> None:
+    points = nearest_of_lattice(60, 0.3, 3)
+    sizes = [16, 20, 17]
+    indptr = np.concatenate([[0], np.cumsum(sizes)])
+    indices = np.concatenate([np.arange(size) for size in sizes])
+    center = np.zeros((3, 2))
+    radii = np.array([np.hypot(*points[:size].T).max() for size in sizes])
+    weights, ratio = np.empty((indptr[-1], 6)), np.empty(3)
+    mls_weights(points, indptr, indices, center, center, radii, 2, SHARPNESS, 2, weights, ratio)
+    for number, size in enumerate(sizes):
+        alone, own = fast(points[:size], center[0], center[0], 2, 2)
+        assert np.array_equal(weights[indptr[number] : indptr[number + 1]], alone)
+        assert ratio[number] == own
