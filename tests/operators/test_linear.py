@@ -1,0 +1,152 @@
+"""Ordering, factorisation and least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+import scipy.sparse.linalg as sparse_linalg
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import build_cloud
+from mlsanm_cli.cloud.curves import rectangle
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.operators.least_squares import BLOCK, LeastSquares, factorise
+from mlsanm_cli.operators.linear.dissection import LEAF, nested_dissection
+from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+
+
+def neighbour_graph(points: FloatArray, count: int) -> sparse.csr_array:
+    """Symmetric pattern that joins every node with its nearest ones."""
+    columns = np.asarray(cKDTree(points).query(points, k=count)[1])
+    rows = np.repeat(np.arange(len(points)), count)
+    graph = sparse.csr_array((np.ones(len(rows)), (rows, columns.ravel())), shape=(len(points),) * 2)
+    return sparse.csr_array(graph + graph.T)
+
+
+def positive_definite(points: FloatArray) -> sparse.csc_array:
+    """A positive definite matrix (2n, 2n) that couples both unknowns of neighbouring nodes."""
+    graph = neighbour_graph(points, 8)
+    coupled = sparse.kron(graph, np.array([[1.0, 0.3], [0.3, 1.0]]))
+    return sparse.csc_array(sparse.diags_array(1.5 * np.asarray(coupled.sum(axis=1))) - coupled)
+
+
+@given(count=st.integers(1, 400), seed=st.integers(0, 1000), stretch=st.sampled_from([1.0, 100.0]))
+def test_dissection_is_a_permutation(count: int, seed: int, stretch: float) -> None:
+    points = np.random.default_rng(seed).uniform(0.0, 1.0, (count, 2)) * np.array([stretch, 1.0])
+    order = nested_dissection(points, neighbour_graph(points, min(6, count)))
+    assert np.array_equal(np.sort(order), np.arange(count))
+
+
+def test_the_last_nodes_separate_the_others() -> None:
+    x = np.arange(30.0)
+    points = np.stack(np.meshgrid(x, x[:12]), axis=-1).reshape(-1, 2)
+    graph = neighbour_graph(points, 5)
+    order = nested_dissection(points, graph)
+    # Without the first separator, one column of 12 nodes, the graph falls apart into two halves.
+    rest = order[: len(points) - 12]
+    pieces, label = sparse.csgraph.connected_components(graph[rest][:, rest])
+    assert pieces == 2
+    assert np.bincount(label).min() >= 12 * 14
+    assert len(points) > LEAF
+
+
+def fill(matrix: sparse.csc_array, order: IntArray) -> int:
+    """Entries of the Cholesky factor in the given order."""
+    permuted = sparse.csc_matrix(matrix[order][:, order])
+    options = {"SymmetricMode": True}
+    return int(
+        sparse_linalg.splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options).L.nnz
+    )
+
+
+@pytest.mark.parametrize("fine", [0.03, 0.003])
+def test_dissection_beats_the_order_of_the_front_in_fill(fine: float) -> None:
+    spacing = Spacing(0.03, (Zone.around((0.5, 1.0), fine, 0.02, 0.12),))
+    points = build_cloud(rectangle((0.0, 1.0), (0.0, 1.0)), spacing, 0).points
+    matrix = positive_definite(points)
+    order = SuperLUSolver().analyse(matrix, points)
+    assert np.array_equal(np.sort(order), np.arange(2 * len(points)))
+    assert fill(matrix, order) <= 0.5 * fill(matrix, np.arange(2 * len(points)))
+
+
+def test_superlu_against_a_dense_solution() -> None:
+    points = np.random.default_rng(3).uniform(0.0, 1.0, (150, 2))
+    matrix = positive_definite(points)
+    solver = SuperLUSolver()
+    factor = solver.factor(matrix, solver.analyse(matrix, points))
+    for shape in ((300,), (300, 4)):
+        rhs = np.random.default_rng(4).normal(size=shape)
+        expected = np.linalg.solve(matrix.toarray(), rhs)
+        assert np.abs(factor.solve(rhs) - expected).max() <= 1e-13
+
+
+def test_a_singular_matrix_is_refused() -> None:
+    points = np.random.default_rng(3).uniform(0.0, 1.0, (20, 2))
+    matrix = positive_definite(points).tolil()
+    matrix[7, :] = 0.0
+    matrix[:, 7] = 0.0
+    broken = sparse.csc_array(matrix)
+    solver = SuperLUSolver()
+    with pytest.raises(NumericalError, match="could not be factorised"):
+        solver.factor(broken, solver.analyse(broken, points))
+
+
+def least_squares(apart: float, seed: int = 0) -> tuple[LeastSquares, FloatArray, FloatArray]:
+    """A system of 300 rows of 24 entries, its dense rows and weights.
+
+    Both unknowns of a node differ by ``apart`` only in what they do: the smaller, the worse conditioned.
+    """
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0.0, 1.0, (60, 2))
+    near = np.asarray(cKDTree(points).query(points, k=12)[1])
+    rows = np.zeros((300, 120))
+    for row in range(300):
+        columns = 2 * near[row % 60]
+        rows[row, columns] = rng.normal(size=12)
+        rows[row, columns + 1] = rows[row, columns] + apart * rng.normal(size=12)
+    weight = rng.uniform(0.1, 10.0, 300)
+    return factorise(sparse.csr_array(rows), weight, points, SuperLUSolver()), rows, weight
+
+
+@given(seed=st.integers(0, 500))
+def test_least_squares_against_numpy(seed: int) -> None:
+    system, rows, weight = least_squares(1.0, seed)
+    b = np.random.default_rng(seed + 1).normal(size=(300, 3))
+    expected = np.linalg.lstsq(weight[:, None] * rows, weight[:, None] * b, rcond=None)[0]
+    assert np.abs(system.solve(sparse.csc_array(b)) - expected).max() <= 1e-11 * np.abs(expected).max()
+
+
+def test_a_corrected_step_gives_back_the_digits_the_normal_equations_lose() -> None:
+    system, rows, _ = least_squares(1e-4)
+    # An exact solution, so that no reference's own error counts.
+    expected = np.random.default_rng(5).normal(size=120)
+    b = sparse.csc_array((rows @ expected)[:, None])
+    errors = [np.abs(system.solve(b, corrections=count)[:, 0] - expected).max() for count in (0, 1, 2)]
+    assert errors[0] >= 1e-10
+    assert errors[1] <= 1e-2 * errors[0]
+    assert errors[2] <= 1e-11
+
+
+def test_blocks_give_the_same_solutions_one_after_the_other() -> None:
+    system, _, _ = least_squares(1.0)
+    b = sparse.csc_array(np.random.default_rng(6).normal(size=(300, 2 * BLOCK + 3)))
+    blocks = list(system.solve_blocks(b))
+    assert [columns.stop - columns.start for columns, _ in blocks] == [BLOCK, BLOCK, 3]
+    together = np.concatenate([solution for _, solution in blocks], axis=1)
+    assert np.abs(together - system.solve(b)).max() <= 1e-12
+
+
+def test_optimality_is_small_at_the_minimum_only() -> None:
+    system, _, _ = least_squares(1.0)
+    b = sparse.csc_array(np.random.default_rng(7).normal(size=(300, 1)))
+    best = system.solve(b, corrections=2)
+    assert system.optimality(b, best) <= 1e-14
+    worse = best.copy()
+    worse[11] *= 1.0 + 1e-6
+    assert system.optimality(b, worse) >= 1e-9
+    assert system.optimality(sparse.csc_array((300, 1)), np.zeros((120, 1))) == 0.0
