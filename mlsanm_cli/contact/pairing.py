@@ -13,8 +13,10 @@ from mlsanm_cli.cloud.cloud import Cloud, Surface
 OPPOSED = -0.2
 """Surfaces face each other where their outward normals' product is below this."""
 
-TRANSFER_POINTS = 4
-TRANSFER_SHARPNESS = 4.0
+WINDOW = 2.0
+"""Half-width of the window over which pressures are carried to the master, in spacings."""
+WINDOW_SHARPNESS = 4.0
+"""Squared residuals in the window are weighted by exp(-2 WINDOW_SHARPNESS r^2)."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +24,8 @@ class Pairing:
     """The slave nodes of one contact that have a partner on the master (w of them, along the surface).
 
     ``position`` (w,) counts along the slave surface, ``partner`` (w, 2) are the virtual nodes on the master,
-    ``normal`` (w, 2) the master's outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,) marks
-    the nodes that can touch; the others are only watched.
+    ``normal`` (w, 2) the master's outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,)
+    marks the nodes that can touch; the others are only watched.
     """
 
     name: str
@@ -59,7 +61,13 @@ class Pairing:
 
 
 def pair_surfaces(
-    name: str, slave_body: str, slave_cloud: Cloud, slave: Surface, master_body: str, master_cloud: Cloud, master: Surface
+    name: str,
+    slave_body: str,
+    slave_cloud: Cloud,
+    slave: Surface,
+    master_body: str,
+    master_cloud: Cloud,
+    master: Surface,
 ) -> Pairing:
     """Closest points on the master's exact curve for every slave node that faces it.
 
@@ -104,42 +112,40 @@ def spacing_ratio(pairing: Pairing, master_cloud: Cloud) -> float:
 def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     """Pressure at the master's surface nodes (b, m) from the candidates' pressures (m,).
 
-    One-dimensional moving least squares of degree 1 along the slave surface over the four nearest candidates,
-    which reproduces a constant pressure; nodes outside the candidates' range receive none.
+    One-dimensional moving least squares of degree 1 along the slave surface, which reproduces a constant
+    pressure; nodes outside the candidates' range receive none. The window is as wide as the coarser of the
+    two spacings asks for: a coarse master that only sampled a fine slave's pressures would take an oscillation
+    from node to node for a smooth load, and the compliance would lose its positivity.
     """
-    arc = pairing.slave.arc_length[pairing.position[pairing.candidate]]
+    chosen = pairing.position[pairing.candidate]
+    arc = pairing.slave.arc_length[chosen]
     points = master_cloud.points[pairing.master.index]
     s = pairing.slave.curve.closest(points)
     shadow = pairing.slave.curve.normals(s)
-    facing = (shadow * pairing.master.normal).sum(axis=1) < OPPOSED
-    slack = 1e-6 * float(pairing.spacing.min())
-    rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack))
-    count = min(TRANSFER_POINTS, len(arc))
     # Both ends of the slave see points beside it as their own shadow; those get no pressure.
     away = points - pairing.slave.curve.points(s)
     beside = np.abs(away[:, 0] * shadow[:, 1] - away[:, 1] * shadow[:, 0])
-    rows = rows[beside[rows] <= slack]
-    if not len(rows):
-        return sparse.csr_array((len(points), len(arc)))
-    columns = _nearest_window(arc, s[rows], count)
-    offset = arc[columns] - s[rows][:, None]
-    offset /= np.maximum(np.abs(offset).max(axis=1, keepdims=True), np.finfo(float).tiny)
-    weight = np.exp(-2.0 * TRANSFER_SHARPNESS * offset**2)
-    if count > 1:
-        s0, s1, s2 = (np.sum(weight * offset**k, axis=1, keepdims=True) for k in range(3))
-        weight = weight * (s2 - s1 * offset) / (s0 * s2 - s1**2)
-    else:
-        weight = np.ones_like(weight)
-    return sparse.csr_array(
-        (weight.ravel(), (np.repeat(rows, count), columns.ravel())), shape=(len(points), len(arc))
-    )
+    slack = 1e-6 * float(pairing.spacing.min())
+    facing = (shadow * pairing.master.normal).sum(axis=1) < OPPOSED
+    rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (beside <= slack))
+    own = np.interp(s[rows], arc, pairing.spacing[pairing.candidate])
+    reach = WINDOW * np.maximum(own, master_cloud.spacing[pairing.master.index[rows]])
+    first, last = _window(arc, s[rows], reach)
+    count = last - first
+    start = np.cumsum(count) - count
+    columns = np.repeat(first - start, count) + np.arange(count.sum())
+    offset = (arc[columns] - np.repeat(s[rows], count)) / np.repeat(reach, count)
+    weight = np.exp(-2.0 * WINDOW_SHARPNESS * offset**2) * pairing.slave.weight[chosen][columns]
+    s0, s1, s2 = (np.repeat(np.add.reduceat(weight * offset**k, start), count) for k in range(3))
+    # A window with a single node can only carry its constant.
+    slope = s0 * s2 - s1**2 > 1e-12 * s0**2
+    weight = np.where(slope, weight * (s2 - s1 * offset) / np.where(slope, s0 * s2 - s1**2, 1.0), weight / s0)
+    return sparse.csr_array((weight, (np.repeat(rows, count), columns)), shape=(len(points), len(arc)))
 
 
-def _nearest_window(arc: FloatArray, s: FloatArray, count: int) -> IntArray:
-    """Numbers (r, count) of the ``count`` consecutive entries of ``arc`` nearest to each ``s`` (r,)."""
-    first = np.clip(np.searchsorted(arc, s) - count, 0, len(arc) - count)
-    for _ in range(count):
-        can = first + count < len(arc)
-        ahead = np.where(can, arc[np.minimum(first + count, len(arc) - 1)] - s, np.inf)
-        first = np.where(can & (ahead < s - arc[first]), first + 1, first)
-    return np.asarray(first[:, None] + np.arange(count), dtype=np.int64)
+def _window(arc: FloatArray, s: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray]:
+    """Ranges [first, last) of ``arc`` (m,) within ``reach`` (r,) of ``s`` (r,), at least the two nearest."""
+    nearest = np.clip(np.searchsorted(arc, s), 1, max(len(arc) - 1, 1))
+    first = np.minimum(np.searchsorted(arc, s - reach), nearest - 1)
+    last = np.maximum(np.searchsorted(arc, s + reach, side="right"), np.minimum(nearest + 1, len(arc)))
+    return first, last

@@ -1,9 +1,10 @@
 """Corners where a fully held surface meets a free one: the stress is singular there.
 
-A least-squares solution would spend its whole error budget on such a corner and pay for it everywhere else:
-at a clamped block it lost 18 % of the force on the way from the contact to the support. Rows are therefore
-weighted by the distance to the corner, the weighted norm of Lee and Manteuffel (2006, doi:10.1137/040618588),
-which brought that loss to below 1 %.
+Least squares in the strong form asks for second derivatives that are not square-integrable there; left
+alone, it would prefer a smooth wrong solution and lose force on the way to the clamped side. Rows are therefore
+weighted by a power of the distance to the nearest such corner, in the manner of the weighted norms of Cox and
+Fix (Computers & Mathematics with Applications 10, 1984) and of Lee and Manteuffel (SIAM Journal on Scientific
+Computing 28, 2006). What is lost all the same shows in the force balance of every run.
 """
 
 from __future__ import annotations
@@ -11,28 +12,33 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.spatial.distance import cdist
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
+
+POWER = 1.5
+"""Corner displacements behave like distance^0.7, so that weighted second derivatives are integrable above 0.3.
+
+Measured on a clamped beam of 8 x 1, degree 2: with spacing 0.05 the tip moves 0.16 of what it should without
+weights, 0.82 with power 1, 0.93 with 1.5; at 2 the stress at the clamped side becomes useless.
+"""
 
 CLOSEST = 0.5
 """Distances are never taken below this part of the node spacing."""
 
 
 def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatArray:
-    """Factor (n,) on the equilibrium and traction rows of every node: min(1, distance / range).
-
-    The range of a corner is half the shorter of the two surfaces that meet there.
-    """
-    weight = np.ones(len(cloud.points))
-    clamped = [surface for name, surface in cloud.surfaces.items() if all(held.get(name, (False, False)))]
-    free = [surface for name, surface in cloud.surfaces.items() if not any(held.get(name, (False, False)))]
-    for one in clamped:
-        for other in free:
-            corners = np.intersect1d(one.index, other.index)
-            if len(corners):
-                reach = 0.5 * min(one.curve.length, other.curve.length)
-                distance = cdist(cloud.points, cloud.points[corners]).min(axis=1)
-                weight = np.minimum(weight, np.maximum(distance, CLOSEST * cloud.spacing) / reach)
-    return weight
+    """Factor (n,) on the equilibrium and traction rows of every node: (distance / largest distance)^POWER."""
+    corners = [
+        np.intersect1d(one.index, other.index)
+        for name, one in cloud.surfaces.items()
+        for other_name, other in cloud.surfaces.items()
+        if all(held.get(name, (False, False))) and not any(held.get(other_name, (False, False)))
+    ]
+    nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *corners]))
+    if not len(nodes):
+        return np.ones(len(cloud.points))
+    distance = np.maximum(cKDTree(cloud.points[nodes]).query(cloud.points)[0], CLOSEST * cloud.spacing)
+    factor: FloatArray = (distance / distance.max()) ** POWER
+    return factor
