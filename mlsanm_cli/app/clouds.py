@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from mlsanm_cli.case.model import Body, Case
-from mlsanm_cli.case.shapes import Disk, HalfDisk, Rectangle
+from mlsanm_cli.case.shapes import HalfDisk, Rectangle, Sector
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle
+from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
 
@@ -17,7 +19,9 @@ def outline_of(body: Body) -> Outline:
         return rectangle(shape.x, shape.y)
     if isinstance(shape, HalfDisk):
         return half_disk(shape.center, shape.radius, shape.side)
-    assert isinstance(shape, Disk)
+    if isinstance(shape, Sector):
+        first, last = (math.radians(angle) for angle in shape.angles)
+        return sector(shape.center, shape.radii, (first, last))
     return disk(shape.center, shape.radius)
 
 

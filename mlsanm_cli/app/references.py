@@ -12,7 +12,7 @@ from mlsanm_cli.app.clouds import materials
 from mlsanm_cli.app.paths import State
 from mlsanm_cli.app.recording import slave_points
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Contact, Disk, HalfDisk, LoadedCase, Rectangle, split_boundary
+from mlsanm_cli.case import Case, Contact, Disk, HalfDisk, LoadedCase, Rectangle, Sector, split_boundary
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.reference.hertz import HertzLine
@@ -47,7 +47,9 @@ def check_reference(loaded: LoadedCase) -> None:
     for contact in case.contact:
         curved = _curvature(case, contact.slave) + _curvature(case, contact.master) > 0.0
         if curved != (solution == "hertz-line"):
-            problems.append(f"does not fit contact {contact.name}: its surfaces are {'' if curved else 'not '}curved")
+            problems.append(
+                f"does not fit contact {contact.name}: its surfaces are {'' if curved else 'not '}curved"
+            )
     if problems:
         raise loaded.located(
             CaseError(tuple(CaseProblem("reference.solution", f'"{solution}" {text}') for text in problems))
@@ -97,29 +99,30 @@ def profile_on(
     return ReferenceProfile(label, coordinate, curve, peak, width, error)
 
 
-def _middle(case: Case, contact: Contact, points: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _middle(
+    case: Case, contact: Contact, points: FloatArray, normal: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Where the contact's middle lies, and the normal there: on the line of centres of curved surfaces."""
-    slave, master = (_shape(case, boundary) for boundary in (contact.slave, contact.master))
+    centers = [
+        np.array(_shape(case, boundary).centre)
+        for boundary in (contact.slave, contact.master)
+        if _curvature(case, boundary)
+    ]
     mean = normal.mean(axis=0)
     axis = mean / np.hypot(*mean)
-    if slave[1] == "arc" and isinstance(slave[0], Disk | HalfDisk):
-        if master[1] == "arc" and isinstance(master[0], Disk | HalfDisk):
-            line = np.array(slave[0].center) - np.array(master[0].center)
-            axis = line / np.hypot(*line)
-        return np.array(slave[0].center), axis
-    if master[1] == "arc" and isinstance(master[0], Disk | HalfDisk):
-        return np.array(master[0].center), axis
-    return 0.5 * (points[0] + points[-1]), axis
+    if len(centers) == 2:
+        line = centers[0] - centers[1]
+        axis = line / np.hypot(*line)
+    return (centers[0] if centers else 0.5 * (points[0] + points[-1])), axis
 
 
-def _shape(case: Case, boundary: str) -> tuple[Rectangle | Disk | HalfDisk, str]:
-    body, edge = split_boundary(boundary)
-    return next(b.shape for b in case.body if b.name == body), edge
+def _shape(case: Case, boundary: str) -> Rectangle | Disk | HalfDisk | Sector:
+    body, _ = split_boundary(boundary)
+    return next(b.shape for b in case.body if b.name == body)
 
 
 def _curvature(case: Case, boundary: str) -> float:
-    shape, edge = _shape(case, boundary)
-    return 1.0 / shape.radius if isinstance(shape, Disk | HalfDisk) and edge == "arc" else 0.0
+    return _shape(case, boundary).curvature(split_boundary(boundary)[1])
 
 
 def _radius(case: Case, contact: Contact) -> float:

@@ -20,7 +20,7 @@ from mlsanm_cli.case.model import (
     Support,
 )
 from mlsanm_cli.case.reading import LoadedCase, case_hash, load_case, parse_case, resolved_mapping
-from mlsanm_cli.case.shapes import Disk, HalfDisk, Rectangle, Shape
+from mlsanm_cli.case.shapes import Disk, HalfDisk, Rectangle, Sector, Shape
 
 __all__ = [
     "Adapt",
@@ -42,6 +42,7 @@ __all__ = [
     "Reference",
     "Refine",
     "Regularization",
+    "Sector",
     "Shape",
     "Solver",
     "Support",

@@ -131,7 +131,7 @@ class Output(Section):
 class Reference(Section):
     """The closed formula that the result can be compared with."""
 
-    solution: Literal["hertz-line", "uniform-pressure", "lame"]
+    solution: Literal["hertz-line", "uniform-pressure"]
 
 
 class Case(Section):

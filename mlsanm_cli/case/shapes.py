@@ -55,6 +55,10 @@ class Rectangle(Section):
         normals = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "bottom": (0.0, -1.0), "top": (0.0, 1.0)}
         return normals[boundary]
 
+    def curvature(self, boundary: str) -> float:
+        """0: all sides are straight."""
+        return 0.0
+
 
 class Disk(Section):
     """A full disk; its only boundary is ``arc``."""
@@ -85,6 +89,10 @@ class Disk(Section):
     def normal(self, boundary: str) -> Point | None:
         """None: the boundary is curved."""
         return None
+
+    def curvature(self, boundary: str) -> float:
+        """1/R, positive for a convex boundary."""
+        return 1.0 / self.radius
 
 
 class HalfDisk(Section):
@@ -123,10 +131,68 @@ class HalfDisk(Section):
         normals = {"lower": (0.0, 1.0), "upper": (0.0, -1.0), "left": (1.0, 0.0), "right": (-1.0, 0.0)}
         return normals[self.side]
 
+    def curvature(self, boundary: str) -> float:
+        """1/R, positive for a convex boundary."""
+        return 1.0 / self.radius if boundary == "arc" else 0.0
+
+
+class Sector(Section):
+    """A part of a ring: ``radii`` are its inner and outer radius, ``angles`` its range in degrees.
+
+    Angles count counter-clockwise from the x axis; ``start`` and ``end`` are the straight sides.
+    """
+
+    kind: Literal["sector"]
+    center: Vector
+    radii: Vector
+    angles: Vector
+
+    @property
+    def boundaries(self) -> tuple[str, ...]:
+        """Names of the boundaries."""
+        return ("outer", "end", "inner", "start")
+
+    @property
+    def centre(self) -> Point:
+        """Centre of the ring."""
+        return self.center
+
+    @property
+    def size(self) -> float:
+        """Largest extent."""
+        return 2.0 * self.radii[1]
+
+    def samples(self, boundary: str) -> tuple[Point, ...]:
+        """Points that span the boundary: the ends of a side, three on an arc."""
+        first, last = (math.radians(angle) for angle in self.angles)
+        if boundary in ("inner", "outer"):
+            radius = self.radii[boundary == "outer"]
+            return _on_arc(self.center, radius, (first, 0.5 * (first + last), last))
+        angle = first if boundary == "start" else last
+        return tuple(_on_arc(self.center, radius, (angle,))[0] for radius in self.radii)
+
+    def normal(self, boundary: str) -> Point | None:
+        """Outward normal of a straight side, None on an arc."""
+        if boundary in ("inner", "outer"):
+            return None
+        sign, angle = (-1.0, self.angles[0]) if boundary == "start" else (1.0, self.angles[1])
+        turn = math.radians(angle) + sign * 0.5 * math.pi
+        # Sides along an axis have their normal along the other one, without round-off.
+        return round(math.cos(turn), 15) + 0.0, round(math.sin(turn), 15) + 0.0
+
+    def curvature(self, boundary: str) -> float:
+        """1/R, positive for a convex boundary."""
+        return {"inner": -1.0 / self.radii[0], "outer": 1.0 / self.radii[1]}.get(boundary, 0.0)
+
 
 def _on_arc(center: Point, radius: float, angles: tuple[float, ...]) -> tuple[Point, ...]:
     return tuple((center[0] + radius * math.cos(a), center[1] + radius * math.sin(a)) for a in angles)
 
 
-Shape = Annotated[Rectangle | Disk | HalfDisk, Field(discriminator="kind")]
-SHAPES: dict[str, type[Section]] = {"rectangle": Rectangle, "disk": Disk, "half-disk": HalfDisk}
+Shape = Annotated[Rectangle | Disk | HalfDisk | Sector, Field(discriminator="kind")]
+SHAPES: dict[str, type[Section]] = {
+    "rectangle": Rectangle,
+    "disk": Disk,
+    "half-disk": HalfDisk,
+    "sector": Sector,
+}

@@ -78,7 +78,10 @@ class Segment:
 
 @dataclass(frozen=True)
 class Arc:
-    """Circular arc about ``center`` from angle ``start`` (radian) over ``sweep`` > 0, counter-clockwise."""
+    """Circular arc about ``center`` from angle ``start`` over ``sweep``, both in radian.
+
+    Counter-clockwise (``sweep`` > 0) the material lies inside the circle; clockwise (< 0) outside, as along a hole.
+    """
 
     center: tuple[float, float]
     radius: float
@@ -86,30 +89,36 @@ class Arc:
     sweep: float
 
     @property
+    def _turn(self) -> float:
+        return math.copysign(1.0, self.sweep)
+
+    @property
     def closed(self) -> bool:
-        return self.sweep >= 2.0 * math.pi
+        return abs(self.sweep) >= 2.0 * math.pi
 
     @property
     def length(self) -> float:
-        return self.radius * self.sweep
+        return self.radius * abs(self.sweep)
 
     def points(self, s: FloatArray) -> FloatArray:
-        return np.array(self.center) + self.radius * self.normals(s)
+        return np.array(self.center) + self._turn * self.radius * self.normals(s)
 
     def normals(self, s: FloatArray) -> FloatArray:
-        angle = self.start + s / self.radius
-        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        angle = self.start + self._turn * s / self.radius
+        return self._turn * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def closest(self, points: FloatArray) -> FloatArray:
         away = points - np.array(self.center)
-        angle = np.mod(np.arctan2(away[:, 1], away[:, 0]) - self.start, 2.0 * math.pi)
+        angle = np.mod(self._turn * (np.arctan2(away[:, 1], away[:, 0]) - self.start), 2.0 * math.pi)
+        sweep = abs(self.sweep)
         # Past the end: the nearer end in angle is the nearer end in distance.
-        beyond = np.where(angle - self.sweep <= 2.0 * math.pi - angle, self.sweep, 0.0)
-        s: FloatArray = self.radius * np.where(angle <= self.sweep, angle, beyond)
+        beyond = np.where(angle - sweep <= 2.0 * math.pi - angle, sweep, 0.0)
+        s: FloatArray = self.radius * np.where(angle <= sweep, angle, beyond)
         return s
 
     def zone(self) -> tuple[float, ...]:
-        return (1.0, *self.center, self.radius, self.start, min(self.sweep, 2.0 * math.pi))
+        first = min(self.start, self.start + self.sweep)
+        return (1.0, *self.center, self.radius, first, min(abs(self.sweep), 2.0 * math.pi))
 
 
 @dataclass(frozen=True)
@@ -141,3 +150,14 @@ def half_disk(center: tuple[float, float], radius: float, side: str) -> Outline:
     first = (float(ends[0, 0]), float(ends[0, 1]))
     last = (float(ends[1, 0]), float(ends[1, 1]))
     return Outline(("arc", "flat"), (arc, Segment(last, first)))
+
+
+def sector(center: tuple[float, float], radii: tuple[float, float], angles: tuple[float, float]) -> Outline:
+    """Part of a ring between two radii and two ``angles`` (radian); boundaries outer, end, inner, start."""
+    inner, outer = radii
+    first, last = angles
+    outside = Arc(center, outer, first, last - first)
+    inside = Arc(center, inner, last, first - last)
+    ends = [curve.points(np.array([0.0, curve.length])) for curve in (outside, inside)]
+    (a, b), (c, d) = ([(float(x), float(y)) for x, y in pair] for pair in ends)
+    return Outline(("outer", "end", "inner", "start"), (outside, Segment(b, c), inside, Segment(d, a)))

@@ -95,11 +95,14 @@ def _solve_active(
     matrix[a:, :a] = balance.pressure[:, closed]
     matrix[a:, a:] = balance.motion
     rhs = np.concatenate([-free_gap[closed], -(balance.constant + balance.load @ factors)])
-    # Rows and columns have unlike units; scaling them makes singularity visible as a number.
-    rows = 1.0 / np.maximum(np.abs(matrix).max(axis=1), np.finfo(float).tiny)
-    scaled = matrix * rows[:, None]
-    columns = 1.0 / np.maximum(np.abs(scaled).max(axis=0), np.finfo(float).tiny)
-    scaled *= columns
+    # Rows and columns have unlike units; scaling them makes singularity visible as a number. Columns by the
+    # gaps they cause, then rows: the other way round the balance rows' unit would decide.
+    effect = np.abs(matrix[:a]).max(axis=0, initial=0.0)
+    effect = np.where(effect > 0.0, effect, np.abs(matrix).max(axis=0))
+    columns = 1.0 / np.maximum(effect, np.finfo(float).tiny)
+    scaled = matrix * columns
+    rows = 1.0 / np.maximum(np.abs(scaled).max(axis=1), np.finfo(float).tiny)
+    scaled *= rows[:, None]
     factor, pivots, info = linalg.lapack.dgetrf(scaled)
     if info == 0:
         rcond, info = linalg.lapack.dgecon(factor, np.abs(scaled).sum(axis=0).max())

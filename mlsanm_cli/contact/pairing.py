@@ -114,8 +114,8 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
 
     One-dimensional moving least squares of degree 1 along the slave surface, which reproduces a constant
     pressure; nodes outside the candidates' range receive none. The window is as wide as the coarser of the
-    two spacings asks for: a coarse master that only sampled a fine slave's pressures would take an oscillation
-    from node to node for a smooth load, and the compliance would lose its positivity.
+    two spacings asks for: a coarse master that only sampled a fine slave's pressures would take an
+    oscillation from node to node for a smooth load, and the compliance would lose its positivity.
     """
     chosen = pairing.position[pairing.candidate]
     arc = pairing.slave.arc_length[chosen]

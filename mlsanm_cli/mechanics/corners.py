@@ -1,7 +1,7 @@
 """Corners where a fully held surface meets a free one: the stress is singular there.
 
 Least squares in the strong form asks for second derivatives that are not square-integrable there; left
-alone, it would prefer a smooth wrong solution and lose force on the way to the clamped side. Rows are therefore
+alone, it would prefer a smooth wrong solution and lose force on the way to the clamped side. So rows are
 weighted by a power of the distance to the nearest such corner, in the manner of the weighted norms of Cox and
 Fix (Computers & Mathematics with Applications 10, 1984) and of Lee and Manteuffel (SIAM Journal on Scientific
 Computing 28, 2006). What is lost all the same shows in the force balance of every run.
@@ -18,7 +18,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 
 POWER = 1.5
-"""Corner displacements behave like distance^0.7, so that weighted second derivatives are integrable above 0.3.
+"""Corner displacements behave like distance^0.7, whose weighted second derivatives are integrable above 0.3.
 
 Measured on a clamped beam of 8 x 1, degree 2: with spacing 0.05 the tip moves 0.16 of what it should without
 weights, 0.82 with power 1, 0.93 with 1.5; at 2 the stress at the clamped side becomes useless.

@@ -223,7 +223,7 @@ def test_method_and_law(method: str, law: str, fits: bool) -> None:
     [
         *[
             (f'body.block.shape.kind="{kind}"', f'shape "{kind}"')
-            for kind in ("sector", "annulus", "polygon", "mesh", "points")
+            for kind in ("annulus", "polygon", "mesh", "points")
         ],
         ('body.block.shape={kind="mesh", file="a.msh"}', 'shape "mesh"'),
         ("material.steel={stiffness=[[1,0,0],[0,1,0],[0,0,1]]}", "stiffness"),
