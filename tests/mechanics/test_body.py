@@ -1,0 +1,188 @@
+"""Boundary value problems with known solutions: patches, manufactured fields, weights near corners."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import build_cloud
+from mlsanm_cli.cloud.curves import rectangle
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.corners import CLOSEST, POWER, corner_weight
+from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
+from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, with_body_force
+
+HELD = {"bottom": (True, True)}
+
+
+def solved(body: ElasticBody, source: FloatArray, corrections: int = 1) -> FloatArray:
+    """Nodal displacements (n, 2)."""
+    return body.system.solve(sparse.csc_array(source[:, None]), corrections).reshape(-1, 2)
+
+
+class Polynomial:
+    """u = sum of coefficients (2, k) times x^i y^j, with its stress and body force for a full stiffness."""
+
+    def __init__(self, degree: int, stiffness: FloatArray) -> None:
+        self.powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
+        self.c = np.random.default_rng(degree).normal(size=(2, len(self.powers)))
+        self.stiffness = stiffness
+
+    def derivative(self, at: FloatArray, dx: int, dy: int) -> FloatArray:
+        """Derivatives (n, 2) of both components."""
+        x, y = at.T
+        columns = []
+        for i, j in self.powers:
+            factor = float(np.prod(np.arange(i, i - dx, -1)) * np.prod(np.arange(j, j - dy, -1)))
+            columns.append(factor * x ** max(i - dx, 0) * y ** max(j - dy, 0))
+        return np.stack(columns, axis=1) @ self.c.T
+
+    def displacement(self, at: FloatArray) -> FloatArray:
+        """Displacements (n, 2)."""
+        return self.derivative(at, 0, 0)
+
+    def stress(self, at: FloatArray, dx: int = 0, dy: int = 0) -> FloatArray:
+        """Stresses (n, 3), or a derivative of them."""
+        by_x, by_y = self.derivative(at, dx + 1, dy), self.derivative(at, dx, dy + 1)
+        strain = np.stack([by_x[:, 0], by_y[:, 1], by_y[:, 0] + by_x[:, 1]], axis=1)
+        return strain @ self.stiffness
+
+    def force(self, at: FloatArray) -> FloatArray:
+        """The body force (n, 2) that keeps it in equilibrium."""
+        by_x, by_y = self.stress(at, 1, 0), self.stress(at, 0, 1)
+        return -np.stack([by_x[:, 0] + by_y[:, 2], by_x[:, 2] + by_y[:, 1]], axis=1)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize("held", [HELD, {"left": (True, False), "bottom": (False, True)}])
+def test_polynomial_patch(degree: int, held: dict[str, tuple[bool, bool]]) -> None:
+    spacing = Spacing(0.12, (Zone.around((0.2, 1.0), 0.03, 0.1, 0.12),))
+    cloud = build_cloud(rectangle((0.0, 1.5), (0.0, 1.0)), spacing, 0)
+    full = PlaneMaterial(np.array([[5.0, 1.2, 0.7], [1.2, 3.0, -0.4], [0.7, -0.4, 2.0]]), 0.0, 1.0)
+    exact = Polynomial(degree, full.stiffness)
+    body = build(cloud, held, max(degree, 2), full)
+    source = boundary_values(body, exact.displacement, exact.stress)
+    source = with_body_force(body, source, exact.force(cloud.points))
+    u, expected = solved(body, source), exact.displacement(cloud.points)
+    assert np.abs(u - expected).max() <= 1e-10 * np.abs(expected).max()
+    stress = exact.stress(cloud.points)
+    assert np.abs(body.model.stress(u) - stress).max() <= 1e-8 * np.abs(stress).max()
+
+
+def wave(at: FloatArray) -> FloatArray:
+    """A displacement field that no polynomial is."""
+    x, y = at.T
+    return np.stack([np.sin(2.0 * x + y), np.cos(x - 1.5 * y) + 0.3 * x * y], axis=1)
+
+
+def wave_strain(at: FloatArray) -> FloatArray:
+    """Its strains xx, yy, 2 xy."""
+    x, y = at.T
+    c, s = np.cos(2.0 * x + y), np.sin(x - 1.5 * y)
+    return np.stack([2.0 * c, 1.5 * s + 0.3 * x, c - s + 0.3 * y], axis=1)
+
+
+def wave_force(at: FloatArray, stiffness: FloatArray) -> FloatArray:
+    """Its body force, differences of the stress with an error of 1e-11."""
+    step = 1e-3
+
+    def slope(axis: int) -> FloatArray:
+        move = step * np.eye(2)[axis]
+        stress = [wave_strain(at + k * move) @ stiffness for k in (-2, -1, 1, 2)]
+        return np.asarray((stress[0] - 8.0 * stress[1] + 8.0 * stress[2] - stress[3]) / (12.0 * step))
+
+    by_x, by_y = slope(0), slope(1)
+    return -np.stack([by_x[:, 0] + by_y[:, 2], by_x[:, 2] + by_y[:, 1]], axis=1)
+
+
+def wave_error(side: int, degree: int, seed: int = 0) -> float:
+    """Root mean square error of the displacement, relative; traction on three sides."""
+    cloud = jittered_square(side, 0.25, seed)
+    body = build(cloud, HELD, degree)
+    c = STEEL.stiffness
+    source = boundary_values(body, wave, lambda at: wave_strain(at) @ c)
+    u = solved(body, with_body_force(body, source, wave_force(cloud.points, c)))
+    exact = wave(cloud.points)
+    return float(np.sqrt(((u - exact) ** 2).sum() / (exact**2).sum()))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("degree", "order", "bar"), [(2, 1.8, 3.3e-3), (4, 3.7, 1.1e-6)])
+def test_manufactured_solution_converges(degree: int, order: float, bar: float, seed: int) -> None:
+    sides = np.array([17, 33, 65])
+    errors = [wave_error(int(side), degree, seed) for side in sides]
+    assert -np.polyfit(np.log(sides - 1.0), np.log(errors), 1)[0] >= order
+    assert errors[-1] <= bar
+
+
+def test_single_held_nodes_stop_a_rigid_motion() -> None:
+    cloud = jittered_square(9)
+    corner = int(np.argmin(cloud.points.sum(axis=1)))
+    beside = int(np.argmin(np.hypot(cloud.points[:, 0] - 1.0, cloud.points[:, 1])))
+    body = build(cloud, {}, held_nodes=((corner, 0), (corner, 1), (beside, 1)))
+    stretch = np.array([0.01, -0.003])
+    stress = STEEL.stiffness @ np.array([*stretch, 0.0])
+    source = boundary_values(body, lambda at: at * stretch, lambda at: np.tile(stress, (len(at), 1)))
+    assert np.abs(solved(body, source) - cloud.points * stretch).max() <= 1e-12
+
+
+def test_condition_rows_and_sources_go_where_they_belong() -> None:
+    body = build(jittered_square(7), {"bottom": (True, False)})
+    bottom = body.model.cloud.surfaces["bottom"]
+    values = np.stack([np.arange(1.0, 8.0), np.arange(11.0, 18.0)], axis=1)
+    in_x, in_y = (body.condition_rows("bottom", c) for c in (0, 1))
+    held = body.source("bottom", values, held=True)
+    assert np.array_equal(held[in_x], values[:, 0])
+    assert np.count_nonzero(held) == 7
+    free = body.source("bottom", values, held=False)
+    assert np.array_equal(free[in_y], values[:, 1])
+    assert np.count_nonzero(free) == 7
+    # The held rows pick the nodes' own displacements, up to their weight.
+    u = np.random.default_rng(0).normal(size=(len(body.model.cloud.points), 2))
+    picked = (body.system.rows @ u.ravel())[in_x] / body.system.weight[in_x]
+    assert picked == pytest.approx(u[bottom.index, 0])
+
+
+@pytest.mark.parametrize("plane", ["strain", "stress"])
+def test_units_of_the_modulus_change_nothing_but_the_stress(plane: str) -> None:
+    displacements = []
+    for modulus in (1.0, 210e9):
+        material = isotropic(modulus, 0.3, plane)
+        body = build(jittered_square(9), HELD, 2, material)
+        load = np.tile([0.1 * modulus, -0.2 * modulus], (9, 1))
+        displacements.append(solved(body, body.source("top", load, held=False)))
+    assert np.abs(displacements[0] - displacements[1]).max() <= 1e-9 * np.abs(displacements[0]).max()
+
+
+def test_corners_of_clamped_and_free_sides_lower_the_weights_around_them() -> None:
+    cloud = jittered_square(21)
+    weight = corner_weight(cloud, HELD)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0]])
+    distance = np.hypot(*(cloud.points[:, None] - corners).transpose(2, 0, 1)).min(axis=1)
+    assert weight.max() == 1.0
+    assert distance[np.argmax(weight)] == distance.max()
+    # Weights follow the distance alone and never fall below that of half a spacing.
+    order = np.argsort(distance)
+    assert (np.diff(weight[order]) >= -1e-12).all()
+    at_corner = weight[distance == 0.0]
+    assert len(at_corner) == 2
+    floor = CLOSEST * 0.05 / distance.max()
+    assert at_corner == pytest.approx(floor**POWER)
+    half = np.argmin(np.abs(distance - 0.5))
+    assert weight[half] == pytest.approx((distance[half] / distance.max()) ** POWER)
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        {},
+        {"bottom": (False, True)},
+        {"bottom": (False, True), "left": (True, False)},
+        dict.fromkeys(("bottom", "right", "top", "left"), (True, True)),
+    ],
+)
+def test_other_corners_are_left_alone(held: dict[str, tuple[bool, bool]]) -> None:
+    assert (corner_weight(jittered_square(9), held) == 1.0).all()
