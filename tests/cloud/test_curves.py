@@ -9,14 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, disk, half_disk, rectangle
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, disk, half_disk, rectangle, sector
 
 OUTLINES = [
     rectangle((-1.0, 2.0), (0.5, 1.0)),
     disk((1.0, -1.0), 0.7),
     *(half_disk((0.3, 0.2), 1.5, side) for side in ("lower", "upper", "left", "right")),
+    sector((0.5, -0.2), (1.0, 3.0), (0.2, 1.9)),
+    sector((0.5, -0.2), (1.0, 3.0), (-1.0, 4.0)),
 ]
-AREAS = [1.5, math.pi * 0.49, *[0.5 * math.pi * 2.25] * 4]
+AREAS = [1.5, math.pi * 0.49, *[0.5 * math.pi * 2.25] * 4, 0.5 * 1.7 * 8.0, 0.5 * 5.0 * 8.0]
 
 coordinate = st.floats(-2.0, 2.0)
 curves = st.one_of(
@@ -26,7 +28,7 @@ curves = st.one_of(
         st.tuples(coordinate, coordinate),
         st.floats(0.1, 2.0),
         st.floats(-7.0, 7.0),
-        st.floats(0.1, 2.0 * math.pi),
+        st.one_of(st.floats(0.1, 2.0 * math.pi), st.floats(-2.0 * math.pi, -0.1)),
     ),
 )
 
@@ -91,7 +93,30 @@ def test_half_disks_bulge_to_their_side(side: str, towards: tuple[float, float])
     assert flat.normals(np.zeros(1))[0] == pytest.approx([-towards[0], -towards[1]], abs=1e-12)
 
 
+def test_a_sector_turns_its_back_on_its_hole() -> None:
+    outline = sector((0.0, 0.0), (1.0, 2.0), (0.0, 0.5 * math.pi))
+    assert outline.names == ("outer", "end", "inner", "start")
+    middles = {
+        name: (
+            curve.points(np.array([0.5 * curve.length]))[0],
+            curve.normals(np.array([0.5 * curve.length]))[0],
+        )
+        for name, curve in zip(outline.names, outline.curves, strict=True)
+    }
+    half = math.sqrt(0.5)
+    expected = {
+        "outer": ([2.0 * half, 2.0 * half], [half, half]),
+        "end": ([0.0, 1.5], [-1.0, 0.0]),
+        "inner": ([half, half], [-half, -half]),
+        "start": ([1.5, 0.0], [0.0, -1.0]),
+    }
+    for name, (point, normal) in expected.items():
+        assert middles[name][0] == pytest.approx(point, abs=1e-12)
+        assert middles[name][1] == pytest.approx(normal, abs=1e-12)
+
+
 def test_only_whole_circles_are_closed() -> None:
     assert Arc((0.0, 0.0), 1.0, 0.3, 2.0 * math.pi).closed
+    assert Arc((0.0, 0.0), 1.0, 0.3, -2.0 * math.pi).closed
     assert not Arc((0.0, 0.0), 1.0, 0.3, 6.2).closed
     assert not Segment((0.0, 0.0), (1.0, 0.0)).closed
