@@ -79,12 +79,13 @@ def linear_path(built: Built) -> Iterator[PathStep]:
     """A scene without contact: every state is a combination of the loads' own solutions."""
     wanted = wanted_positions(built)
     condensed = built.condensed
-    for position in sorted({0.0, *wanted, float(len(built.case.stage))}):
+    for position in sorted({0.0, *wanted, *np.arange(1.0, len(built.case.stage) + 1.0).tolist()}):
         factors = factors_at(built.stages, position)
         nothing = np.zeros(0)
-        motion = np.zeros(len(condensed.balance.constant))
+        motion: FloatArray = np.zeros(len(condensed.balance.constant))
         if len(motion):
-            motion = np.linalg.solve(condensed.balance.motion, -condensed.balance.load @ factors)
+            solved = np.linalg.solve(condensed.balance.motion, -condensed.balance.load @ factors)
+            motion = np.asarray(solved, dtype=np.float64)
         closed = np.zeros(0, dtype=bool)
         state = State(position, factors, nothing, nothing, motion, closed, 0.0)
         yield PathStep(state, (state,) if position in wanted else (), solves=0 if position else condensed.solves)

@@ -15,6 +15,7 @@ OPPOSED = -0.2
 
 WINDOW = 2.0
 """Half-width of the window over which pressures are carried to the master, in spacings."""
+SLACK = 1e-6
 WINDOW_SHARPNESS = 4.0
 """Squared residuals in the window are weighted by exp(-2 WINDOW_SHARPNESS r^2)."""
 
@@ -129,7 +130,8 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     facing = (shadow * pairing.master.normal).sum(axis=1) < OPPOSED
     rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (beside <= slack))
     own = np.interp(s[rows], arc, pairing.spacing[pairing.candidate])
-    reach = WINDOW * np.maximum(own, master_cloud.spacing[pairing.master.index[rows]])
+    # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
+    reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[pairing.master.index[rows]])
     first, last = _window(arc, s[rows], reach)
     count = last - first
     start = np.cumsum(count) - count

@@ -70,7 +70,8 @@ def plot_pressure(
         alone = len(level_labels) == 1 and reference is None
         upper.set_title(f"Contact pressure, {contact}{', ' + level_labels[0] if alone else ''}")
         upper.set_ylabel("pressure")
-        upper.set_ylim(bottom=min(0.0, 1.05 * float(pressure[:, inside].min(initial=0.0))))
+        low, high = float(pressure[:, inside].min(initial=0.0)), float(pressure[:, inside].max(initial=0.0))
+        upper.set_ylim(min(0.0, 1.05 * low), 1.05 * high if high > 0.0 else None)
         if not alone:
             figure.legend(loc="outside right upper")
         lower.set_xlabel(arc_label)

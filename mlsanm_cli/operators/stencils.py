@@ -14,6 +14,10 @@ from mlsanm_cli.operators.settings import SHARPNESS, MlsSettings
 
 GROWTH = 1.3
 LARGEST = 3.0
+SPARE = 8
+"""Nodes looked at beyond a stencil's size, so that all that are equally far are seen."""
+TIE = 1e-7
+"""Distances closer to each other than this, relatively, count as equal."""
 
 
 @dataclass(frozen=True)
@@ -85,8 +89,7 @@ def _fit(
     points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, order: int, settings: MlsSettings
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Neighbours (e, size), weights (e, size, kinds) and diagonal ratios (e,) of one stencil size."""
-    found = tree.query(targets, k=size)
-    distance, indices = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
+    distance, indices = _nearest(tree, targets, size, len(points))
     weights = np.empty((len(targets) * size, (order + 1) * (order + 2) // 2))
     ratio = np.empty(len(targets))
     indptr = np.arange(len(targets) + 1, dtype=np.int64) * size
@@ -95,6 +98,21 @@ def _fit(
         order, weights, ratio,
     )  # fmt: skip
     return indices, weights.reshape(len(targets), size, -1), ratio
+
+
+def _nearest(tree: cKDTree, targets: FloatArray, size: int, nodes: int) -> tuple[FloatArray, IntArray]:
+    """Distances and numbers (e, size) of the nearest of ``nodes`` nodes, equally far ones by their numbers.
+
+    Without that rule round-off would choose among equals, and a change of units would change the result.
+    """
+    found = tree.query(targets, k=min(size + SPARE, nodes))
+    distance, indices = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
+    if distance.shape[1] > size:
+        tied = np.flatnonzero(distance[:, size] <= (1.0 + TIE) * distance[:, size - 1])
+        order = np.argsort(distance[tied] * (1.0 + TIE * indices[tied] / nodes), axis=1)
+        distance[tied] = np.take_along_axis(distance[tied], order, axis=1)
+        indices[tied] = np.take_along_axis(indices[tied], order, axis=1)
+    return distance[:, :size].copy(), indices[:, :size].copy()
 
 
 def _merge(
