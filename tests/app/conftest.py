@@ -1,0 +1,56 @@
+"""One run of each small scene for all tests that only look at results."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from mlsanm_cli.cli.settings import THREAD_VARIABLES
+from tests.app.scenes import BAR, PATCH, PUNCHES, hertz, solve
+
+
+@pytest.fixture(autouse=True)
+def _same_environment() -> Iterator[None]:
+    """The commands set the number of threads for their process, which here is pytest's."""
+    before = {variable: os.environ.get(variable) for variable in THREAD_VARIABLES}
+    yield
+    for variable, value in before.items():
+        if value is None:
+            os.environ.pop(variable, None)
+        else:
+            os.environ[variable] = value
+
+
+@pytest.fixture(scope="session")
+def hertz_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Hyperbolic law, fields inside the path and at its end."""
+    directory = tmp_path_factory.mktemp("scenes") / "hertz"
+    solve(hertz(), directory, "output.at=[0.3, 0.7, 1.0]")
+    return directory
+
+
+@pytest.fixture(scope="session")
+def patch_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Exact law, uniform pressure."""
+    directory = tmp_path_factory.mktemp("scenes") / "patch"
+    solve(PATCH, directory)
+    return directory
+
+
+@pytest.fixture(scope="session")
+def bar_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """No contact, two stages."""
+    directory = tmp_path_factory.mktemp("scenes") / "bar"
+    solve(BAR, directory)
+    return directory
+
+
+@pytest.fixture(scope="session")
+def punches_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two contacts."""
+    directory = tmp_path_factory.mktemp("scenes") / "punches"
+    solve(PUNCHES, directory)
+    return directory

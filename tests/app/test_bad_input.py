@@ -1,0 +1,160 @@
+"""Whatever is wrong with a case or a call: one clear message, exit code 2, nothing written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mlsanm_cli.cli import main
+from tests.app.scenes import hertz
+
+FLOOR = '[[support]]\nboundary = "block.bottom"\nuy = 0.0\n'
+
+# What is replaced in the sound case by what, and what the message must name. The line told is the last of the
+# replacement unless a text is given that begins the line.
+BAD = {
+    "misspelt key": ("nu = 0.3", "nuu = 0.3", ("material.steel.nuu", "nu"), "nuu"),
+    "wrong type": ("E = 210000.0", 'E = "stiff"', ("material.steel.E", "number"), "E ="),
+    "boolean for a number": ("nu = 0.3", "nu = true", ("material.steel.nu",), "nu ="),
+    "nan": ("E = 210000.0", "E = nan", ("material.steel.E", "nan and inf"), "E ="),
+    "infinity": ("fy = -226.0", "fy = -inf", ("load.press.fy", "nan and inf"), "fy ="),
+    "negative spacing": ("spacing = 0.012", "spacing = -0.012", ("spacing", "greater than 0"), "spacing = -"),
+    "incompressible": ("nu = 0.3", "nu = 0.5", ("material.steel.nu", "plane strain"), "nu ="),
+    "unknown material": ('material = "steel"', 'material = "steal"', ("steal", "steel"), 'material = "steal'),
+    "unknown body": ('"cylinder.arc"', '"cylindre.arc"', ("cylindre", "cylinder"), 'slave = "cylindre'),
+    "unknown boundary": ('"block.top"', '"block.topp"', ("topp", "block.top"), 'master = "block.topp'),
+    "unknown solution": ('"hertz-line"', '"hertz"', ("reference.solution", "hertz-line"), "solution ="),
+    "overlapping support and load": (
+        FLOOR,
+        FLOOR + '[[support]]\nboundary = "cylinder.flat"\nuy = 0.0\n',
+        ("cylinder.flat in y",),
+        "[[load]]",
+    ),
+    "support on a contact surface": (
+        FLOOR,
+        FLOOR + '[[support]]\nboundary = "block.top"\nux = 0.0\n',
+        ("contact surface block.top",),
+        'master = "block.top',
+    ),
+    "a body free to drift": (FLOOR, "", ("body.block", "can drift", "uy"), '[[body]]\nname = "block'),
+    "surfaces that overlap": (
+        "center = [0.0, 1.0]",
+        "center = [0.0, 0.6]",
+        ("contact.interface", "overlap by 0.4"),
+        "[[contact]]",
+    ),
+    "a contact that faces nothing": (
+        "center = [0.0, 1.0]",
+        "center = [9.0, 1.0]",
+        ("contact.interface", "faces block.top"),
+        "[[contact]]",
+    ),
+    "a formula that does not fit": (
+        '"hertz-line"',
+        '"uniform-pressure"',
+        ("reference.solution", "does not fit"),
+        "solution =",
+    ),
+    "a key of later versions": (
+        'name = "interface"',
+        'name = "interface"\nfriction = 0.3',
+        ("not supported yet",),
+        "friction",
+    ),
+    "bad syntax": ("nu = 0.3", "nu = 0.3.1", ("(syntax)",), "nu ="),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+@pytest.mark.parametrize("kind", BAD)
+def test_bad_case(
+    kind: str,
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    old, new, told, place = BAD[kind]
+    text = hertz().replace(old, new, 1)
+    assert text != hertz()
+    (tmp_path / "case.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert main([command, "case.toml", "--quiet"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert all(part in err for part in told), err
+    line = text[: text.index(place)].count("\n") + 1
+    assert f"case.toml:{line}: " in err, err
+    assert "Traceback" not in err
+    assert "nothing was run" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
+
+
+def test_all_problems_are_told_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = hertz()
+    for kind in ("misspelt key", "negative spacing", "unknown boundary"):
+        text = text.replace(BAD[kind][0], BAD[kind][1], 1)
+    (tmp_path / "case.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "case.toml", "--set", "solver.ordr=12"]) == 2
+    err = capsys.readouterr().err
+    for part in ("nuu", "-0.012", "topp", "solver.ordr", "--set"):
+        assert part in err
+    assert "5 problems" in err or "4 problems" in err
+
+
+def test_a_scene_that_memory_cannot_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "case.toml").write_text(hertz())
+    monkeypatch.chdir(tmp_path)
+    huge = ["--set", "body.block.spacing=0.0001", "--set", "body.block.refine=[]"]
+    assert main(["run", "case.toml", *huge]) == 2
+    err = capsys.readouterr().err
+    assert "GB of memory" in err
+    assert "block" in err
+    assert "spacings" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
+
+
+def test_an_existing_run_is_kept(
+    hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = {path.name: (path.stat().st_mtime_ns, path.stat().st_size) for path in hertz_run.iterdir()}
+    (tmp_path / "case.toml").write_text(hertz())
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "case.toml", "--out", str(hertz_run)]) == 2
+    err = capsys.readouterr().err
+    assert "already holds a run" in err
+    assert "--force" in err
+    assert {p.name: (p.stat().st_mtime_ns, p.stat().st_size) for p in hertz_run.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [(None, "there is no case file"), (b"\xff\xfe\x00\x01", "no UTF-8 text"), ("directory", "case.toml")],
+)
+def test_unreadable_file(
+    content: bytes | str | None,
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if isinstance(content, bytes):
+        Path("case.toml").write_bytes(content)
+    elif content is not None:
+        Path("case.toml").mkdir()
+    assert main(["run", "case.toml"]) == 2
+    assert told in capsys.readouterr().err
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize("command", ["info", "plot"])
+def test_no_run_there(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, str(tmp_path / "nothing")]) == 2
+    assert "is not a run" in capsys.readouterr().err

@@ -1,0 +1,296 @@
+"""check, info, plot and warmup on small scenes, and what they say of runs that went wrong."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+
+from mlsanm_cli.app import plot as plot_module
+from mlsanm_cli.app import quality, views
+from mlsanm_cli.app.check import check
+from mlsanm_cli.app.history import pressures_at
+from mlsanm_cli.app.info import info
+from mlsanm_cli.app.plot import plot
+from mlsanm_cli.app.warmup import warmup
+from mlsanm_cli.cli import main
+from mlsanm_cli.cloud.quality import CloudQuality
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.plot_cloud import CloudBody
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
+
+
+def write(directory: Path, text: str) -> Path:
+    path = directory / "case.toml"
+    path.write_text(text)
+    return path
+
+
+def test_check_agrees_with_the_run(hertz_run: Path, tmp_path: Path) -> None:
+    console = Quiet()
+    found = check(write(tmp_path, hertz()), console=console)
+    summary = json.loads((hertz_run / "summary.json").read_text())
+    for key in ("nodes", "unknowns", "contact_unknowns"):
+        assert found[key] == summary[key]
+    assert found["contacts"]["interface"]["candidates"] == summary["contact_unknowns"]
+    assert found["contacts"]["interface"]["smallest_gap"] == pytest.approx(0.0, abs=1e-12)
+    for name, body in summary["quality"]["bodies"].items():
+        assert found["bodies"][name]["hole"] == body["hole"]
+    assert found["bodies"]["block"]["finest"] == 0.012
+    assert found["boundaries"]["cylinder.flat"] == {"x": "free", "y": "force -226 (press)"}
+    assert found["boundaries"]["block.bottom"] == {"x": "free", "y": "held"}
+    assert found["boundaries"]["cylinder.arc"]["x"] == "slave of interface"
+    assert found["warnings"] == console.warnings == []
+    assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
+
+
+def test_estimates_grow_with_the_scene(tmp_path: Path) -> None:
+    case = write(tmp_path, BAR)
+    small = check(case, console=Quiet())
+    fine = check(case, overrides=("body.bar.spacing=0.02",), console=Quiet())
+    high = check(case, overrides=("body.bar.spacing=0.02", "mls.degree=4"), console=Quiet())
+    for key in ("estimated_cpu_seconds", "estimated_memory_mb"):
+        assert 0.0 < small[key] < fine[key] < high[key]
+    assert small["contacts"] == {}
+    assert small["boundaries"]["bar.right"]["x"] == "traction 30 (pull)"
+
+
+def test_check_writes_the_model(tmp_path: Path) -> None:
+    model = tmp_path / "model.vtu"
+    found = check(write(tmp_path, hertz()), write=model, console=Quiet())
+    mesh = meshio.read(model)
+    data = mesh.point_data
+    assert len(mesh.points) == found["nodes"]
+    cylinder = data["body"] == 0
+    assert cylinder.sum() == found["bodies"]["cylinder"]["nodes"]
+    normal = np.hypot(*data["normal"][:, :2].T)
+    assert normal[data["boundary_tag"] > 0] == pytest.approx(1.0)
+    assert not normal[data["boundary_tag"] == 0].any()
+    flat = cylinder & (data["boundary_tag"] > 0) & (mesh.points[:, 1] > 0.99)
+    assert data["normal"][flat][:, 1] == pytest.approx(1.0)
+    paired = np.hypot(*data["partner"][:, :2].T) > 0.0
+    assert not (paired & ~cylinder).any()
+    assert paired.sum() >= found["contact_unknowns"] - 1
+    assert (mesh.points + data["partner"])[paired][:, 1] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("spacing", "warned", "noted"), [(0.08, 1, 0), (0.125, 0, 1), (0.2, 0, 0)])
+def test_unequal_spacings_are_told(spacing: float, warned: int, noted: int, tmp_path: Path) -> None:
+    console = Quiet()
+    found = check(write(tmp_path, PATCH), overrides=(f"body.upper.spacing={spacing}",), console=console)
+    assert found["contacts"]["interface"]["spacing_ratio"] == pytest.approx(0.2 / spacing, rel=0.02)
+    ratio = [text for text in console.warnings if "factor of" in text]
+    assert (len(ratio), len([n for n in found["notes"] if "factor of" in n])) == (warned, noted)
+    assert found["warnings"] == console.warnings
+
+
+def test_poor_clouds_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the run's events and summary too, with the key to change."""
+
+    def measure(cloud: Any) -> CloudQuality:
+        return CloudQuality(len(cloud.points), 10, closest=0.49, hole=1.61, growth=0.31)
+
+    monkeypatch.setattr(quality, "measure", measure)
+    summary = solve(BAR, tmp_path / "bar")
+    told = " ".join(summary["warnings"])
+    assert len(summary["warnings"]) == 3
+    for part in ("0.49 of the local spacing", "1.61 spacings", "0.31 per unit length", "body.bar.spacing"):
+        assert part in told
+    events = [json.loads(line) for line in (tmp_path / "bar" / "events.jsonl").read_text().splitlines()]
+    assert [e["message"] for e in events if e["event"] == "warning"] == summary["warnings"]
+    assert summary["quality"]["bodies"]["bar"]["hole"] == 1.61
+
+
+def test_sound_clouds_are_not_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sound = CloudQuality(9, 8, closest=0.5, hole=1.6, growth=0.3)
+    monkeypatch.setattr(quality, "measure", lambda cloud: sound)
+    assert solve(BAR, tmp_path / "bar")["warnings"] == []
+
+
+def test_info_of_a_finished_run(hertz_run: Path) -> None:
+    found = info(hertz_run)
+    summary = json.loads((hertz_run / "summary.json").read_text())
+    assert {key: found[key] for key in summary} == summary
+    provenance = found["provenance"]
+    assert provenance["threads"] == 1
+    assert "numpy" in provenance["versions"]
+    assert len(provenance["case_hash"]) == 64
+    assert provenance["host"]
+
+
+def test_info_of_a_run_without_summary(hertz_run: Path, tmp_path: Path) -> None:
+    """As a kill leaves it: status running, no summary."""
+    killed = tmp_path / "killed"
+    shutil.copytree(hertz_run, killed)
+    summary = json.loads((killed / "summary.json").read_text())
+    (killed / "summary.json").unlink()
+    with h5py.File(killed / "run.h5", "r+") as file:
+        file.attrs["status"] = "running"
+    found = info(killed)
+    assert found["status"] == "running"
+    assert "killed" in found["stop_reason"]
+    for key in ("steps", "position", "nodes", "solves", "factorizations"):
+        assert found[key] == summary[key]
+    contact = found["contacts"]["interface"]
+    for key in ("peak_pressure", "half_width", "min_gap"):
+        assert contact[key] == summary["contacts"]["interface"][key]
+    assert len(plot(killed)) == 4
+
+
+def test_info_with_a_damaged_summary(bar_run: Path, tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged"
+    shutil.copytree(bar_run, damaged)
+    (damaged / "summary.json").write_text('{"status": ')
+    with pytest.raises(RunError, match="cannot be read"):
+        info(damaged)
+
+
+def test_plot_draws_what_there_is(hertz_run: Path, bar_run: Path, punches_run: Path, patch_run: Path) -> None:
+    common = {"plot_force.png", "plot_peak.png", "plot_bodies.png"}
+    assert {f.name for f in plot(hertz_run)} == common | {"plot_pressure_interface.png"}
+    assert {f.name for f in plot(patch_run)} == common | {"plot_pressure_interface.png"}
+    under = {"plot_pressure_under-left.png", "plot_pressure_under-right.png"}
+    assert {f.name for f in plot(punches_run)} == common | under
+    files = plot(bar_run, formats=("svg", "pdf"))
+    assert {f.name for f in files} == {
+        "plot_force.svg", "plot_force.pdf", "plot_bodies.svg", "plot_bodies.pdf"
+    }  # fmt: skip
+    assert all(file.stat().st_size > 2000 for file in files)
+
+
+def test_pressure_picture(hertz_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Saved levels from the series, coordinates from the middle, Hertz' formula for the last level."""
+    calls: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(plot_module, "plot_pressure", lambda *arguments: calls.append(arguments))
+    plot(hertz_run)
+    _, name, coordinate, pressure, labels, reference, _ = calls[0]
+    assert name == "interface"
+    assert labels == ["position 0.3", "position 0.7", "position 1"]
+    assert coordinate == pytest.approx(-coordinate[::-1], abs=1e-6)
+    weight = read_run(hertz_run).contacts["interface"].weight
+    # The force of each level is the load's, although 0.3 and 0.7 lie inside steps.
+    assert pressure @ weight == pytest.approx([0.3 * 226.0, 0.7 * 226.0, 226.0], rel=2e-3)
+    summary = json.loads((hertz_run / "summary.json").read_text())["contacts"]["interface"]["reference"]
+    assert reference.pressure.max() == pytest.approx(summary["peak_pressure"], rel=1e-12)
+    loaded = reference.arc[reference.pressure > 0.0]
+    assert 0.5 * np.ptp(loaded) == pytest.approx(summary["half_width"], rel=0.02)
+
+
+def test_pressures_at_a_row_and_beyond_the_path(hertz_run: Path) -> None:
+    run = read_run(hertz_run)
+    row = len(run.path.position) // 2
+    found = pressures_at(run, float(run.path.position[row]))["interface"]
+    assert found.tolist() == run.contacts["interface"].pressure[row].tolist()
+    # The series of the step before a row ends in that row.
+    nearly = pressures_at(run, float(run.path.position[row]) * (1.0 - 1e-12))["interface"]
+    assert nearly == pytest.approx(found, rel=1e-6, abs=1e-6 * found.max())
+    with pytest.raises(RunError, match="does not reach"):
+        pressures_at(run, 1.5)
+
+
+def test_pressures_between_rows_without_series(patch_run: Path) -> None:
+    with pytest.raises(RunError, match="nothing is stored"):
+        pressures_at(read_run(patch_run), 0.5)
+
+
+def test_views(hertz_run: Path, patch_run: Path) -> None:
+    def bodies(directory: Path) -> list[CloudBody]:
+        run = read_run(directory)
+        fields = run.states[-1].bodies
+        return [
+            CloudBody(body.points, fields[name]["displacement"], fields[name]["von_mises"])
+            for name, body in run.bodies.items()
+        ]
+
+    run = read_run(hertz_run)
+    assert views.automatic_scale(run, bodies(hertz_run)) == 1.0
+    window = views.contact_window(run, 1.0, bodies(hertz_run))
+    assert window is not None
+    x0, x1, y0, y1 = window
+    assert x0 == pytest.approx(-x1, abs=0.02)
+    assert 0.1 < x1 < 0.2
+    assert y0 < 0.0 < y1
+    # Flat surfaces that touch from the start can be drawn as deformed as one likes.
+    patch = bodies(patch_run)
+    scale = views.automatic_scale(read_run(patch_run), patch)
+    largest = max(np.hypot(*body.displacement.T).max() for body in patch)
+    assert 0.02 <= scale * largest / 2.0 <= 0.05
+    assert views.contact_window(read_run(patch_run), 1.0, patch) is None
+
+
+@pytest.mark.parametrize("fields", ['["stress"]', '["displacement"]', "[]"])
+def test_plot_with_few_fields(fields: str, tmp_path: Path) -> None:
+    solve(BAR, tmp_path / "bar", f"output.fields={fields}", "output.vtu=false")
+    names = {file.name for file in plot(tmp_path / "bar")}
+    assert names == {"plot_force.png"} | ({"plot_bodies.png"} if fields != "[]" else set())
+
+
+def test_colour_of_the_bodies(bar_run: Path) -> None:
+    """Von Mises is made from stored stresses where it was not stored itself."""
+    from mlsanm_cli.case import parse_case
+
+    run = read_run(bar_run)
+    case = parse_case(run.case_resolved, Path("resolved.toml")).case
+    fields = run.states[-1].bodies["bar"]
+    stored, label = views.scalar_of(case, "bar", fields, fields["displacement"])
+    made, same = views.scalar_of(case, "bar", {"stress": fields["stress"]}, fields["displacement"])
+    assert label == same == "von Mises stress"
+    assert made == pytest.approx(stored)
+    assert stored == pytest.approx(np.sqrt(30.0**2 + 40.0**2 + 1200.0))
+    size, label = views.scalar_of(case, "bar", {}, fields["displacement"])
+    assert label == "displacement"
+    assert size.max() == np.hypot(*fields["displacement"].T).max()
+
+
+def test_a_failed_run_keeps_what_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, hertz())
+    assert main(["run", "case.toml", "--set", "solver.max_steps=4", "--json"]) == 3
+    out, err = capsys.readouterr()
+    summary = json.loads(out)
+    assert summary["status"] == "failed"
+    assert "max steps" in summary["stop_reason"]
+    assert "solver.max_steps" in err
+    assert summary["hint"] == "raise solver.max_steps"
+    directory = tmp_path / "results" / "case"
+    assert summary["directory"] == "results/case"
+    run = read_run(directory)
+    assert run.status == "failed"
+    assert run.path.rows == 5
+    mesh = meshio.read(directory / "failure.vtu")
+    assert len(mesh.points) == summary["nodes"]
+    assert mesh.point_data["displacement"].any()
+    assert info(directory)["position"] == run.path.position[-1]
+    assert {f.name for f in plot(directory)} >= {"plot_pressure_interface.png", "plot_force.png"}
+
+
+def test_a_run_that_fails_before_its_first_state(tmp_path: Path) -> None:
+    """A platen pulled away from the other body: nothing balances it."""
+    summary = solve(hertz().replace("fy = -226.0", "fy = 226.0"), tmp_path / "pulled")
+    assert summary["status"] == "failed"
+    assert summary["steps"] == 0
+    assert info(tmp_path / "pulled")["status"] == "failed"
+    with pytest.raises(RunError, match="no finished step"):
+        plot(tmp_path / "pulled")
+
+
+def test_warmup() -> None:
+    found = warmup(Quiet())
+    assert found["seconds"] >= 0.0
+    assert found["kept"] == (found["cache_directory"] is not None)
+
+
+def test_json_on_stdout(tmp_path: Path, capsys: pytest.CaptureFixture[str], bar_run: Path) -> None:
+    case = write(tmp_path, BAR)
+    for arguments in (["check", str(case)], ["info", str(bar_run)], ["plot", str(bar_run)], ["warmup"]):
+        assert main([*arguments, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)

@@ -1,0 +1,317 @@
+"""What a run leaves on disk: the files, their layout, and that they agree with each other."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.run import run
+from mlsanm_cli.case import load_case
+from tests.app.scenes import BAR, Quiet, hertz, solve
+
+SUMMARY_KEYS = {
+    "status", "stop_reason", "position", "steps", "factorizations", "solves", "nodes", "unknowns",
+    "contact_unknowns", "seconds", "contacts", "residual", "force_balance", "stability", "peak_memory_mb",
+    "warnings", "quality",
+}  # fmt: skip
+CONTACT_KEYS = {
+    "peak_pressure", "half_width", "force", "stick_nodes", "slip_nodes", "min_gap", "max_cone_ratio",
+}  # fmt: skip
+SECONDS_KEYS = {
+    "total", "jit", "cloud", "operators", "factorization", "condensation", "continuation", "output",
+}  # fmt: skip
+PATH = {"position", "step_length", "residual", "order", "factorizations", "solves", "seconds"}
+
+
+def summary_of(directory: Path) -> dict[str, Any]:
+    content = json.loads((directory / "summary.json").read_text())
+    assert isinstance(content, dict)
+    return content
+
+
+def numbers(directory: Path) -> dict[str, np.ndarray]:
+    """Every numeric dataset of run.h5 but the times."""
+    found: dict[str, np.ndarray] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and name != "path/seconds":
+            found[name] = item[...]
+
+    with h5py.File(directory / "run.h5", "r") as file:
+        file.visititems(visit)
+    return found
+
+
+def assert_identical(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray]) -> None:
+    assert one.keys() == other.keys()
+    for name, array in one.items():
+        assert array.dtype == other[name].dtype
+        assert array.tobytes() == other[name].tobytes(), name
+
+
+def test_files(hertz_run: Path, punches_run: Path, bar_run: Path) -> None:
+    always = {"run.h5", "summary.json", "resolved.toml", "events.jsonl", "fields.pvd"}
+    vtu = {f"fields_{k:04d}.vtu" for k in range(6)}
+    assert {f.name for f in hertz_run.iterdir()} >= always | vtu | {"interface.csv"}
+    assert not list(hertz_run.glob("*.tmp"))
+    assert not (hertz_run / "failure.vtu").exists()
+    assert {f.name for f in punches_run.glob("interface*")} == {
+        "interface_under-left.csv",
+        "interface_under-right.csv",
+    }
+    assert not list(bar_run.glob("interface*"))
+
+
+def test_summary(hertz_run: Path) -> None:
+    summary = summary_of(hertz_run)
+    assert summary.keys() >= SUMMARY_KEYS
+    assert summary["seconds"].keys() >= SECONDS_KEYS
+    assert summary["status"] == "done"
+    assert summary["position"] == 1.0
+    contact = summary["contacts"]["interface"]
+    assert contact.keys() >= CONTACT_KEYS
+    assert contact["force"] == pytest.approx([0.0, 226.0], abs=226.0 * 1e-9)
+    assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=0.03)
+    assert 0.0 < summary["residual"] <= 1e-8
+    assert contact["min_gap"] > 0.0
+    assert summary["stability"] > 0.0
+    assert summary["unknowns"] == 2 * summary["nodes"]
+    phases = {key: value for key, value in summary["seconds"].items() if key != "total"}
+    assert sum(phases.values()) <= summary["seconds"]["total"]
+    assert summary["quality"]["bodies"]["block"]["nodes"] < summary["nodes"]
+    assert summary["quality"]["spacing_ratio"]["interface"] < 1.3
+
+
+def test_layout_of_the_run_file(hertz_run: Path) -> None:
+    summary = summary_of(hertz_run)
+    with h5py.File(hertz_run / "run.h5", "r") as file:
+        assert file.attrs["format"] == 1
+        assert file.attrs["status"] == "done"
+        for name in ("mlsanm_version", "git", "argv", "case_hash", "versions", "cpu", "threads"):
+            assert name in file.attrs
+        assert file.attrs["case_hash"] == load_case(hertz_run / "resolved.toml").case_hash
+        assert file["case/resolved"].asstr()[()] == (hertz_run / "resolved.toml").read_text()
+        assert "Half-disk" in file["case/raw"].asstr()[()]
+        rows = summary["steps"] + 1
+        assert set(file["path"]) == PATH | {"factors", "resultants"}
+        assert all(file["path"][name].shape == (rows,) for name in PATH)
+        assert file["path/factors/press"].shape == (rows,)
+        assert set(file["path/resultants"]) == {"press", "block.bottom"}
+        assert file["path/resultants/press"].shape == (rows, 2)
+        m = summary["contact_unknowns"]
+        contact = file["contacts/interface"]
+        assert contact["points"].shape == contact["normal"].shape == (m, 2)
+        assert contact["arc_length"].shape == contact["weight"].shape == (m,)
+        assert (np.diff(contact["arc_length"][...]) > 0.0).all()
+        for name in ("pressure", "traction", "gap", "slip", "status"):
+            assert contact[name].shape == (rows, m)
+        assert contact["status"].dtype == np.int8
+        assert set(file["series"]) == {str(k) for k in range(1, rows)}
+        assert file["fields/position"][...].tolist() == [0.3, 0.7, 1.0]
+        body = file["bodies/block"]
+        n, b = len(body["points"]), len(body["boundary/index"])
+        assert body["boundary/normal"].shape == (b, 2)
+        assert body["boundary/name"].shape == (b,)
+        stored = file["fields/2/block"]
+        assert stored["displacement"].shape == (n, 2)
+        assert stored["stress"].shape == (n, 3)
+        assert stored["von_mises"].shape == (n,)
+
+
+def test_path_of_the_run_file(hertz_run: Path) -> None:
+    with h5py.File(hertz_run / "run.h5", "r") as file:
+        position = file["path/position"][...]
+        assert position[0] == 0.0
+        assert position[-1] == 1.0
+        assert (np.diff(position) > 0.0).all()
+        assert file["path/factors/press"][...] == pytest.approx(position, abs=1e-14)
+        assert file["path/resultants/press"][...][:, 1] == pytest.approx(-226.0 * position, abs=1e-9)
+        contact = file["contacts/interface"]
+        force = contact["pressure"][...] @ (contact["weight"][...][:, None] * contact["normal"][...])
+        assert force[:, 1] == pytest.approx(226.0 * position, abs=226.0 * 1e-7)
+        assert (contact["gap"][...] > 0.0).all()
+        summary = summary_of(hertz_run)
+        assert contact["pressure"][-1].max() == summary["contacts"]["interface"]["peak_pressure"]
+        assert file["path/solves"][...].sum() == summary["solves"]
+
+
+def test_interface_table_is_the_last_row(hertz_run: Path) -> None:
+    table = np.genfromtxt(hertz_run / "interface.csv", delimiter=",", names=True)
+    with h5py.File(hertz_run / "run.h5", "r") as file:
+        contact = file["contacts/interface"]
+        for name in ("pressure", "gap", "traction", "status"):
+            assert table[name].tolist() == contact[name][-1].tolist()
+        assert table["x"].tolist() == contact["points"][:, 0].tolist()
+        assert np.isnan(table["slip"]).all()
+
+
+def test_events(hertz_run: Path) -> None:
+    events = [json.loads(line) for line in (hertz_run / "events.jsonl").read_text().splitlines()]
+    assert events[0]["event"] == "start"
+    assert events[-1]["event"] == "end"
+    steps = [event for event in events if event["event"] == "step"]
+    assert [event["index"] for event in steps] == list(range(summary_of(hertz_run)["steps"] + 1))
+    assert [e["message"] for e in events if e["event"] == "warning"] == summary_of(hertz_run)["warnings"]
+
+
+def test_vtu_files_hold_the_stored_fields(hertz_run: Path) -> None:
+    with h5py.File(hertz_run / "run.h5", "r") as file:
+        for number, (state, body) in enumerate((s, b) for s in range(3) for b in ("cylinder", "block")):
+            mesh = meshio.read(hertz_run / f"fields_{number:04d}.vtu")
+            stored = file[f"fields/{state}/{body}"]
+            points = file[f"bodies/{body}/points"][...]
+            assert mesh.points[:, :2].tolist() == points.tolist()
+            displacement, stress = mesh.point_data["displacement"], mesh.point_data["stress"]
+            assert displacement.shape == (len(points), 3)
+            assert not displacement[:, 2].any()
+            assert displacement[:, :2].tolist() == stored["displacement"][...].tolist()
+            tensors = stress.reshape(-1, 3, 3)
+            xx, yy, xy = stored["stress"][...].T
+            assert tensors[:, 0, 0].tolist() == xx.tolist()
+            assert tensors[:, 1, 1].tolist() == yy.tolist()
+            assert tensors[:, 0, 1].tolist() == tensors[:, 1, 0].tolist() == xy.tolist()
+            # Plane strain: the stress across the plane is nu times the trace in it.
+            assert tensors[:, 2, 2] == pytest.approx(0.3 * (xx + yy), rel=1e-12, abs=1e-9)
+            assert mesh.point_data["von_mises"].tolist() == stored["von_mises"][...].tolist()
+            deviator = tensors - np.trace(tensors, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3.0
+            expected = np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2)))
+            assert mesh.point_data["von_mises"] == pytest.approx(expected, rel=1e-10, abs=1e-8)
+    collection = (hertz_run / "fields.pvd").read_text()
+    assert collection.count("<DataSet") == 6
+    assert 'timestep="0.3"' in collection
+
+
+def test_resolved_case_gives_the_same_bits(hertz_run: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again"
+    run(hertz_run / "resolved.toml", out=again, console=Quiet())
+    assert_identical(numbers(hertz_run), numbers(again))
+    assert (again / "resolved.toml").read_text() == (hertz_run / "resolved.toml").read_text()
+
+
+def test_same_seed_gives_the_same_bits_and_another_seed_does_not(hertz_run: Path, tmp_path: Path) -> None:
+    at = "output.at=[0.3, 0.7, 1.0]"
+    solve(hertz(), tmp_path / "same", at)
+    assert_identical(numbers(hertz_run), numbers(tmp_path / "same"))
+    solve(hertz(), tmp_path / "other", at, "body.block.seed=1")
+    other = numbers(tmp_path / "other")
+    assert other["bodies/cylinder/points"].tobytes() == numbers(hertz_run)["bodies/cylinder/points"].tobytes()
+    assert other["contacts/interface/pressure"].tobytes() != (
+        numbers(hertz_run)["contacts/interface/pressure"].tobytes()
+    )
+
+
+def test_units_do_not_matter(tmp_path: Path) -> None:
+    """N and mm against N and m: lengths 1e-3, stresses 1e6.
+
+    Round-off may cut the steps elsewhere, and inside a step the series holds to solver.tolerance only.
+    """
+    solve(hertz(), tmp_path / "mm", "output.at=[0.6, 1.0]")
+    solve(hertz(length=1e-3, stress=1e6), tmp_path / "m", "output.at=[0.6, 1.0]")
+    one, other = numbers(tmp_path / "mm"), numbers(tmp_path / "m")
+
+    def compare(name: str, factor: float, row: int | slice = slice(None), bound: float = 1e-9) -> None:
+        expected, found = one[name][row], other[name][row] / factor
+        assert np.abs(found - expected).max() <= bound * np.abs(expected).max(), name
+
+    compare("bodies/block/points", 1e-3)
+    compare("contacts/interface/points", 1e-3)
+    compare("contacts/interface/pressure", 1e6, -1)
+    compare("contacts/interface/gap", 1e-3, -1)
+    compare("path/resultants/block.bottom", 1e3, -1)
+    compare("fields/1/block/displacement", 1e-3)
+    compare("fields/1/block/von_mises", 1e6)
+    compare("fields/0/block/von_mises", 1e6, bound=1e-7)
+    for found in (one, other):
+        assert (found["path/residual"] <= 1e-8).all()
+
+
+def test_fields_inside_a_step_come_from_the_series(hertz_run: Path, tmp_path: Path) -> None:
+    """The state at 0.7 is what a path that stops there finds; the law keeps the scale of the whole path."""
+    text = hertz() + "\n[[stage]]\npress = 0.7\n[[stage]]\npress = 1.0\n"
+    solve(text, tmp_path / "stops", "output.at=[1.0]")
+    inside, stops = numbers(hertz_run), numbers(tmp_path / "stops")
+    assert 0.7 not in inside["path/position"]
+    assert 1.0 in stops["path/position"]
+    for body in ("cylinder", "block"):
+        for field in ("displacement", "stress"):
+            expected = stops[f"fields/0/{body}/{field}"]
+            found = inside[f"fields/1/{body}/{field}"]
+            assert np.abs(found - expected).max() <= 1e-6 * np.abs(expected).max()
+
+
+def test_two_contacts(punches_run: Path) -> None:
+    summary = summary_of(punches_run)
+    left, right = summary["contacts"]["under-left"], summary["contacts"]["under-right"]
+    assert summary["status"] == "done"
+    assert right["force"][1] > 1.3 * left["force"][1] > 0.0
+    for name in ("left", "right"):
+        contact = summary["contacts"][f"under-{name}"]["force"]
+        assert summary["forces"][name] == pytest.approx([-f for f in contact], rel=1e-9, abs=1e-15)
+    table = np.genfromtxt(punches_run / "interface_under-left.csv", delimiter=",", names=True)
+    assert table["x"].mean() == pytest.approx(-0.7, abs=0.02)
+    assert table["pressure"].max() == left["peak_pressure"]
+
+
+def test_no_contact_means_one_solve_per_load(bar_run: Path) -> None:
+    summary = summary_of(bar_run)
+    assert summary["contacts"] == {}
+    assert summary["contact_unknowns"] == 0
+    assert (summary["elastic_factorizations"], summary["solves"], summary["factorizations"]) == (1, 2, 0)
+    assert summary["stability"] is None
+    with h5py.File(bar_run / "run.h5", "r") as file:
+        assert file["path/position"][...].tolist() == [0.0, 0.5, 1.0, 1.25, 2.0]
+        assert file["path/factors/pull"][...].tolist() == [0.0, 0.5, 1.0, 1.0, 1.0]
+        assert file["path/factors/squeeze"][...].tolist() == [0.0, 0.0, 0.0, 0.25, 1.0]
+        assert file["fields/position"][...].tolist() == [0.5, 1.25, 2.0]
+        for state, (xx, yy) in enumerate(((15.0, 0.0), (30.0, -10.0), (30.0, -40.0))):
+            stress = file[f"fields/{state}/bar/stress"][...]
+            assert np.abs(stress - [xx, yy, 0.0]).max() <= 1e-9
+            points = file["bodies/bar/points"][...]
+            strain = np.array([xx - 0.25 * yy, yy - 0.25 * xx]) / 200e3
+            assert np.abs(file[f"fields/{state}/bar/displacement"][...] - strain * points).max() <= 1e-14
+        assert file["path/resultants/bar.left"][-1] == pytest.approx([-30.0, 0.0], abs=1e-9)
+        assert file["path/resultants/squeeze"][-1] == pytest.approx([0.0, -80.0], abs=1e-9)
+
+
+def test_uniform_pressure(patch_run: Path) -> None:
+    contact = summary_of(patch_run)["contacts"]["interface"]
+    assert contact["peak_pressure"] == pytest.approx(100.0, rel=1e-11)
+    assert contact["half_width"] == pytest.approx(1.0)
+    assert contact["min_gap"] == pytest.approx(0.0, abs=1e-12)
+    assert contact["reference"]["pressure_error_l2"] <= 1e-11
+
+
+def test_output_is_as_asked_for(tmp_path: Path) -> None:
+    overrides = ("output.vtu=false", 'output.fields=["von_mises"]', "output.at=[0.0, 2.0]")
+    solve(BAR, tmp_path / "bar", *overrides)
+    assert not list((tmp_path / "bar").glob("fields*"))
+    with h5py.File(tmp_path / "bar" / "run.h5", "r") as file:
+        assert file["fields/position"][...].tolist() == [0.0, 2.0]
+        assert list(file["fields/1/bar"]) == ["von_mises"]
+        assert not file["fields/0/bar/von_mises"][...].any()
+    resolved = tomllib.loads((tmp_path / "bar" / "resolved.toml").read_text())
+    assert resolved["output"]["fields"] == ["von_mises"]
+    assert resolved["solver"]["order"] == 20
+
+
+def test_console_is_told(tmp_path: Path) -> None:
+    """A platen whose horizontal force is zero and that nothing resists is held, and the run says so."""
+    text = hertz().replace("fy = -226.0", "force = [0.0, -226.0]")
+    text = text.replace('[[support]]\nbody = "cylinder"\nnear = [0.0, 1.0]\nux = 0.0\n', "")
+    console = Quiet()
+    summary = solve(text, tmp_path / "run", "body.block.refine.0.growth=0.31", console=console)
+    assert summary["status"] == "done"
+    assert console.phases[0].startswith("placing nodes")
+    assert console.steps[0] == 0.0
+    assert console.steps[-1] == 1.0
+    assert any("ux is held at 0" in note for note in console.notes)
+    assert console.warnings == summary["warnings"]
+    assert "grows by 0.31" in console.warnings[0]
