@@ -1,0 +1,216 @@
+"""Contact scenes: condensed problems made by hand, and small ones built from a case."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mlsanm_cli.app.build import stage_factors
+from mlsanm_cli.app.clouds import clouds
+from mlsanm_cli.app.scene import factorise, prepare
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import parse_case
+from mlsanm_cli.contact.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.condensed import Condensed, condense, stability_certificate
+from mlsanm_cli.contact.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+
+
+def synthetic(
+    compliance: FloatArray,
+    gap: FloatArray,
+    load: FloatArray | None = None,
+    balance: LinearMap | None = None,
+    motion: FloatArray | None = None,
+) -> Condensed:
+    """A condensed problem without bodies: ``compliance`` (m, m), initial ``gap`` (m,), ``load`` (m, L).
+
+    ``balance`` (k rows) and the gap per ``motion`` (m, k) come in where platens are wanted.
+    """
+    m = len(gap)
+    load = np.zeros((m, 1)) if load is None else load
+    motion = np.zeros((m, 0)) if motion is None else motion
+    columns = Columns(load.shape[1], motion.shape[1], m)
+    weight = np.ones(m)
+    return Condensed(
+        pairings=(),
+        spans={"contact": slice(0, m)},
+        weight=weight,
+        gap=LinearMap(gap, load, motion, compliance),
+        watched=columns.zeros(0),
+        balance=columns.zeros(0) if balance is None else balance,
+        forces={},
+        contact_forces={},
+        imbalance=columns.zeros(0),
+        sources={},
+        solutions={},
+        stability=stability_certificate(weight, compliance),
+        solves=0,
+    )
+
+
+BLOCKS = """
+format = 1
+title = "Stacked blocks"
+[model]
+plane = "strain"
+[material.steel]
+E = 210e3
+nu = {nu}
+[[body]]
+name = "upper"
+material = "steel"
+spacing = {upper}
+[body.shape]
+kind = "rectangle"
+x = [0.0, 2.0]
+y = [1.0, 2.0]
+[[body]]
+name = "lower"
+material = "steel"
+spacing = {lower}
+[body.shape]
+kind = "rectangle"
+x = [{left}, {right}]
+y = [0.0, 1.0]
+[[support]]
+boundary = "lower.bottom"
+uy = 0.0
+[[support]]
+boundary = "lower.left"
+ux = 0.0
+[[support]]
+boundary = "upper.left"
+ux = 0.0
+[[load]]
+name = "press"
+boundary = "upper.top"
+kind = "platen"
+fy = -200.0
+[[contact]]
+name = "interface"
+slave = "upper.bottom"
+master = "lower.top"
+[contact.regularization]
+law = "exact"
+"""
+
+CYLINDER = """
+format = 1
+title = "Half-disk on a block"
+[model]
+plane = "strain"
+[material.steel]
+E = 210e3
+nu = 0.3
+[[body]]
+name = "cylinder"
+material = "steel"
+spacing = {far}
+[body.shape]
+kind = "half-disk"
+center = [0.0, 1.0]
+radius = 1.0
+side = "lower"
+[[body.refine]]
+at = [0.0, 0.0]
+spacing = {fine}
+radius = 0.07
+[[body]]
+name = "block"
+material = "steel"
+spacing = {far}
+[body.shape]
+kind = "rectangle"
+x = [-2.0, 2.0]
+y = [-2.0, 0.0]
+[[body.refine]]
+at = [{shift}, 0.0]
+spacing = {master}
+radius = 0.07
+[[support]]
+boundary = "block.bottom"
+uy = 0.0
+[[support]]
+body = "block"
+near = [0.0, -2.0]
+ux = 0.0
+[[load]]
+name = "press"
+boundary = "cylinder.flat"
+kind = "platen"
+{control}
+[[contact]]
+name = "interface"
+slave = "cylinder.arc"
+master = "block.top"
+reach = 0.02
+"""
+
+
+@dataclass(frozen=True)
+class Small:
+    """A scene condensed on its candidates, with the load factors of its last stage."""
+
+    scene: Scene
+    condensed: Condensed
+    factors: FloatArray
+
+    @property
+    def pairing(self) -> Pairing:
+        """Its only contact."""
+        return self.condensed.pairings[0]
+
+    @property
+    def coordinate(self) -> FloatArray:
+        """x of the candidates (m,)."""
+        cloud = self.scene.bodies[self.pairing.slave_body].model.cloud
+        return np.asarray(cloud.points[self.pairing.node[self.pairing.candidate], 0])
+
+    def exact(self, factors: FloatArray | None = None) -> ExactState:
+        """Exact contact at full load."""
+        return solve_exact(self.condensed, self.factors if factors is None else factors)
+
+    def displacement(self, body: str, state: ExactState) -> FloatArray:
+        """Nodal displacements (n, 2)."""
+        u, residual = self.condensed.displacement(
+            self.scene, body, state.factors, state.motion, state.pressure
+        )
+        assert residual <= 1e-9
+        return u
+
+    def again(self) -> Small:
+        """The same scene condensed once more."""
+        return replace(self, condensed=condense(self.scene, self.condensed.pairings))
+
+
+def build(text: str, *overrides: str) -> Small:
+    """Clouds, operators, factors and compliance of a case."""
+    case = parse_case(text, Path("case.toml"), overrides).case
+    prepared = prepare(case, clouds(case))
+    scene = factorise(case, prepared, SuperLUSolver())
+    return Small(scene, condense(scene, prepared.pairings), stage_factors(case)[-1])
+
+
+def blocks(
+    ratio: float = 1.37, nu: float = 0.3, spacing: float = 0.1, *overrides: str, overhang: float = 0.0
+) -> Small:
+    """Two blocks pressed together, node spacings 1 : ``ratio``; the lower one may stand out on both sides."""
+    text = BLOCKS.format(nu=nu, upper=spacing, lower=spacing * ratio, left=-overhang, right=2.0 + overhang)
+    return build(text, *overrides)
+
+
+def cylinder(
+    fine: float = 0.008,
+    *overrides: str,
+    master: float | None = None,
+    control: str = "force = [0.0, -226.566]",
+    shift: float = 0.0,
+) -> Small:
+    """A half-disk of radius 1 on a block; a/R = 0.05 under the default force."""
+    text = CYLINDER.format(far=0.2, fine=fine, master=master or fine, control=control, shift=shift)
+    return build(text, *overrides)

@@ -1,0 +1,168 @@
+"""Exact contact against every possible set, and what keeps the search from going round."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.active_set import solve_exact
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.linear_map import Columns, LinearMap
+from mlsanm_cli.errors import NumericalError
+from tests.contact.scenes import synthetic
+
+FULL = np.ones(1)
+
+
+def random_compliance(m: int, rng: np.random.Generator, skew: float = 0.0) -> FloatArray:
+    """A matrix with a positive definite symmetric part, ``skew`` of it unsymmetric."""
+    root = rng.normal(size=(m, m))
+    lean = rng.normal(size=(m, m))
+    return np.asarray(root @ root.T / m + 0.05 * np.eye(m) + skew * (lean - lean.T))
+
+
+def platen(compliance: FloatArray, gap: FloatArray, force: float) -> Condensed:
+    """The same surface on a platen that a force presses: gap + q, sum of pressures = force."""
+    m = len(gap)
+    columns = Columns(1, 1, m)
+    push = columns.of_loads(np.array([[-force]]))
+    sums = columns.of_pressures(slice(0, m), np.ones((1, m)))
+    return synthetic(compliance, gap, np.zeros((m, 1)), push + sums, np.ones((m, 1)))
+
+
+def every_set(condensed: Condensed) -> list[tuple[FloatArray, FloatArray]]:
+    """All contact states (pressures and gaps), found by trying every set of closed nodes."""
+    gap: LinearMap = condensed.gap
+    free = gap.constant + gap.load @ FULL
+    m, k = len(free), len(condensed.balance.constant)
+    lack = condensed.balance.constant + condensed.balance.load @ FULL
+    found = []
+    for choice in product([False, True], repeat=m):
+        closed = np.flatnonzero(choice)
+        a = len(closed)
+        matrix = np.zeros((a + k, a + k))
+        matrix[:a, :a] = gap.pressure[np.ix_(closed, closed)]
+        matrix[:a, a:] = gap.motion[closed]
+        matrix[a:, :a] = condensed.balance.pressure[:, closed]
+        matrix[a:, a:] = condensed.balance.motion
+        if a + k and np.linalg.matrix_rank(matrix) < a + k:
+            continue
+        solution = np.linalg.solve(matrix, np.concatenate([-free[closed], -lack]))
+        pressure = np.zeros(m)
+        pressure[closed] = solution[:a]
+        opened = free + gap.motion @ solution[a:] + gap.pressure @ pressure
+        if pressure.min() >= -1e-10 and opened.min() >= -1e-10:
+            found.append((pressure, opened))
+    return found
+
+
+@given(m=st.integers(1, 7), seed=st.integers(0, 100_000), skew=st.sampled_from([0.0, 0.2]))
+def test_state_is_the_only_one_there_is(m: int, seed: int, skew: float) -> None:
+    rng = np.random.default_rng(seed)
+    condensed = synthetic(random_compliance(m, rng, skew), rng.normal(size=m), rng.normal(size=(m, 1)))
+    assert condensed.stability is not None
+    assert condensed.stability > 0.0
+    state = solve_exact(condensed, FULL)
+    for pressure, gap in every_set(condensed):
+        assert np.abs(state.pressure - pressure).max() <= 1e-8 * max(1.0, np.abs(pressure).max())
+        assert np.abs(state.gap - gap).max() <= 1e-8 * max(1.0, np.abs(gap).max())
+    assert every_set(condensed)
+    assert state.residual <= 1e-10
+    assert not (state.active & (state.gap != 0.0)).any()
+    assert not (~state.active & (state.pressure != 0.0)).any()
+
+
+@given(m=st.integers(1, 7), seed=st.integers(0, 100_000), force=st.floats(1e-3, 100.0))
+def test_platen_finds_its_place(m: int, seed: int, force: float) -> None:
+    rng = np.random.default_rng(seed)
+    condensed = platen(random_compliance(m, rng), rng.normal(size=m), force)
+    state = solve_exact(condensed, FULL)
+    assert state.pressure.sum() == pytest.approx(force, rel=1e-9)
+    (pressure, gap), *_ = every_set(condensed)
+    assert np.abs(state.pressure - pressure).max() <= 1e-8 * force
+    assert np.abs(state.gap - gap).max() <= 1e-7 * max(1.0, np.abs(gap).max(), force)
+
+
+def plain_iteration_cycles(condensed: Condensed) -> bool:
+    """Whether exchanging all wrong nodes at once, from the overlapping ones on, meets a set again."""
+    compliance, free = condensed.gap.pressure, condensed.gap.constant
+    active = free < 0.0
+    seen = set()
+    while active.tobytes() not in seen:
+        seen.add(active.tobytes())
+        pressure = np.zeros(len(free))
+        closed = np.flatnonzero(active)
+        pressure[closed] = np.linalg.solve(compliance[np.ix_(closed, closed)], -free[closed])
+        gap = free + compliance @ pressure
+        wrong = (active & (pressure < 0.0)) | (~active & (gap < -1e-12))
+        if not wrong.any():
+            return False
+        active = active ^ wrong
+    return True
+
+
+def cycling_problem() -> Condensed:
+    """A problem with a positive compliance on which the plain iteration goes round for ever."""
+    for seed in range(20_000):
+        rng = np.random.default_rng(seed)
+        condensed = synthetic(random_compliance(4, rng, 0.7), rng.normal(size=4))
+        if plain_iteration_cycles(condensed):
+            return condensed
+    raise AssertionError("no cycling problem among those tried")
+
+
+def test_safeguard_ends_a_cycle() -> None:
+    condensed = cycling_problem()
+    assert condensed.stability is not None
+    assert condensed.stability > 0.0
+    state = solve_exact(condensed, FULL)
+    ((pressure, _),) = every_set(condensed)
+    assert np.abs(state.pressure - pressure).max() <= 1e-9
+    assert state.residual <= 1e-12
+
+
+@given(seed=st.integers(0, 1000))
+def test_every_start_gives_the_same_state(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    condensed = synthetic(random_compliance(9, rng), rng.normal(size=9))
+    one = solve_exact(condensed, FULL)
+    other = solve_exact(condensed, FULL, rng.uniform(size=9) < 0.5)
+    assert np.abs(one.pressure - other.pressure).max() <= 1e-9
+    again = solve_exact(condensed, FULL, one.active)
+    assert again.solves == 1 or not one.active.any()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e9])
+def test_units_change_nothing(scale: float) -> None:
+    rng = np.random.default_rng(3)
+    compliance, gap = random_compliance(12, rng), rng.normal(size=12)
+    one = solve_exact(synthetic(compliance, gap), FULL)
+    other = solve_exact(synthetic(compliance * scale, gap * 1e-3), FULL)
+    assert np.array_equal(one.active, other.active)
+    assert other.pressure * scale * 1e3 == pytest.approx(one.pressure, rel=1e-10, abs=1e-12)
+
+
+def test_open_surfaces_stay_as_they_are() -> None:
+    state = solve_exact(synthetic(np.eye(3), np.array([0.1, 0.0, 2.0])), FULL)
+    assert (state.pressure == 0.0).all()
+    assert state.gap == pytest.approx([0.1, 0.0, 2.0])
+    assert state.residual == 0.0
+
+
+def test_a_platen_pulled_off_is_refused() -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(NumericalError):
+        solve_exact(platen(random_compliance(5, rng), rng.normal(size=5), -1.0), FULL)
+
+
+def test_a_direction_that_nothing_resists_is_refused() -> None:
+    columns = Columns(1, 1, 2)
+    push = columns.of_loads(np.array([[1.0]]))
+    condensed = synthetic(np.eye(2), np.array([-1.0, -1.0]), np.zeros((2, 1)), push, np.zeros((2, 1)))
+    with pytest.raises(NumericalError, match="no contact pressure balances the loads"):
+        solve_exact(condensed, FULL)

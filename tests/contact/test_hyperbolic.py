@@ -1,0 +1,183 @@
+"""The hyperbolic law: derivatives, series, and its way to the exact law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.active_set import solve_exact
+from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
+from mlsanm_cli.contact.linear_map import Columns
+from mlsanm_cli.contact.scales import WIDEST, regularize
+from mlsanm_cli.errors import NumericalError
+from tests.contact.scenes import Small, cylinder, synthetic
+
+
+def random_problem(m: int, k: int, seed: int) -> HyperbolicContact:
+    """A made-up problem of ``m`` candidates, ``k`` motions and two loads, all maps full."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(m, m))
+    balance = Columns(2, k, m).split(rng.normal(size=(k, 2 + k + m)), rng.normal(size=k))
+    condensed = synthetic(
+        root @ root.T + np.eye(m),
+        rng.normal(size=m),
+        rng.normal(size=(m, 2)),
+        balance,
+        rng.normal(size=(m, k)),
+    )
+    law = Regularization(
+        eta=0.1,
+        delta=rng.uniform(0.5, 2.0, m),
+        pressure=3.0,
+        gap=0.2,
+        force=rng.uniform(0.5, 2.0, k),
+        motion=np.ones(k),
+    )
+    return HyperbolicContact(condensed, law, rng.normal(size=2), rng.normal(size=2))
+
+
+def state(problem: HyperbolicContact, seed: int) -> FloatArray:
+    """An admissible state (2m + k,)."""
+    rng = np.random.default_rng(seed + 1)
+    return np.concatenate([rng.uniform(0.1, 3.0, 2 * problem.m), rng.normal(size=problem.k)])
+
+
+def tangent_times(problem: HyperbolicContact, x: FloatArray, lam: float, v: FloatArray) -> FloatArray:
+    """The derivative of the residual along v; central differences are exact for quadratic equations."""
+    return 0.5 * (problem.residual(x + v, lam) - problem.residual(x - v, lam))
+
+
+sizes = {"m": st.integers(1, 6), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}
+
+
+@given(**sizes)
+def test_tangent_undoes_the_residuals_derivative(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    x, v = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
+    found = problem.tangent(x, 0.3).solve(tangent_times(problem, x, 0.3, v))
+    assert np.abs(found - v).max() <= 1e-7 * np.abs(v).max()
+
+
+@given(**sizes)
+def test_load_derivative(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    x = state(problem, seed)
+    expected = problem.residual(x, 1.0) - problem.residual(x, 0.0)
+    assert problem.load_derivative(x, 0.3) == pytest.approx(expected, abs=1e-10)
+    assert np.abs(expected).max() > 0.0
+
+
+@given(order=st.integers(1, 8), **sizes)
+def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed: int) -> None:
+    # Along x(a) = sum x_r a^r the residual's coefficient k is tangent x_k + load lam_k - rhs(orders below).
+    problem = random_problem(m, k, seed)
+    rng = np.random.default_rng(seed + 3)
+    x = np.concatenate([state(problem, seed)[None], rng.normal(size=(order, problem.size))])
+    lam = rng.normal(size=order + 1)
+    nodes = np.cos(np.pi * (np.arange(2 * order + 1) + 0.5) / (2 * order + 1))
+    powers = nodes[:, None] ** np.arange(order + 1)
+    residuals = [problem.residual(p @ x, float(p @ lam)) for p in powers]
+    coefficients = np.linalg.solve(nodes[:, None] ** np.arange(2 * order + 1), np.array(residuals))
+    tangent = tangent_times(problem, x[0], lam[0], x[order])
+    expected = tangent + problem.load_derivative(x[0], lam[0]) * lam[order]
+    expected -= problem.series_rhs(x[:order], lam[:order])
+    assert np.abs(coefficients[order] - expected).max() <= 1e-6 * max(1.0, np.abs(expected).max())
+
+
+def test_first_order_has_no_terms_from_below() -> None:
+    problem = random_problem(3, 1, 0)
+    assert (problem.series_rhs(state(problem, 0)[None], np.zeros(1)) == 0.0).all()
+
+
+def test_residual_is_the_law_the_gap_and_the_balance() -> None:
+    problem = random_problem(4, 2, 5)
+    x = state(problem, 5)
+    p, h, q = problem.split(x)
+    law, f = problem.law, problem.factors(0.25)
+    assert f == pytest.approx(problem.start + 0.25 * problem.change)
+    r = problem.residual(x, 0.25)
+    assert r[:4] * law.pressure * law.gap == pytest.approx((p + 0.1) * h - 0.1 * law.delta)
+    assert r[4:8] * law.gap == pytest.approx(h - problem.condensed.gap(f, q, p))
+    assert r[8:] * law.force == pytest.approx(problem.condensed.balance(f, q, p))
+
+
+def test_only_open_gaps_are_admissible() -> None:
+    problem = random_problem(3, 1, 1)
+    x = state(problem, 1)
+    assert problem.admissible(x, 0.0)
+    closed, torn = x.copy(), x.copy()
+    closed[4] = -1e-12
+    torn[1] = -0.1 - 1e-12
+    assert not problem.admissible(closed, 0.0)
+    assert not problem.admissible(torn, 0.0)
+
+
+def newton(problem: HyperbolicContact) -> FloatArray:
+    """State (2m + k,) at full load by Newton steps that keep every gap open and no node in full tension."""
+    law = problem.law
+    p = np.full(problem.m, law.pressure)
+    x = np.concatenate([p, law.eta * law.delta / (p + law.eta), np.zeros(problem.k)])
+    for _ in range(200):
+        r = problem.residual(x, 1.0)
+        if np.abs(r).max() <= 1e-11:
+            return x
+        step = -problem.tangent(x, 1.0).solve(r)
+        bounded = np.concatenate([x[: problem.m] + law.eta, x[problem.m : 2 * problem.m]])
+        shrinking = step[: 2 * problem.m] < 0.0
+        room = (bounded / np.where(shrinking, -step[: 2 * problem.m], 1.0))[shrinking].min(initial=np.inf)
+        x = x + min(1.0, 0.95 * room) * step
+    raise AssertionError("Newton did not settle")
+
+
+@pytest.fixture(scope="module")
+def hertz() -> Small:
+    """Half-disk on a block under its full force."""
+    return cylinder(0.006)
+
+
+def test_regularised_pressure_goes_to_the_exact_one(hertz: Small) -> None:
+    exact = hertz.exact()
+    etas = np.array([1e-2, 1e-3, 1e-4, 1e-5])
+    errors = []
+    for eta in etas:
+        law = regularize(hertz.condensed, [exact], eta)
+        problem = HyperbolicContact(hertz.condensed, law, 0.0 * hertz.factors, hertz.factors)
+        p, h, _ = problem.split(newton(problem))
+        assert (h > 0.0).all()
+        assert p.min() > -law.eta
+        # Closed nodes leave a gap of about eta delta / p, open ones a tension below eta.
+        assert (p + law.eta) * h == pytest.approx(law.eta * law.delta, rel=1e-6)
+        errors.append(np.linalg.norm(p - exact.pressure) / np.linalg.norm(exact.pressure))
+    # Between eta^0.5 of the continuous problem and eta^1 of a fixed set of nodes, none of them just touching.
+    assert 0.4 <= np.polyfit(np.log(etas), np.log(errors), 1)[0] <= 1.1
+    assert errors[2] <= 0.01
+
+
+def test_law_does_not_know_the_units(hertz: Small) -> None:
+    exact = hertz.exact()
+    law = regularize(hertz.condensed, [exact], 1e-4)
+    assert law.pressure == exact.pressure.max()
+    assert law.eta == 1e-4 * law.pressure
+    assert (law.delta >= law.gap).all()
+    assert (law.delta <= WIDEST * law.gap * (1.0 + 1e-12)).all()
+    double = cylinder(0.006, "load.press.force=[0.0, -453.132]")
+    twice = regularize(double.condensed, [double.exact()], 1e-4)
+    assert twice.pressure / law.pressure == pytest.approx(np.sqrt(2.0), rel=0.02)
+    assert twice.force / law.force == pytest.approx(2.0, rel=1e-6)
+
+
+def test_several_states_give_the_largest_scales(hertz: Small) -> None:
+    full, half = hertz.exact(), hertz.exact(0.5 * hertz.factors)
+    both = regularize(hertz.condensed, [half, full], 1e-3)
+    one = regularize(hertz.condensed, [full], 1e-3)
+    assert (both.pressure, both.gap, both.eta) == (one.pressure, one.gap, one.eta)
+    assert both.force == pytest.approx(one.force)
+
+
+def test_no_pressure_no_scale() -> None:
+    apart = synthetic(np.eye(2), np.ones(2))
+    with pytest.raises(NumericalError, match="no scale"):
+        regularize(apart, [solve_exact(apart, np.ones(1))], 1e-4)

@@ -1,0 +1,178 @@
+"""Pairs: gaps and virtual nodes on known curves, and what the master receives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.contact.pairing import OPPOSED, Pairing, pair_surfaces, spacing_ratio, transfer
+
+BLOCK = rectangle((-2.0, 2.0), (-1.0, 0.0))
+
+
+def pair(
+    upper: Outline, slave: str, lower: Outline, master: str, spacings: tuple[Spacing, Spacing]
+) -> tuple[Pairing, Cloud, Cloud]:
+    """Two clouds and the pairing of a surface on each."""
+    one, other = build_cloud(upper, spacings[0], 0), build_cloud(lower, spacings[1], 0)
+    pairing = pair_surfaces(
+        "contact", "upper", one, one.surfaces[slave], "lower", other, other.surfaces[master]
+    )
+    return pairing, one, other
+
+
+def even(upper: float, lower: float) -> tuple[Spacing, Spacing]:
+    """The same spacing everywhere in each body."""
+    return Spacing(upper), Spacing(lower)
+
+
+@given(lift=st.floats(-0.01, 0.3), x=st.floats(-0.5, 0.5))
+@settings(max_examples=15)
+def test_gaps_between_an_arc_and_a_flat_are_exact(lift: float, x: float) -> None:
+    arc = half_disk((x, 1.0 + lift), 1.0, "lower")
+    pairing, upper, _ = pair(arc, "arc", BLOCK, "top", even(0.1, 0.2))
+    points = upper.points[pairing.node]
+    assert np.abs(pairing.gap - points[:, 1]).max() <= 1e-15
+    assert np.abs(pairing.partner - points * np.array([1.0, 0.0])).max() <= 1e-15
+    assert np.array_equal(pairing.normal, np.tile([0.0, 1.0], (len(points), 1)))
+    # Those nodes and no others face the block: their normal points down enough.
+    facing = upper.surfaces["arc"].normal[:, 1] < OPPOSED
+    assert np.array_equal(pairing.position, np.flatnonzero(facing))
+
+
+@given(angle=st.floats(0.3, 2.8), lift=st.floats(0.0, 0.2))
+@settings(max_examples=15)
+def test_gaps_between_two_arcs_are_exact(angle: float, lift: float) -> None:
+    away = (1.5 + lift) * np.array([math.cos(angle), math.sin(angle)])
+    upper = disk((float(away[0]), float(away[1])), 1.0)
+    pairing, one, _ = pair(upper, "arc", disk((0.0, 0.0), 0.5), "arc", even(0.1, 0.05))
+    points = one.points[pairing.node]
+    distance = np.hypot(*points.T)
+    assert np.abs(pairing.gap - (distance - 0.5)).max() <= 1e-14
+    assert np.abs(pairing.normal - points / distance[:, None]).max() <= 1e-14
+    assert np.abs(pairing.partner - 0.5 * pairing.normal).max() <= 1e-14
+    assert pairing.gap.min() == pytest.approx(lift, abs=0.01)
+    assert len(points) > 10
+
+
+def test_nodes_beyond_the_masters_ends_have_no_partner() -> None:
+    wide = rectangle((-3.0, 1.0), (0.0, 1.0))
+    pairing, upper, _ = pair(wide, "bottom", BLOCK, "top", even(0.3, 0.2))
+    x = upper.points[pairing.node, 0]
+    below = upper.points[upper.surfaces["bottom"].index, 0] >= -2.0 - 1e-9
+    assert len(x) == below.sum()
+    assert x.min() >= -2.0 - 1e-9
+
+
+def test_weights_and_nodes_follow_the_positions() -> None:
+    pairing, upper, _ = pair(half_disk((0.0, 1.0), 1.0, "lower"), "arc", BLOCK, "top", even(0.1, 0.2))
+    surface = upper.surfaces["arc"]
+    assert np.array_equal(pairing.node, surface.index[pairing.position])
+    assert np.array_equal(pairing.weight, surface.weight[pairing.position])
+    assert np.array_equal(pairing.spacing, upper.spacing[pairing.node])
+
+
+def test_reach_chooses_the_candidates() -> None:
+    fine = Spacing(0.1, (Zone.around((0.0, 0.0), 0.01, 0.05, 0.3),))
+    pairing, _, _ = pair(half_disk((0.0, 1.0), 1.0, "lower"), "arc", BLOCK, "top", (fine, fine))
+    assert pairing.candidate.all()
+    near = pairing.with_reach(0.003)
+    assert np.array_equal(near.candidate, pairing.gap <= 0.003)
+    assert 3 < near.candidate.sum() < len(near.candidate)
+    # To begin with, the zone of fine nodes: out to 0.05 plus where the spacing has grown by half.
+    first = pairing.first_reach()
+    assert first == pytest.approx(1.0 - math.sqrt(1.0 - 0.067**2), rel=0.3)
+
+
+@pytest.mark.parametrize(("upper", "lower"), [(0.1, 0.25), (0.25, 0.1)])
+def test_spacing_ratio_of_facing_surfaces(upper: float, lower: float) -> None:
+    block = rectangle((-1.0, 1.0), (0.0, 1.0))
+    pairing, _, other = pair(block, "bottom", BLOCK, "top", even(upper, lower))
+    assert spacing_ratio(pairing, other) == pytest.approx(2.5)
+    nobody = replace(pairing, candidate=np.zeros(len(pairing.gap), dtype=bool))
+    assert spacing_ratio(nobody, other) == 1.0
+
+
+PAIRS = [(0.1, 0.05), (0.1, 0.073), (0.1, 0.1), (0.1, 0.137), (0.1, 0.2), (0.1, 0.45), (0.02, 0.3)]
+
+
+@pytest.mark.parametrize(("upper", "lower"), PAIRS)
+def test_transfer_reproduces_constant_and_linear_pressures(upper: float, lower: float) -> None:
+    block = rectangle((-1.0, 1.5), (0.0, 1.0))
+    pairing, one, other = pair(block, "bottom", BLOCK, "top", even(upper, lower))
+    shares = transfer(pairing, other)
+    x = one.points[pairing.node, 0]
+    on_master = other.points[other.surfaces["top"].index, 0]
+    inside = (on_master >= -1.0 - 1e-9) & (on_master <= 1.5 + 1e-9)
+    assert inside.any()
+    assert np.abs(shares @ np.ones(len(x)) - inside).max() <= 1e-13
+    assert np.abs(shares @ x - np.where(inside, on_master, 0.0)).max() <= 1e-13
+
+
+def test_transfer_between_arcs_reproduces_constants() -> None:
+    zone = (Zone.around((0.0, 0.0), 0.02, 0.2, 0.2),)
+    spacings = (Spacing(0.1, zone), Spacing(0.15, zone))
+    upper, lower = half_disk((0.0, 1.0), 1.0, "lower"), disk((0.0, -0.7), 0.7)
+    pairing, one, other = pair(upper, "arc", lower, "arc", spacings)
+    pairing = pairing.with_reach(0.02)
+    shares = transfer(pairing, other)
+    received = shares @ np.ones(shares.shape[1])
+    covered = received != 0.0
+    assert covered.sum() > 10
+    assert np.abs(received[covered] - 1.0).max() <= 1e-13
+    # Exactly the nodes in the shadow of the candidates, seen from the slave's centre.
+    points = other.points[other.surfaces["arc"].index]
+    candidates = one.points[pairing.node[pairing.candidate]]
+    tangent = points[:, 0] / (1.0 - points[:, 1])
+    reach = candidates[:, 0] / (1.0 - candidates[:, 1])
+    expected = (tangent >= reach.min() - 1e-9) & (tangent <= reach.max() + 1e-9) & (points[:, 1] > -0.5)
+    assert np.array_equal(covered, expected)
+
+
+def force_error(h: float, ratio: float) -> float:
+    """Lack of balance between a smooth pressure on the slave and what the master receives of it, relative."""
+
+    def pressure(x: FloatArray) -> FloatArray:
+        return np.sqrt(np.maximum(0.0, 1.0 - (x / 0.61) ** 2))
+
+    block = rectangle((-1.0, 1.0), (0.0, 1.0))
+    pairing, one, other = pair(block, "bottom", BLOCK, "top", even(h, ratio * h))
+    p = pressure(one.points[pairing.node, 0])
+    sent = float(pairing.weight @ p)
+    got = float(other.surfaces["top"].weight @ (transfer(pairing, other) @ p))
+    return abs(got / sent - 1.0)
+
+
+@pytest.mark.parametrize("ratio", [0.73, 1.37, 2.0])
+def test_lack_of_force_balance_falls_with_the_spacing(ratio: float) -> None:
+    spacings = np.array([0.16, 0.08, 0.04, 0.02])
+    errors = [force_error(h, ratio) for h in spacings]
+    assert np.polyfit(np.log(spacings), np.log(np.maximum(errors, 1e-12)), 1)[0] >= 1.0
+    assert errors[-1] <= 2e-3
+
+
+def test_a_single_candidate_still_gives_its_pressure() -> None:
+    pairing, _, other = pair(half_disk((0.0, 1.0), 1.0, "lower"), "arc", BLOCK, "top", even(0.1, 0.05))
+    alone = pairing.with_reach(float(pairing.gap.min()))
+    assert alone.candidate.sum() == 1
+    shares = transfer(alone, other)
+    assert shares.shape == (len(other.surfaces["top"].index), 1)
+    assert set(np.unique(shares.toarray())) <= {0.0, 1.0}
+
+
+def test_transfer_is_local() -> None:
+    block = rectangle((-1.0, 1.0), (0.0, 1.0))
+    pairing, one, other = pair(block, "bottom", BLOCK, "top", even(0.05, 0.1))
+    shares = transfer(pairing, other).tocoo()
+    on_slave = one.points[pairing.node, 0][shares.coords[1]]
+    on_master = other.points[other.surfaces["top"].index, 0][shares.coords[0]]
+    assert np.abs(on_slave - on_master).max() <= 0.25

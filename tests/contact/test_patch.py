@@ -1,0 +1,76 @@
+"""Contact patch test: stacked blocks under uniform pressure, whatever their nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.contact.active_set import ExactState
+from mlsanm_cli.contact.observers import gap_rows
+from mlsanm_cli.contact.pairing import transfer
+from tests.contact.scenes import Small, blocks
+
+RATIOS = [0.5, 0.73, 1.37, 2.0]
+
+
+def stress_error(small: Small, state: ExactState) -> float:
+    """Largest |sigma_yy + p|/p, |sigma_xx|/p, |sigma_xy|/p in both bodies."""
+    worst = 0.0
+    for name, body in small.scene.bodies.items():
+        stress = body.model.stress(small.displacement(name, state)) + np.array([0.0, 100.0, 0.0])
+        worst = max(worst, float(np.abs(stress).max()) / 100.0)
+    return worst
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3])
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_pressure_and_stress_are_uniform(ratio: float, nu: float) -> None:
+    small = blocks(ratio, nu)
+    state = small.exact()
+    assert state.active.all()
+    assert np.abs(state.pressure / 100.0 - 1.0).max() <= 1e-11
+    assert stress_error(small, state) <= 1e-9
+    assert small.condensed.stability is not None
+    assert small.condensed.stability > 0.0
+
+
+def test_seeds_and_slaves_make_no_difference() -> None:
+    for overrides in (
+        ("body.upper.seed=5", "body.lower.seed=11"),
+        ('contact.interface.slave="lower.top"', 'contact.interface.master="upper.bottom"'),
+        ('model.plane="stress"',),
+    ):
+        small = blocks(1.37, 0.3, 0.1, *overrides)
+        state = small.exact()
+        assert np.abs(state.pressure / 100.0 - 1.0).max() <= 1e-11
+        assert stress_error(small, state) <= 1e-9
+
+
+def test_both_sides_and_the_support_carry_the_same_force() -> None:
+    small = blocks(0.73)
+    state = small.exact()
+    arguments = (state.factors, state.motion, state.pressure)
+    assert small.condensed.contact_forces["interface"](*arguments) == pytest.approx([0.0, 200.0], abs=1e-9)
+    assert small.condensed.forces["lower.bottom"](*arguments)[1] == pytest.approx(200.0, rel=1e-10)
+    assert np.abs(small.condensed.imbalance(*arguments)).max() <= 1e-8
+
+
+def test_compression_is_that_of_two_columns() -> None:
+    state = blocks(1.37, 0.3).exact()
+    # Plane strain: the stiffness of a column is E/(1 - nu^2).
+    assert state.motion[0] == pytest.approx(-100.0 * 2.0 * (1.0 - 0.09) / 210e3, rel=1e-10)
+
+
+def test_pressures_carried_over_wrongly_break_the_patch(monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = lambda *arguments: 1.01 * transfer(*arguments)  # noqa: E731
+    monkeypatch.setattr("mlsanm_cli.contact.sources.transfer", wrong)
+    small = blocks(1.37)
+    assert stress_error(small, small.exact()) >= 1e-3
+
+
+def test_gaps_of_the_wrong_sign_break_the_patch(monkeypatch: pytest.MonkeyPatch) -> None:
+    wrong = lambda *arguments: -gap_rows(*arguments)  # noqa: E731
+    monkeypatch.setattr("mlsanm_cli.contact.condensed.gap_rows", wrong)
+    stability = blocks(1.37).condensed.stability
+    assert stability is not None
+    assert stability < 0.0
