@@ -6,6 +6,7 @@
     +-- CaseError                2   the case file is wrong: every problem found, with file and line
     +-- RunError                 2   bad usage: run directory exists, file unreadable, scene too large
     +-- NumericalError           3   the solver could not finish, or a check of the result failed
+    |   +-- UnstableError        3   the stability certificate of the discretisation failed
     +-- Interrupted             75   stopped by a signal or a wall-time limit; what was done is kept
 """
 
@@ -65,6 +66,14 @@ class NumericalError(MlsanmError):
     """The numbers cannot be trusted or could not be found; ``hint`` names a key to change."""
 
     exit_code = 3
+
+
+class UnstableError(NumericalError):
+    """The discretisation failed its stability certificate, whose value is ``stability``."""
+
+    def __init__(self, message: str, hint: str, stability: float) -> None:
+        super().__init__(message, hint)
+        self.stability = stability
 
 
 class Interrupted(MlsanmError):

@@ -17,7 +17,7 @@ from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.condensed import Condensed, condense
 from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.errors import CaseError, NumericalError
+from mlsanm_cli.errors import CaseError, NumericalError, UnstableError
 from mlsanm_cli.kernels.jit import CACHE_NOTE, is_warm
 from mlsanm_cli.kernels.warm import load_all
 from mlsanm_cli.mechanics.scene import Scene
@@ -31,8 +31,8 @@ WIDENINGS = 6
 class Built:
     """A scene ready for its load path.
 
-    ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the exact
-    contact states there (none without contact).
+    ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the
+    exact contact states there (none without contact).
     """
 
     case: Case
@@ -55,7 +55,7 @@ def load_kernels(clock: Clock, console: Console) -> None:
 def build_scene(loaded: LoadedCase, clock: Clock, console: Console) -> Prepared:
     """Clouds, stencils, pairs and conditions: all that can show that a case cannot be run as written.
 
-    Raises RunError for a scene that memory cannot hold, CaseError for contacts and platens that make no sense.
+    Raises RunError for a scene that memory cannot hold, CaseError for contacts and platens without sense.
     """
     refuse_too_large(loaded.case)
     load_kernels(clock, console)
@@ -154,10 +154,12 @@ def reach_error(contact: str, gap: float) -> NumericalError:
 
 
 def require_stable(condensed: Condensed) -> None:
-    """Raises NumericalError when the condensed compliance is not positive: pressures would mean nothing."""
-    if condensed.stability is not None and not condensed.stability > 0.0:
-        raise NumericalError(
-            f"the contact compliance is not positive (smallest eigenvalue {condensed.stability:.2g} of the largest)",
-            "give the two surfaces nearly equal node spacings where they meet (`mlsanm check` shows the ratio), "
-            "or use mls.degree = 2",
+    """Raises UnstableError when the condensed compliance is not positive: pressures would mean nothing."""
+    value = condensed.stability
+    if value is not None and not value > 0.0:
+        raise UnstableError(
+            f"the contact compliance is not positive (smallest eigenvalue {value:.2g} of the largest)",
+            "give the two surfaces nearly equal node spacings where they meet (`mlsanm check` shows the "
+            "ratio), or use mls.degree = 2",
+            value,
         )

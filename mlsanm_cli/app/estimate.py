@@ -50,8 +50,8 @@ def refuse_too_large(case: Case) -> Estimate:
     if size.memory_mb > room:
         counts = ", ".join(f"{name} {count:.3g}" for name, count in size.nodes.items())
         raise RunError(
-            f"the scene needs about {size.memory_mb / 1024:.3g} GB of memory, the machine has {room / 1024:.3g} GB "
-            f"(nodes: {counts})",
+            f"the scene needs about {size.memory_mb / 1024:.3g} GB of memory, the machine has "
+            f"{room / 1024:.3g} GB (nodes: {counts})",
             "use larger spacings, smaller refinement radii or a larger growth",
         )
     return size

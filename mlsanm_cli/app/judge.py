@@ -12,13 +12,16 @@ from mlsanm_cli.app.paths import State
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 
-BALANCE_LIMIT = 0.15
+BALANCE_LIMIT = 0.1
 """Largest lack of force balance of a body, relative to the forces on it, that passes.
 
-The balance is taken from the stress field at the held surfaces and falls with the spacing there; clamped corners,
-where stresses are singular, make it the coarsest figure of a run.
+The balance is taken from the stress field at the held surfaces and falls with the spacing there; clamped
+corners, where stresses are singular, make it the coarsest figure of a run.
 """
 BALANCE_WARNING = 0.05
+
+LINEAR_LIMIT = 1e-6
+"""Largest relative residual of the normal equations, after correction, that passes."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +45,14 @@ def force_balance(built: Built, state: State) -> Verdict:
 
 
 def _largest_force(built: Built, body: str, arguments: tuple[FloatArray, FloatArray, FloatArray]) -> float:
-    sizes = [0.0]
-    for pairing in built.condensed.pairings:
-        if body in (pairing.slave_body, pairing.master_body):
-            sizes.append(float(np.hypot(*built.condensed.contact_forces[pairing.name](*arguments))))
-    for load in built.case.load:
-        if load.boundary.partition(".")[0] == body:
-            sizes.append(float(np.hypot(*built.condensed.forces[load.name](*arguments))))
-    return max(sizes)
+    condensed = built.condensed
+    maps = [
+        condensed.contact_forces[pairing.name]
+        for pairing in condensed.pairings
+        if body in (pairing.slave_body, pairing.master_body)
+    ]
+    maps += [condensed.forces[load.name] for load in built.case.load if load.boundary.startswith(f"{body}.")]
+    return max((float(np.hypot(*force(*arguments))) for force in maps), default=0.0)
 
 
 def judge_state(built: Built, state: State) -> None:
@@ -75,7 +78,16 @@ def judge_balance(verdict: Verdict) -> str:
     """A warning where the forces balance poorly, "" where they do; NumericalError past the limit."""
     worst = max(verdict.bodies, key=lambda name: verdict.bodies[name])
     message = f"the forces on body {worst} balance to {100 * verdict.force_balance:.2g} % only"
-    hint = f"make body.{worst}.spacing smaller where it is held"
+    hint = f"make body.{worst}.spacing smaller where it is held, or use mls.degree = 4"
     if not verdict.force_balance <= BALANCE_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if verdict.force_balance > BALANCE_WARNING else ""
+
+
+def judge_linear(residual: float) -> None:
+    """NumericalError where the elastic systems were not solved to enough digits."""
+    if not residual <= LINEAR_LIMIT:
+        raise NumericalError(
+            f"the elastic systems are solved to a relative residual of {residual:.2g} only",
+            "make the spacings less unlike, or use a lower mls.degree",
+        )

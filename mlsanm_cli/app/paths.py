@@ -19,13 +19,13 @@ from mlsanm_cli.continuation import AnmOptions, Branch, Step, correct, follow
 from mlsanm_cli.errors import NumericalError
 
 BRANCH_HINT = (
-    "raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = \"exact\""
+    'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
 )
 
 
 @dataclass(frozen=True)
 class State:
-    """One state of the scene: load factors (L,), pressures and gaps (m,), unknown motions (k,), closed nodes (m,)."""
+    """One state: load factors (L,), pressures and gaps (m,), unknown motions (k,), closed nodes (m,)."""
 
     position: float
     factors: FloatArray
@@ -38,7 +38,7 @@ class State:
 
 @dataclass(frozen=True)
 class PathStep:
-    """A finished step: the state at its end, the wanted states inside it (its end included), and what it cost.
+    """A finished step: the state at its end, the wanted states in it (its end included), what it cost.
 
     ``series`` holds the arrays from which any state of the step can be had again (ANM only).
     """
@@ -88,7 +88,9 @@ def linear_path(built: Built) -> Iterator[PathStep]:
             motion = np.asarray(solved, dtype=np.float64)
         closed = np.zeros(0, dtype=bool)
         state = State(position, factors, nothing, nothing, motion, closed, 0.0)
-        yield PathStep(state, (state,) if position in wanted else (), solves=0 if position else condensed.solves)
+        yield PathStep(
+            state, (state,) if position in wanted else (), solves=0 if position else condensed.solves
+        )
 
 
 def exact_path(built: Built) -> Iterator[PathStep]:
@@ -116,7 +118,9 @@ def _unloaded(built: Built) -> State:
 
 
 def _state_of(exact: ExactState, position: float) -> State:
-    return State(position, exact.factors, exact.pressure, exact.gap, exact.motion, exact.active, exact.residual)
+    return State(
+        position, exact.factors, exact.pressure, exact.gap, exact.motion, exact.active, exact.residual
+    )
 
 
 def anm_path(built: Built) -> Iterator[PathStep]:
@@ -154,14 +158,15 @@ def anm_path(built: Built) -> Iterator[PathStep]:
         outcome = follower.outcome
         if not outcome.reached:
             raise NumericalError(
-                f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value} ({outcome.message})",
+                f"the path stopped at position {stage + outcome.lam:.6g}: "
+                f"{outcome.reason.value} ({outcome.message})",
                 "raise solver.max_steps" if outcome.reason.value == "max steps" else BRANCH_HINT,
             )
         x = outcome.x
 
 
 def _start_point(built: Built, law: Regularization) -> FloatArray:
-    """Open gaps as drawn, closed or overlapping ones opened a little, and the pressures that belong to them."""
+    """Open gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
     gap = np.maximum(built.condensed.gap.constant, 0.1 * law.gap)
     pressure = law.eta * (law.delta / gap - 1.0)
     return np.concatenate([pressure, gap, np.zeros(len(law.motion))])

@@ -48,7 +48,8 @@ class Recorder:
         self._started = time.monotonic()
         self.last: State | None = None
         self.steps = self.factorizations = self.solves = 0
-        self.residual = self.linear_residual = 0.0
+        self.residual = 0.0
+        self.linear_residual: float | None = None
         self.warnings: list[str] = []
 
     def start(self, built: Built) -> None:
@@ -81,11 +82,19 @@ class Recorder:
         wanted = tuple(dict.fromkeys(self._case.output.fields))
         if not wanted:
             return
-        fields, residual = recording.fields_of(built, state, stress=bool({"stress", "von_mises"} & set(wanted)))
-        self.linear_residual = max(self.linear_residual, residual)
+        fields, residual = recording.fields_of(
+            built, state, stress=bool({"stress", "von_mises"} & set(wanted))
+        )
+        self.linear_residual = max(self.linear_residual or 0.0, residual)
         self._file.write_fields(state.position, recording.stored_fields(fields, wanted))
         if self._case.output.vtu:
             self._states.write(state.position, recording.vtu_states(built, fields, wanted))
+
+    def check_linear(self, built: Built) -> float:
+        """Largest residual of the linear systems over the saved states, or of the last if none was saved."""
+        if self.linear_residual is None and self.last is not None:
+            _, self.linear_residual = recording.fields_of(built, self.last, stress=False)
+        return self.linear_residual or 0.0
 
     def warn(self, message: str) -> None:
         """A warning on the console, in the events and in the summary."""

@@ -23,7 +23,7 @@ OPEN, SLIP = 0, 2
 
 @dataclass(frozen=True)
 class Fields:
-    """Nodal fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,)."""
+    """Fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,)."""
 
     displacement: FloatArray
     stress: FloatArray

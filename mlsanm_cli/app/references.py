@@ -57,7 +57,7 @@ def check_reference(loaded: LoadedCase) -> None:
 
 
 def reference_profile(built: Built, pairing: Pairing, state: State) -> ReferenceProfile | None:
-    """The reference pressure of a contact in one state; None where the case names none or nothing is pressed."""
+    """The reference pressure of a contact in one state; None where none is named or nothing is pressed."""
     case = built.case
     arguments = (state.factors, state.motion, state.pressure)
     force = float(np.hypot(*built.condensed.contact_forces[pairing.name](*arguments)))
@@ -77,7 +77,7 @@ def reference_profile(built: Built, pairing: Pairing, state: State) -> Reference
 def profile_on(
     case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray, force: float
 ) -> ReferenceProfile:
-    """The reference for nodes ``points`` (m, 2) with the master's ``normal`` (m, 2), carrying ``pressure`` (m,)."""
+    """The reference for nodes ``points`` (m, 2), the master's ``normal`` (m, 2), the ``pressure`` (m,) found."""
     middle, axis = _middle(case, contact, points, normal)
     coordinate = (points - middle) @ np.array([axis[1], -axis[0]])
     if coordinate[-1] < coordinate[0]:

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app import recording
 from mlsanm_cli.app.build import Built, build_scene, complete
-from mlsanm_cli.app.clock import Clock, peak_memory_mb
+from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.judge import force_balance, judge_balance, judge_state
-from mlsanm_cli.app.paths import State, path_of
+from mlsanm_cli.app.judge import force_balance, judge_balance, judge_linear, judge_state
+from mlsanm_cli.app.paths import path_of
 from mlsanm_cli.app.provenance import attributes
-from mlsanm_cli.app.quality import Quality, assess
+from mlsanm_cli.app.quality import assess
 from mlsanm_cli.app.recorder import Recorder
-from mlsanm_cli.app.references import check_reference, reference_profile
+from mlsanm_cli.app.references import check_reference
+from mlsanm_cli.app.summary import Ending, summarise
 from mlsanm_cli.case import load_case
-from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.io import run_dir
 
 RESULTS = Path("results")
@@ -49,7 +49,7 @@ def run(
         quality = assess(prepared)
     run_dir.prepare(directory, force)
     built: Built | None = None
-    status, reason, hint = "done", "end of the last stage", ""
+    ending = Ending("done", "end of the last stage")
     with Recorder(directory, loaded, attributes(loaded, argv, threads), clock, console) as recorder:
         try:
             for note in prepared.notes:
@@ -60,14 +60,15 @@ def run(
             recorder.start(built)
             _follow(built, recorder, clock)
         except NumericalError as error:
-            status, reason, hint = "failed", error.message, error.hint
+            stability = error.stability if isinstance(error, UnstableError) else None
+            ending = Ending("failed", error.message, error.hint, stability)
             console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
             recorder.failure(built)
         except KeyboardInterrupt:
-            status, reason = "stopped", "stopped by a signal"
+            ending = Ending("stopped", "stopped by a signal")
         if built is not None:
             recorder.interfaces(built)
-        summary = _summary(built, quality, recorder, clock, status, reason, hint)
+        summary = summarise(ending, built, quality, recorder, clock)
         recorder.finish(summary)
     return {**summary, "directory": str(directory)}
 
@@ -84,71 +85,9 @@ def _follow(built: Built, recorder: Recorder, clock: Clock) -> None:
             judge_state(built, state)
         recorder.step(built, step)
     assert recorder.last is not None
+    with clock.phase("output"):
+        linear = recorder.check_linear(built)
+    judge_linear(linear)
     warning = judge_balance(force_balance(built, recorder.last))
     if warning:
         recorder.warn(warning)
-
-
-def _summary(
-    built: Built | None,
-    quality: Quality,
-    recorder: Recorder,
-    clock: Clock,
-    status: str,
-    reason: str,
-    hint: str,
-) -> dict[str, Any]:
-    """The content of summary.json, as far as the run came."""
-    state = recorder.last
-    summary: dict[str, Any] = {
-        "status": status,
-        "stop_reason": reason,
-        "position": state.position if state else None,
-        "steps": recorder.steps,
-        "factorizations": recorder.factorizations,
-        "solves": recorder.solves,
-    }
-    if hint:
-        summary["hint"] = hint
-    if built is not None:
-        bodies = built.scene.bodies
-        nodes = sum(len(body.model.cloud.points) for body in bodies.values())
-        summary |= {
-            "nodes": nodes,
-            "unknowns": 2 * nodes,
-            "contact_unknowns": len(built.condensed.weight),
-            "elastic_factorizations": len(bodies),
-            "condensation_solves": built.condensed.solves,
-            "enlarged_stencils": sum(body.model.stencils.enlarged for body in bodies.values()),
-        }
-    summary["contacts"] = {}
-    summary["residual"] = recorder.residual
-    summary["linear_residual"] = recorder.linear_residual
-    if built is not None and state is not None:
-        verdict = force_balance(built, state)
-        summary["contacts"] = {p.name: _contact(built, p.name, state) for p in built.condensed.pairings}
-        arguments = (state.factors, state.motion, state.pressure)
-        summary["forces"] = {name: f(*arguments).tolist() for name, f in built.condensed.forces.items()}
-        summary["force_balance"] = verdict.force_balance
-        summary["force_balance_bodies"] = dict(verdict.bodies)
-    summary["stability"] = built.condensed.stability if built is not None else None
-    summary["quality"] = quality.figures
-    summary["seconds"] = clock.seconds
-    summary["peak_memory_mb"] = peak_memory_mb()
-    summary["warnings"] = recorder.warnings
-    return summary
-
-
-def _contact(built: Built, name: str, state: State) -> dict[str, Any]:
-    """A contact's figures, with the reference's beside them where the case names one."""
-    pairing = next(p for p in built.condensed.pairings if p.name == name)
-    figures = recording.contact_summary(built, pairing, state)
-    profile = reference_profile(built, pairing, state)
-    if profile is not None:
-        figures["reference"] = {
-            "solution": built.case.reference.solution if built.case.reference else None,
-            "peak_pressure": profile.peak,
-            "half_width": profile.half_width,
-            "pressure_error_l2": profile.error_l2,
-        }
-    return figures

@@ -32,8 +32,8 @@ the discretisation's asymmetry.
 class Prepared:
     """A scene without its factorised systems: what can be said before anything is solved.
 
-    ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one by
-    one, ``notes`` what a person should know.
+    ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
+    by one, ``notes`` what a person should know.
     """
 
     models: Mapping[str, BodyModel]
@@ -122,7 +122,10 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
         pairing = pairing.with_reach(reach)
         if not pairing.candidate.any():
             problems.append(
-                CaseProblem(f"{key}.reach", f"no initial gap is below {reach:g}; the smallest is {pairing.gap.min():g}")
+                CaseProblem(
+                    f"{key}.reach",
+                    f"no initial gap is below {reach:g}; the smallest is {pairing.gap.min():g}",
+                )
             )
         deepest = int(np.argmin(pairing.gap + pairing.spacing))
         if pairing.gap[deepest] < -pairing.spacing[deepest]:
@@ -130,7 +133,8 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
             problems.append(
                 CaseProblem(
                     key,
-                    f"the surfaces overlap by {-pairing.gap[deepest]:g} near ({x:g}, {y:g}), more than the node spacing",
+                    f"the surfaces overlap by {-pairing.gap[deepest]:g} near ({x:g}, {y:g}), "
+                    f"more than the node spacing",
                     hint="move one body so that the surfaces at most touch",
                 )
             )
@@ -206,15 +210,18 @@ def _platens(
                     problems.append(
                         CaseProblem(
                             f"load.{pushing}",
-                            f"nothing resists its force in {axis}: no support holds the body, and the contact's "
-                            f"normals hardly tilt that way",
+                            f"nothing resists its force in {axis}: no support holds the body, and the "
+                            f"contact's normals hardly tilt that way",
                             hint=f"prescribe u{axis} there instead, or hold the body in {axis}",
                         )
                     )
                 notes.append(
-                    f"platen on {boundary}: u{axis} is held at 0, for no force is applied in {axis} and nothing resists it"
+                    f"platen on {boundary}: u{axis} is held at 0, for no force is applied in {axis} "
+                    f"and nothing resists it"
                 )
-                motion = mechanics.PlatenMotion(component, np.zeros(len(case.load)), motion.force, motion.alone)
+                motion = mechanics.PlatenMotion(
+                    component, np.zeros(len(case.load)), motion.force, motion.alone
+                )
             motions.append(motion)
         if loads[0][1].rotation == "free":
             alone = len(held[body]) == 1 and not held_nodes[body]

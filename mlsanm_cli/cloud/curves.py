@@ -80,7 +80,8 @@ class Segment:
 class Arc:
     """Circular arc about ``center`` from angle ``start`` over ``sweep``, both in radian.
 
-    Counter-clockwise (``sweep`` > 0) the material lies inside the circle; clockwise (< 0) outside, as along a hole.
+    Counter-clockwise (``sweep`` > 0) the material lies inside the circle, clockwise (< 0) outside, as along a
+    hole.
     """
 
     center: tuple[float, float]

@@ -60,9 +60,6 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
             wrong[np.flatnonzero(wrong)[0] + 1 :] = False
         seen.add(active.tobytes())
         active = active ^ wrong
-        if not active.any():
-            # A platen cannot be balanced by nothing: begin again from the closest node.
-            active[np.argmin(free_gap)] = len(condensed.balance.constant) > 0
     raise NumericalError(
         f"the active set found no contact state in {limit} passes",
         "the cloud may be too coarse or unlike on the two surfaces; "

@@ -133,7 +133,8 @@ def assemble(
     """
     cloud, c = model.cloud, model.material.stiffness
     scale = float(c[XX, XX])
-    blocks = [equilibrium_rows(model.stencils, c, 0), equilibrium_rows(model.stencils, c, 1)]
+    nested = model.settings.degree == 1
+    blocks = [equilibrium_rows(model.stencils, c, component, nested) for component in (0, 1)]
     factor = corner_weight(cloud, held)
     weights = [factor * cloud.spacing / scale] * 2
     first_row = {}

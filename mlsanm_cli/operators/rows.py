@@ -29,6 +29,12 @@ def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | 
     return sparse.csr_array((values, columns, 2 * stencils.indptr), shape=shape)
 
 
+def scalar_rows(stencils: Stencils, weights: FloatArray) -> sparse.csr_array:
+    """One row per stencil (e, n) acting on a scalar nodal field; ``weights`` (nnz,) follow its entries."""
+    shape = (len(stencils.indptr) - 1, stencils.nodes)
+    return sparse.csr_array((weights, stencils.indices, stencils.indptr), shape=shape)
+
+
 def nodal_rows(indices: IntArray, component: int, nodes: int) -> sparse.csr_array:
     """Rows (e, 2n) that pick the nodal displacement u_x (0) or u_y (1) of nodes ``indices`` (e,)."""
     count = len(indices)

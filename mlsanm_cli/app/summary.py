@@ -1,0 +1,84 @@
+"""summary.json: what a run says of itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from mlsanm_cli.app import recording
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.clock import Clock, peak_memory_mb
+from mlsanm_cli.app.judge import force_balance
+from mlsanm_cli.app.paths import State
+from mlsanm_cli.app.quality import Quality
+from mlsanm_cli.app.recorder import Recorder
+from mlsanm_cli.app.references import reference_profile
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended: "done", "failed" or "stopped", why, what to change, a failed certificate's value."""
+
+    status: str
+    reason: str
+    hint: str = ""
+    stability: float | None = None
+
+
+def summarise(
+    ending: Ending, built: Built | None, quality: Quality, recorder: Recorder, clock: Clock
+) -> dict[str, Any]:
+    """The content of summary.json, as far as the run came."""
+    state = recorder.last
+    summary: dict[str, Any] = {
+        "status": ending.status,
+        "stop_reason": ending.reason,
+        "position": state.position if state else None,
+        "steps": recorder.steps,
+        "factorizations": recorder.factorizations,
+        "solves": recorder.solves,
+    }
+    if ending.hint:
+        summary["hint"] = ending.hint
+    if built is not None:
+        bodies = built.scene.bodies
+        nodes = sum(len(body.model.cloud.points) for body in bodies.values())
+        summary |= {
+            "nodes": nodes,
+            "unknowns": 2 * nodes,
+            "contact_unknowns": len(built.condensed.weight),
+            "elastic_factorizations": len(bodies),
+            "condensation_solves": built.condensed.solves,
+            "enlarged_stencils": sum(body.model.stencils.enlarged for body in bodies.values()),
+        }
+    summary["contacts"] = {}
+    summary["residual"] = recorder.residual
+    summary["linear_residual"] = recorder.linear_residual
+    if built is not None and state is not None:
+        verdict = force_balance(built, state)
+        summary["contacts"] = {p.name: _contact(built, p.name, state) for p in built.condensed.pairings}
+        arguments = (state.factors, state.motion, state.pressure)
+        summary["forces"] = {name: f(*arguments).tolist() for name, f in built.condensed.forces.items()}
+        summary["force_balance"] = verdict.force_balance
+        summary["force_balance_bodies"] = dict(verdict.bodies)
+    summary["stability"] = built.condensed.stability if built is not None else ending.stability
+    summary["quality"] = quality.figures
+    summary["seconds"] = clock.seconds
+    summary["peak_memory_mb"] = peak_memory_mb()
+    summary["warnings"] = recorder.warnings
+    return summary
+
+
+def _contact(built: Built, name: str, state: State) -> dict[str, Any]:
+    """A contact's figures, with the reference's beside them where the case names one."""
+    pairing = next(p for p in built.condensed.pairings if p.name == name)
+    figures = recording.contact_summary(built, pairing, state)
+    profile = reference_profile(built, pairing, state)
+    if profile is not None:
+        figures["reference"] = {
+            "solution": built.case.reference.solution if built.case.reference else None,
+            "peak_pressure": profile.peak,
+            "half_width": profile.half_width,
+            "pressure_error_l2": profile.error_l2,
+        }
+    return figures
