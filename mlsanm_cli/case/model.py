@@ -108,7 +108,7 @@ class Solver(Section):
 
     method: Literal["auto", "anm", "active-set"] = "auto"
     formulation: Literal["condensed"] = "condensed"
-    order: Annotated[int, Field(ge=2, le=200)] = 20
+    order: Annotated[int, Field(ge=2, le=40)] = 20
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-8
     pade: bool = True
     polish: bool = False

@@ -1,0 +1,152 @@
+"""What the documents promise: their commands and snippets run, their tables are complete."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import h5py
+import pytest
+from pydantic import BaseModel
+
+from mlsanm_cli.app.judge import BALANCE_LIMIT, BALANCE_WARNING
+from mlsanm_cli.case import Body, Case, Contact, load_case, resolved_mapping
+from mlsanm_cli.case.loads import LOADS
+from mlsanm_cli.case.model import Adapt, Mls, Refine, Regularization, Solver, Support
+from mlsanm_cli.case.shapes import SHAPES
+from mlsanm_cli.cli import main
+from mlsanm_cli.cli.commands import LATER, cli
+from mlsanm_cli.cli.main import BUG, STOPPED, USAGE
+from tests.app.test_run_directory import summary_of
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+CASE_FILE = (ROOT / "docs" / "case-file.md").read_text()
+RUN_DIRECTORY = (ROOT / "docs" / "run-directory.md").read_text()
+METHOD = (ROOT / "docs" / "method.md").read_text()
+
+
+def blocks(text: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
+
+
+def all_keys() -> set[str]:
+    """Every key of a case file, tables included."""
+    keys: set[str] = set()
+
+    def visit(annotation: Any) -> None:
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            for name, field in annotation.model_fields.items():
+                keys.add(name)
+                visit(field.annotation)
+        for argument in getattr(annotation, "__args__", ()):
+            visit(argument)
+
+    visit(Case)
+    for model in (*LOADS.values(), *SHAPES.values()):
+        keys.update(model.model_fields)
+    return keys
+
+
+def test_all_keys_are_found_in_the_model() -> None:
+    assert all_keys() >= {*Body.model_fields, *Contact.model_fields, *Support.model_fields, "growth", "eta"}
+
+
+@pytest.mark.parametrize("text", [README, CASE_FILE], ids=["README", "case-file"])
+def test_every_key_is_documented(text: str) -> None:
+    words = set(re.findall(r"[A-Za-z_]+", text))
+    assert all_keys() <= words, all_keys() - words
+    for names in (SHAPES, LOADS):
+        assert all(f"`{name}`" in text or f'"{name}"' in text for name in names)
+
+
+@pytest.mark.parametrize("model", [Solver, Mls, Adapt, Regularization, Refine])
+def test_defaults_are_documented(model: type[BaseModel]) -> None:
+    name = {Regularization: "contact.regularization", Refine: "body.refine"}.get(
+        model, model.__name__.lower()
+    )
+    section = re.split(r"^##+ ", CASE_FILE.partition(f"[{name}]")[2], flags=re.MULTILINE)[0]
+    for key, field in model.model_fields.items():
+        if field.default is None or field.is_required():
+            continue
+        (row,) = re.findall(rf"^\| `{key}` \|.*\| (.*) \|$", section, flags=re.MULTILINE)
+        assert tomllib.loads(f"value = {row.strip('`')}")["value"] == field.default, key
+
+
+def test_the_two_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    commands = [command.strip() for command in blocks(README, "sh")]
+    assert commands == ["pip install . && mlsanm run cases/hertz.toml", "pip install '.[test]' && pytest"]
+    (tmp_path / "cases").symlink_to(ROOT / "cases")
+    monkeypatch.chdir(tmp_path)
+    assert main(commands[0].partition(" && mlsanm ")[2].split()) == 0
+    peak = summary_of(Path("results/hertz"))["contacts"]["interface"]["peak_pressure"]
+    capsys.readouterr()
+    (snippet,) = blocks(README, "python")
+    exec(compile(snippet, "README.md", "exec"), {})
+    assert f"peak pressure {peak:.6g} at" in capsys.readouterr().out
+    for arguments in (["info", "results/hertz"], ["plot", "results/hertz"]):
+        assert main(arguments) == 0
+    assert Path("results/hertz/plot_bodies.png").is_file()
+
+
+def test_the_case_of_the_readme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    (text,) = blocks(README, "toml")
+    (tmp_path / "punch.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", "punch.toml"]) == 0
+    assert main(["run", "punch.toml"]) == 0
+    summary = summary_of(Path("results/punch"))
+    assert summary["position"] == 2.0
+    assert summary["contacts"]["nose"]["reference"]["pressure_error_l2"] < 0.1
+
+
+def test_the_case_of_the_readme_shows_the_defaults(tmp_path: Path) -> None:
+    """Every key of the tables that may be left out is there, with its default."""
+    (text,) = blocks(README, "toml")
+    (tmp_path / "shown.toml").write_text(text)
+    content = tomllib.loads(text)
+    short = re.sub(r"\[(mls|adapt|solver|contact\.regularization)\]\n(?:[^\[\n]*\n|\n)*", "", text)
+    (tmp_path / "short.toml").write_text(short)
+    shown = resolved_mapping(load_case(tmp_path / "shown.toml").case)
+    assert resolved_mapping(load_case(tmp_path / "short.toml").case) == shown
+    for table in ("mls", "adapt", "solver", "output"):
+        assert content[table].keys() == shown[table].keys()
+
+
+def test_commands_and_exit_codes() -> None:
+    for name in cli.commands:
+        assert f"`mlsanm {name}" in README
+    missing = README[README.index("## What is not there yet") :]
+    assert all(f"`{name}`" in missing for name in LATER if name not in ("cache", "sweep"))
+    for code in (0, USAGE, 3, BUG, STOPPED):
+        assert re.search(rf"^\| {code} \|", README, flags=re.MULTILINE)
+
+
+def test_links_and_pictures_are_there() -> None:
+    for text, folder in ((README, ROOT), (CASE_FILE, ROOT / "docs"), (RUN_DIRECTORY, ROOT / "docs")):
+        for target in re.findall(r"\]\(([^)#:]+)\)", text):
+            assert (folder / target).is_file(), target
+
+
+def test_summary_is_documented(hertz_run: Path, bar_run: Path) -> None:
+    for summary in (summary_of(hertz_run), summary_of(bar_run)):
+        for key in (*summary, *(key for contact in summary["contacts"].values() for key in contact)):
+            assert f"`{key}`" in RUN_DIRECTORY, key
+
+
+def test_run_file_is_documented(hertz_run: Path) -> None:
+    names: set[str] = set()
+    with h5py.File(hertz_run / "run.h5", "r") as file:
+        file.visititems(lambda name, item: names.add(name))
+        attributes = set(file.attrs)
+    words = set(re.findall(r"[A-Za-z_]+", RUN_DIRECTORY))
+    scene = {"cylinder", "block", "interface", "press", "block.bottom"}
+    parts = {part for name in names for part in name.split("/") if not part.isdigit()} - scene
+    assert parts <= words, parts - words
+    assert attributes <= words, attributes - words
+
+
+def test_limits_are_documented() -> None:
+    assert f"above {100 * BALANCE_LIMIT:g} % on any body; above {100 * BALANCE_WARNING:g} %" in METHOD
