@@ -42,6 +42,12 @@ class Pairing:
     candidate: BoolArray
 
     @property
+    def arc(self) -> FloatArray:
+        """Arc lengths (w,) along the slave, increasing: past the start of a closed surface they go on."""
+        s = self.slave.arc_length[self.position]
+        return np.asarray(s + self.slave.curve.length * (s < s[:1]))
+
+    @property
     def node(self) -> IntArray:
         """Node numbers (w,) in the slave body."""
         return self.slave.index[self.position]
@@ -82,7 +88,7 @@ def pair_surfaces(
     tangential = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     spacing = slave_cloud.spacing[slave.index]
     facing = (slave.normal * normal).sum(axis=1) < OPPOSED
-    position = np.flatnonzero(facing & (tangential < 1e-6 * spacing))
+    position = _along(slave, np.flatnonzero(facing & (tangential < 1e-6 * spacing)))
     gap = (away * normal).sum(axis=1)[position]
     return Pairing(
         name=name,
@@ -99,13 +105,24 @@ def pair_surfaces(
     )
 
 
+def _along(slave: Surface, position: IntArray) -> IntArray:
+    """Positions in order along the slave; on a closed one, beginning behind the widest stretch left out."""
+    if not slave.curve.closed or not len(position):
+        return position
+    s = slave.arc_length[position]
+    left_out = np.diff(np.append(s, s[0] + slave.curve.length))
+    return np.roll(position, -(int(np.argmax(left_out)) + 1))
+
+
 def spacing_ratio(pairing: Pairing, master_cloud: Cloud) -> float:
     """Largest ratio, either way, of facing spacings over the candidates."""
     chosen = pairing.candidate
     if not chosen.any():
         return 1.0
     arc = pairing.master.curve.closest(pairing.partner[chosen])
-    h = np.interp(arc, pairing.master.arc_length, master_cloud.spacing[pairing.master.index])
+    master = pairing.master
+    around = master.curve.length if master.curve.closed else None
+    h = np.interp(arc, master.arc_length, master_cloud.spacing[master.index], period=around)
     ratio = pairing.spacing[chosen] / h
     return float(np.maximum(ratio, 1.0 / ratio).max())
 
@@ -119,7 +136,7 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     oscillation from node to node for a smooth load, and the compliance would lose its positivity.
     """
     chosen = pairing.position[pairing.candidate]
-    arc = pairing.slave.arc_length[chosen]
+    arc = pairing.arc[pairing.candidate]
     points = master_cloud.points[pairing.master.index]
     s = pairing.slave.curve.closest(points)
     shadow = pairing.slave.curve.normals(s)
@@ -128,6 +145,8 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     beside = np.abs(away[:, 0] * shadow[:, 1] - away[:, 1] * shadow[:, 0])
     slack = 1e-6 * float(pairing.spacing.min())
     facing = (shadow * pairing.master.normal).sum(axis=1) < OPPOSED
+    if pairing.slave.curve.closed:
+        s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
     rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (beside <= slack))
     own = np.interp(s[rows], arc, pairing.spacing[pairing.candidate])
     # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
