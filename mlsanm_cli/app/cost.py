@@ -11,7 +11,7 @@ import math
 from mlsanm_cli.app.scene import Prepared, mls_settings
 from mlsanm_cli.case import Case
 
-START = 0.8
+START = 1.0
 PER_NODE = 1.0e-5
 FACTOR = 2.0e-6
 COLUMN = 1.1e-7

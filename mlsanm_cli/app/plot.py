@@ -122,8 +122,10 @@ def _draw_resultants(path: Path, run: RunData) -> None:
 
 
 def _draw_curves(path: Path, run: RunData, curves: Mapping[str, FloatArray], y: str, title: str) -> None:
+    # Exact contact is solved at a few positions: what lies between them is not on a straight line.
+    joined = not run.contacts or bool(run.path.order.any())
     alone = f"{title}, {next(iter(curves))}" if len(curves) == 1 else title
-    plot_path(path, run.path.position, curves, "position on the load path (stages)", y, alone)
+    plot_path(path, run.path.position, curves, "position on the load path (stages)", y, alone, joined)
 
 
 def _draw_bodies(path: Path, run: RunData, case: Case) -> None:

@@ -86,10 +86,12 @@ def plot_path(
     x_label: str,
     y_label: str,
     title: str = "Load path",
+    joined: bool = True,
 ) -> None:
     """Draw quantities along the load path, one marker per step.
 
-    ``x`` (S+1,), for instance the position or a platen's displacement, and curves of the same length. Raises
+    ``x`` (S+1,), for instance the position or a platen's displacement, and curves of the same length; without
+    ``joined`` only the markers, for steps between which nothing is known. Raises
     ValueError for other lengths, RunError if ``path`` cannot be written.
     """
     for label, values in curves.items():
@@ -99,6 +101,7 @@ def plot_path(
         axes = figure.subplots()
         for index, (label, values) in enumerate(curves.items()):
             style = _nodes(len(x)) | {"marker": MARKERS[index % len(MARKERS)]}
+            style |= {} if joined else {"linestyle": "none", "markersize": 5.0}
             axes.plot(x, values, label=label, color=COLOURS[index % len(COLOURS)], **style)
         axes.set_title(title)
         axes.set_xlabel(x_label)

@@ -183,6 +183,17 @@ def test_pressure_picture(hertz_run: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert 0.5 * np.ptp(loaded) == pytest.approx(summary["half_width"], rel=0.02)
 
 
+def test_states_of_exact_contact_are_not_joined(
+    hertz_run: Path, patch_run: Path, bar_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(plot_module, "plot_path", lambda *arguments: calls.append(arguments))
+    for directory, joined in ((hertz_run, True), (patch_run, False), (bar_run, True)):
+        calls.clear()
+        plot(directory)
+        assert {call[-1] for call in calls} == {joined}
+
+
 def test_pressures_at_a_row_and_beyond_the_path(hertz_run: Path) -> None:
     run = read_run(hertz_run)
     row = len(run.path.position) // 2
