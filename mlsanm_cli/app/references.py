@@ -77,7 +77,7 @@ def reference_profile(built: Built, pairing: Pairing, state: State) -> Reference
 def profile_on(
     case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray, force: float
 ) -> ReferenceProfile:
-    """The reference for nodes ``points`` (m, 2), the master's ``normal`` (m, 2), the ``pressure`` (m,) found."""
+    """The reference for nodes ``points`` (m, 2), ``normal`` (m, 2) of the master and ``pressure`` (m,)."""
     middle, axis = _middle(case, contact, points, normal)
     coordinate = (points - middle) @ np.array([axis[1], -axis[0]])
     if coordinate[-1] < coordinate[0]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import advance_front
@@ -60,7 +61,7 @@ class Cloud:
 
 
 def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_000_000) -> Cloud:
-    """Nodes on the outline and inside it, deterministic for a given ``seed``.
+    """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``.
 
     Raises RunError when more than ``limit`` nodes would be needed.
     """
@@ -73,6 +74,7 @@ def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_0
     )
     if len(points) >= limit:
         raise RunError(f"more than {limit} nodes in one body", "use larger spacings or smaller refinements")
+    points = relax(points, total, spacing)
     surfaces = {}
     first = 0
     for name, curve, s in zip(outline.names, outline.curves, steps, strict=True):

