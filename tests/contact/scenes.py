@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -150,6 +151,18 @@ slave = "cylinder.arc"
 master = "block.top"
 reach = 0.02
 """
+
+
+PARTNERS = ("x y", "ux uy", "fx fy", "bottom left", "top right")
+
+
+def mirrored(text: str) -> str:
+    """The same scene with x and y exchanged."""
+    swap = {}
+    for pair in PARTNERS:
+        one, other = pair.split()
+        swap[one], swap[other] = other, one
+    return re.sub(rf"\b({'|'.join(swap)})\b", lambda found: swap[found[0]], text)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import pytest
 from mlsanm_cli.contact.active_set import ExactState
 from mlsanm_cli.contact.observers import gap_rows
 from mlsanm_cli.contact.pairing import transfer
-from tests.contact.scenes import Small, blocks
+from tests.contact.scenes import BLOCKS, Small, blocks, build, mirrored
 
 RATIOS = [0.5, 0.73, 1.37, 2.0]
 
@@ -44,6 +44,16 @@ def test_seeds_and_slaves_make_no_difference() -> None:
         state = small.exact()
         assert np.abs(state.pressure / 100.0 - 1.0).max() <= 1e-11
         assert stress_error(small, state) <= 1e-9
+
+
+def test_blocks_side_by_side() -> None:
+    small = build(mirrored(BLOCKS.format(nu=0.3, upper=0.1, lower=0.137, left=0.0, right=2.0)))
+    assert np.abs(small.pairing.normal - np.array([1.0, 0.0])).max() <= 1e-15
+    state = small.exact()
+    assert np.abs(state.pressure / 100.0 - 1.0).max() <= 1e-11
+    for name, body in small.scene.bodies.items():
+        stress = body.model.stress(small.displacement(name, state)) + np.array([100.0, 0.0, 0.0])
+        assert np.abs(stress).max() <= 1e-9 * 100.0
 
 
 def test_both_sides_and_the_support_carry_the_same_force() -> None:
