@@ -34,7 +34,8 @@ def relax(points: FloatArray, fixed: int, spacing: Spacing) -> FloatArray:
         return points
     for sweep in range(SWEEPS):
         if sweep % LOOK == 0:
-            neighbour = cKDTree(points).query(points[fixed:], k=count + 1)[1][:, 1:]
+            nearest = cKDTree(points).query(points[fixed:], k=np.arange(2, count + 2))
+            neighbour = np.asarray(nearest[1])
         h = spacing.at(points[fixed:])[:, None]
         away = points[fixed:, None, :] - points[neighbour]
         distance = np.sqrt((away**2).sum(axis=2))

@@ -111,9 +111,10 @@ def test_quality_of_a_good_cloud(outline: Outline, spacing: Spacing, seed: int) 
     quality = measure(cloud)
     assert (quality.nodes, quality.boundary_nodes) == (len(cloud.points), len(cloud.boundary_nodes))
     steepest = max((zone.growth for zone in spacing.zones), default=0.0)
-    # A node keeps its parent's h away, which may be finer than its own, and its neighbour's coarser still.
-    assert 0.98 / (1.0 + 2.0 * steepest) <= quality.closest <= 1.05
-    assert 0.7 <= quality.hole <= 1.25
+    # A node keeps its parent's h away, which may be finer than its own, and its neighbour's coarser still;
+    # evening out gives a few per cent of that for smaller holes.
+    assert 0.92 / (1.0 + 2.0 * steepest) <= quality.closest <= 1.05
+    assert 0.7 <= quality.hole <= 1.12
     assert quality.growth <= steepest * (1.0 + 1e-9) + 1e-15
     assert quality.growth >= 0.5 * steepest
 
