@@ -83,6 +83,14 @@ def test_a_zone_far_smaller_than_the_far_spacing_is_not_missed() -> None:
     assert np.count_nonzero(np.abs(x - at) <= 1e-5) == pytest.approx(21, abs=2)
 
 
+@pytest.mark.parametrize("at", [0.1, 0.104, 0.108, 0.112])
+def test_a_steep_zone_narrower_than_the_first_samples_is_not_missed(at: float) -> None:
+    # It changes the spacing over 0.005 to both sides only, the first samples lie 0.0156 apart.
+    spacing = Spacing(0.004, (Zone.around((at, 0.0), 1e-4, 1e-3, 1.0),))
+    x = spacing.steps_along(LINE) - 2.0
+    assert np.count_nonzero(np.abs(x - at) <= 1e-3) == pytest.approx(21, abs=2)
+
+
 def test_facing_surfaces_get_the_same_spacing_in_a_shared_zone() -> None:
     zone = Zone.around((0.0, 0.0), 0.005, 0.1, 0.12)
     arc = Arc((0.0, 1.0), 1.0, math.pi, math.pi)

@@ -1,0 +1,60 @@
+"""Evening out: what moves, what stays, what gets better."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import build_cloud
+from mlsanm_cli.cloud.curves import rectangle
+from mlsanm_cli.cloud.relax import relax
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+
+BLOCK = rectangle((0.0, 2.0), (0.0, 1.0))
+
+
+def unevenness(points: FloatArray, fixed: int, spacing: Spacing) -> float:
+    """Spread of the mean distance to six neighbours over the spacing, inner nodes only."""
+    distance = np.asarray(cKDTree(points).query(points[fixed:], k=7)[0])[:, 1:].mean(axis=1)
+    ratio = distance / spacing.at(points[fixed:])
+    return float(ratio.std() / ratio.mean())
+
+
+def test_boundary_nodes_stay_and_the_others_hardly_move() -> None:
+    spacing = Spacing(0.1, (Zone.around((1.0, 1.0), 0.02, 0.1, 0.15),))
+    cloud = build_cloud(BLOCK, spacing, 0)
+    fixed = len(cloud.boundary_nodes)
+    moved = relax(cloud.points, fixed, spacing)
+    assert np.array_equal(moved[:fixed], cloud.points[:fixed])
+    shift = np.hypot(*(moved - cloud.points)[fixed:].T)
+    assert shift.max() > 0.0
+    assert (shift <= cloud.spacing[fixed:]).all()
+    assert moved[fixed:].min() > 0.0
+    assert (moved[fixed:].max(axis=0) < [2.0, 1.0]).all()
+
+
+def test_disturbed_nodes_are_evened_out() -> None:
+    spacing = Spacing(0.1)
+    cloud = build_cloud(BLOCK, spacing, 0)
+    fixed = len(cloud.boundary_nodes)
+    disturbed = cloud.points.copy()
+    disturbed[fixed:] += np.random.default_rng(0).uniform(-0.03, 0.03, disturbed[fixed:].shape)
+    before, after = (unevenness(p, fixed, spacing) for p in (disturbed, relax(disturbed, fixed, spacing)))
+    assert after <= 0.7 * before
+
+
+def test_nothing_to_move() -> None:
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    assert np.array_equal(relax(points, 3, Spacing(1.0)), points)
+    assert np.array_equal(relax(points[:1], 0, Spacing(1.0)), points[:1])
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_units_do_not_matter(unit: float) -> None:
+    points = build_cloud(BLOCK, Spacing(0.15), 0).points
+    points[40:] += np.random.default_rng(1).uniform(-0.03, 0.03, points[40:].shape)
+    one = relax(points, 40, Spacing(0.15))
+    other = relax(points * unit, 40, Spacing(0.15 * unit)) / unit
+    assert np.abs(one - other).max() <= 1e-12
