@@ -57,9 +57,9 @@ def build_scene(loaded: LoadedCase, clock: Clock, console: Console) -> Prepared:
 
     Raises RunError for a scene that memory cannot hold, CaseError for contacts and platens without sense.
     """
-    refuse_too_large(loaded.case)
     load_kernels(clock, console)
     with clock.phase("cloud"):
+        refuse_too_large(loaded.case)
         console.phase("placing nodes")
         placed = clouds(loaded.case)
     with clock.phase("operators"):

@@ -17,7 +17,7 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
     """Estimated number of nodes: the integrals of 1/h^2 over the region, by quadtree, and of 1/h along its
     outline; stops past ``limit``."""
     chain = np.concatenate(
-        [curve.points(np.linspace(0.0, curve.length, 257)[:-1]) for curve in outline.curves]
+        [curve.points(np.linspace(0.0, curve.length, 65)[:-1]) for curve in outline.curves]
     )
     low, high = chain.min(axis=0), chain.max(axis=0)
     size = float((high - low).max())
