@@ -56,6 +56,18 @@ def test_blocks_side_by_side() -> None:
         assert np.abs(stress).max() <= 1e-9 * 100.0
 
 
+def test_a_platen_free_to_turn_stays_level_above_the_middle() -> None:
+    # Without Poisson's ratio the platen may grip the whole top, and nothing else need hold the upper block.
+    text = BLOCKS.format(nu=0.0, upper=0.1, lower=0.137, left=0.0, right=2.0)
+    text = text.replace('[[support]]\nboundary = "upper.left"\nux = 0.0\n', "")
+    small = build(text.replace("fy = -200.0", 'ux = 0.0\nfy = -200.0\nrotation = "free"'))
+    state = small.exact()
+    down, turn = state.motion
+    assert down == pytest.approx(-200.0 / 210e3, rel=1e-10)
+    assert abs(turn) <= 1e-10 * abs(down)
+    assert np.abs(state.pressure / 100.0 - 1.0).max() <= 1e-10
+
+
 def test_both_sides_and_the_support_carry_the_same_force() -> None:
     small = blocks(0.73)
     state = small.exact()
