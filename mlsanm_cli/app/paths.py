@@ -6,7 +6,7 @@ Positions count stages: 1.25 is a quarter of the way through the second stage.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -182,7 +182,8 @@ def _path_step(
             continue
         x, lam = step.branch.evaluate(step.branch.parameter_at(position - stage))
         residual = float(np.abs(problem.residual(x, lam)).max())
-        saved.append(_regularized_state(problem, x, lam, stage, residual))
+        # The position asked for, not the one a last bit away that the series was evaluated at.
+        saved.append(replace(_regularized_state(problem, x, lam, stage, residual), position=position))
     return PathStep(
         state=end,
         saved=tuple(saved),

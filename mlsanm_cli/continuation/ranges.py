@@ -18,7 +18,7 @@ from mlsanm_cli.continuation.corrector import residual_norm
 from mlsanm_cli.continuation.expansion import Metric, Series
 from mlsanm_cli.continuation.options import AnmOptions
 from mlsanm_cli.continuation.pade import denominator, nearest_pole
-from mlsanm_cli.continuation.problem import Problem
+from mlsanm_cli.continuation.problem import FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch
 
 # A length is settled when the residual there lies between these parts of the tolerance (its power of about
@@ -27,6 +27,8 @@ _ENOUGH, _AIM, _LIMIT = 0.4, 0.7, 0.9
 _CLOSE = 1.03
 _TRIALS = 30
 _SHRINK, _GROW = 0.3, 1.5
+# The first guess is no longer than this many times a straight path's way to lam_end.
+_STRAIGHT = 4.0
 # Where a range is looked at between its ends.
 _INSIDE = (0.25, 0.5, 0.75, 0.9)
 # A Padé approximant is worth its poles only if it stretches the step by so much.
@@ -76,9 +78,13 @@ class Gauge:
         order = series.lam.size - 1
         if not np.isfinite(last):
             return 0.0
-        if last > 0.0 and order > 1:
-            return float((self.options.tolerance * first / last) ** (1.0 / (order - 1)))
         along = (self.lam_end - series.lam[0]) / series.lam[1] if series.lam[1] != 0.0 else 0.0
+        if last > 0.0 and order > 1:
+            # An all but straight path has coefficients that vanish and a range without bound, over which
+            # its crossing of lam_end could not be told to round-off.
+            most = max(_STRAIGHT * along, _STRAIGHT * self._shortest(series.x[1], series.lam[1]))
+            most = most if along > 0.0 else np.inf
+            return float(min((self.options.tolerance * first / last) ** (1.0 / (order - 1)), most))
         return float(along) if along > 0.0 else 1.0
 
     def _rational(self, series: Series, guess: float) -> Branch | None:
@@ -115,12 +121,16 @@ class Gauge:
             length = self._longest(branch, 0.9 * bad * length, bad * length)
         return 0.0
 
+    def _shortest(self, x: FloatArray, lam: float) -> float:
+        """Return the parameter of the shortest step, x (size,) and lam the first coefficients."""
+        return self.options.min_length / self.metric.norm(x, float(lam))
+
     def _longest(self, branch: Branch, guess: float, ceiling: float) -> float:
         """Return a nearly longest a <= ``ceiling`` whose residual keeps the tolerance, or 0."""
         tolerance, side = self.options.tolerance, np.sign(self.lam_end - branch.lam[0])
         limit = _LIMIT * tolerance  # between the points looked at the residual may be a little larger
         low, high, a = 0.0, np.inf, min(guess, ceiling)
-        shortest = self.options.min_length / self.metric.norm(branch.x[1], float(branch.lam[1]))
+        shortest = self._shortest(branch.x[1], branch.lam[1])
         for _ in range(_TRIALS):
             if a <= shortest:
                 break

@@ -224,7 +224,7 @@ def hertz(length: float = 1.0, stress: float = 1.0) -> str:
         far=0.35 * length,
         fine=0.012 * length,
         zone=0.06 * length,
-        growth=0.25,
+        growth=0.2,
         left=-2.0 * length,
         right=2.0 * length,
         fy=-226.0 * stress * length,

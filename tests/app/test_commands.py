@@ -40,7 +40,7 @@ def test_check_agrees_with_the_run(hertz_run: Path, tmp_path: Path) -> None:
     for key in ("nodes", "unknowns", "contact_unknowns"):
         assert found[key] == summary[key]
     assert found["contacts"]["interface"]["candidates"] == summary["contact_unknowns"]
-    assert found["contacts"]["interface"]["smallest_gap"] == pytest.approx(0.0, abs=1e-12)
+    assert 0.0 <= found["contacts"]["interface"]["smallest_gap"] <= 2e-5
     for name, body in summary["quality"]["bodies"].items():
         assert found["bodies"][name]["hole"] == body["hole"]
     assert found["bodies"]["block"]["finest"] == 0.012

@@ -307,7 +307,7 @@ def test_console_is_told(tmp_path: Path) -> None:
     text = hertz().replace("fy = -226.0", "force = [0.0, -226.0]")
     text = text.replace('[[support]]\nbody = "cylinder"\nnear = [0.0, 1.0]\nux = 0.0\n', "")
     console = Quiet()
-    summary = solve(text, tmp_path / "run", "body.block.refine.0.growth=0.31", console=console)
+    summary = solve(text, tmp_path / "run", "body.cylinder.refine.0.growth=0.31", console=console)
     assert summary["status"] == "done"
     assert console.phases[0].startswith("placing nodes")
     assert console.steps[0] == 0.0

@@ -30,6 +30,16 @@ def walked(problem: Problem, x: FloatArray, lam: float, end: float, options: Anm
     return steps
 
 
+@pytest.mark.parametrize("exponent", [6, 10, 14, 15, 16, 20, 200])
+def test_all_but_straight_path(exponent: int) -> None:
+    """High coefficients of 1e-285 promise a range without end; the path is one step all the same."""
+    problem = Scalar(0.0, 1.0, 10.0**-exponent)
+    follower = follow(problem, np.zeros(1), 0.0, 1.0)
+    assert len(list(follower.steps())) == 1
+    assert follower.outcome.reached
+    assert follower.outcome.x == pytest.approx([1.0], rel=2.0 * 10.0**-exponent + 1e-12)
+
+
 def test_quadratic_is_followed_to_its_closed_solution() -> None:
     problem = Scalar(0.0, 1.0, 1.0)
     steps = walked(problem, np.zeros(1), 0.0, 50.0, AnmOptions())
