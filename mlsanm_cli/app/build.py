@@ -103,7 +103,7 @@ def _condense(
         with clock.phase("condensation"):
             console.phase(f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes")
             condensed = condense(scene, pairings)
-            require_stable(condensed)
+            require_stable(condensed, scene)
             if not pairings:
                 return condensed, ()
             ends = _exact_ends(condensed, stages)
@@ -153,13 +153,26 @@ def reach_error(contact: str, gap: float) -> NumericalError:
     )
 
 
-def require_stable(condensed: Condensed) -> None:
+def require_stable(condensed: Condensed, scene: Scene) -> None:
     """Raises UnstableError when the condensed compliance is not positive: pressures would mean nothing."""
     value = condensed.stability
     if value is not None and not value > 0.0:
+        hint = (
+            "give the two surfaces nearly equal node spacings where they meet (`mlsanm check` shows the "
+            "ratio), or use mls.degree = 2"
+        )
+        for pairing in condensed.pairings:
+            slave, master = (
+                scene.bodies[name].model.material.contact_modulus
+                for name in (pairing.slave_body, pairing.master_body)
+            )
+            if slave > 2.0 * master:
+                hint = (
+                    f"swap slave and master of contact {pairing.name}: the softer body should be the slave; "
+                    f"{pairing.slave_body} is {slave / master:.3g} times stiffer than {pairing.master_body}"
+                )
         raise UnstableError(
             f"the contact compliance is not positive (smallest eigenvalue {value:.2g} of the largest)",
-            "give the two surfaces nearly equal node spacings where they meet (`mlsanm check` shows the "
-            "ratio), or use mls.degree = 2",
+            hint,
             value,
         )

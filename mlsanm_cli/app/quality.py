@@ -18,6 +18,8 @@ GROWTH = 0.3
 """A spacing that grows faster than this per unit length mixes coarse and fine nodes in one stencil."""
 RATIO = 2.0
 """Facing spacings that differ by more can cost the contact compliance its stability."""
+STIFFER = 3.0
+"""A slave stiffer than its master by more leaves its oscillations of pressure without resistance."""
 ROUND_OFF = 1e-6
 
 
@@ -51,6 +53,11 @@ def assess(prepared: Prepared) -> Quality:
         for pairing in prepared.pairings
         if ratios[pairing.name] > RATIO * (1.0 + ROUND_OFF)
     ]
+    warnings += [text for pairing in prepared.pairings for text in _stiffness_warnings(prepared, pairing)]
+    if any(model.settings.degree == 1 for model in prepared.models.values()):
+        warnings.append(
+            "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"
+        )
     return Quality(bodies, ratios, tuple(warnings))
 
 
@@ -62,6 +69,17 @@ def ratio_message(pairing: Pairing, ratio: float) -> str:
         f"{pairing.master_body}.{pairing.master.name} closer together "
         f"(body.{pairing.slave_body}.spacing, body.{pairing.master_body}.spacing, or their refinements)"
     )
+
+
+def _stiffness_warnings(prepared: Prepared, pairing: Pairing) -> Iterator[str]:
+    slave, master = (
+        prepared.models[name].material.contact_modulus for name in (pairing.slave_body, pairing.master_body)
+    )
+    if slave > STIFFER * master:
+        yield (
+            f"contact {pairing.name}: the slave is {slave / master:.3g} times stiffer than the master; "
+            f"swap them, the softer body gives the better pressures as slave"
+        )
 
 
 def _cloud_warnings(name: str, cloud: CloudQuality) -> Iterator[str]:

@@ -38,7 +38,7 @@ def slave_points(built: Built, pairing: Pairing) -> FloatArray:
 
 def slave_arc(pairing: Pairing) -> FloatArray:
     """Arc lengths (m,) of a contact's candidates along the slave surface."""
-    return pairing.slave.arc_length[pairing.position[pairing.candidate]]
+    return pairing.arc[pairing.candidate]
 
 
 def write_model(file: RunFile, built: Built) -> None:

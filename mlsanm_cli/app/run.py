@@ -9,7 +9,7 @@ from typing import Any
 from mlsanm_cli.app.build import Built, build_scene, complete
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.judge import force_balance, judge_balance, judge_linear, judge_state
+from mlsanm_cli.app.judge import force_balance, judge_balance, judge_linear, judge_spacing, judge_state
 from mlsanm_cli.app.paths import path_of
 from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess
@@ -88,6 +88,7 @@ def _follow(built: Built, recorder: Recorder, clock: Clock) -> None:
     with clock.phase("output"):
         linear = recorder.check_linear(built)
     judge_linear(linear)
+    judge_spacing(built, recorder.last)
     warning = judge_balance(force_balance(built, recorder.last))
     if warning:
         recorder.warn(warning)

@@ -6,15 +6,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import advance_front
 
 CANDIDATES = 15
+FLAT = 1e-9
 STRIPS = 512
 
 
@@ -58,6 +61,32 @@ class Cloud:
     def boundary_nodes(self) -> IntArray:
         """Indices of all boundary nodes, each once."""
         return np.unique(np.concatenate([surface.index for surface in self.surfaces.values()]))
+
+    @cached_property
+    def triangles(self) -> IntArray:
+        """Delaunay triangles (t, 3) of the nodes that lie inside the body, counter-clockwise.
+
+        For figures about a cloud and for checks of a result, never for the solution.
+        """
+        triangles = np.asarray(Delaunay(self.points).simplices, dtype=np.int64)
+        a, b, c = (self.points[triangles[:, corner]] for corner in range(3))
+        twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]
+        # Only a triangle of three boundary nodes can lie outside, across a hollow or flat along a curve.
+        on_boundary = np.zeros(len(self.points), dtype=bool)
+        on_boundary[self.boundary_nodes] = True
+        outside = np.abs(twice) <= FLAT * ((b - a) ** 2).sum(axis=1)
+        doubtful = np.flatnonzero(on_boundary[triangles].all(axis=1) & ~outside)
+        centers = self.points[triangles[doubtful]].mean(axis=1)
+        outside[doubtful] = ~inside_polygon(self._outline, centers)
+        inner: IntArray = triangles[~outside]
+        return inner
+
+    @property
+    def _outline(self) -> FloatArray:
+        """The boundary nodes in order, counter-clockwise."""
+        parts = [s.index if s.curve.closed else s.index[:-1] for s in self.surfaces.values()]
+        return self.points[np.concatenate(parts)]
 
 
 def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_000_000) -> Cloud:

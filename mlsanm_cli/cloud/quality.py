@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import Delaunay, cKDTree
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.cloud.cloud import Cloud
 
@@ -39,17 +39,16 @@ def measure(cloud: Cloud) -> CloudQuality:
 
 def _largest_hole(cloud: Cloud) -> float:
     """Largest circumradius over spacing of the Delaunay triangles whose centre lies among the nodes."""
-    corners = cloud.points[Delaunay(cloud.points).simplices]
+    corners = cloud.points[cloud.triangles]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac = b - a, c - a
     twice = 2.0 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
-    good = np.abs(twice) > 1e-9 * (ab**2).sum(axis=1)
-    ab2, ac2 = (ab[good] ** 2).sum(axis=1), (ac[good] ** 2).sum(axis=1)
-    x = (ac[good, 1] * ab2 - ab[good, 1] * ac2) / twice[good]
-    y = (ab[good, 0] * ac2 - ac[good, 0] * ab2) / twice[good]
+    ab2, ac2 = (ab**2).sum(axis=1), (ac**2).sum(axis=1)
+    x = (ac[:, 1] * ab2 - ab[:, 1] * ac2) / twice
+    y = (ab[:, 0] * ac2 - ac[:, 0] * ab2) / twice
     # Flat triangles along the outline have their centres outside: they are no holes. A centre counts as
     # inside where the nearest boundary node does not see it in front of its surface.
-    center = a[good] + np.stack([x, y], axis=1)
+    center = a + np.stack([x, y], axis=1)
     normals = np.zeros_like(cloud.points)
     for surface in cloud.surfaces.values():
         normals[surface.index] += surface.normal

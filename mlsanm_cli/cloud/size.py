@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.cloud.spacing import Spacing
 
 NODES_PER_SQUARE = 0.89
@@ -27,7 +28,7 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
         h = spacing.at(cells)
         # Fine enough when a cell holds few nodes: its spacing is then nearly even.
         fine = size <= 4.0 * h
-        inside = _inside(chain, cells[fine])
+        inside = inside_polygon(chain, cells[fine])
         total += NODES_PER_SQUARE * float((size**2 / h[fine] ** 2)[inside].sum())
         if total > limit or len(cells) > 4_000_000:
             return max(total, limit)
@@ -40,13 +41,3 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
         cells = cells[~outside]
         size *= 0.5
     return total + NODES_PER_STEP * sum(len(spacing.steps_along(curve)) - 1 for curve in outline.curves)
-
-
-def _inside(chain: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Even-odd rule for ``points`` (n, 2) in the polygon ``chain`` (c, 2)."""
-    inside = np.zeros(len(points), dtype=bool)
-    for (x0, y0), (x1, y1) in zip(chain, np.roll(chain, -1, axis=0), strict=True):
-        if y0 != y1:
-            crosses = (y0 > points[:, 1]) != (y1 > points[:, 1])
-            inside ^= crosses & (points[:, 0] < x0 + (points[:, 1] - y0) / (y1 - y0) * (x1 - x0))
-    return inside

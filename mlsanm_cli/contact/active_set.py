@@ -1,8 +1,9 @@
 """Exact unilateral contact: p >= 0, h >= 0, p h = 0, solved by an active set on the condensed system.
 
 The primal-dual active set (Hintermuller, Ito and Kunisch 2002, doi:10.1137/S1052623401383558) settles in a
-few passes. Should it come back to a set it has seen, the least-index principal pivoting of Murty (1974,
-doi:10.1007/BF01580238) takes over, which cannot cycle while sym(W A) is positive definite.
+few passes. Should it come back to a set it has seen, the least-index principal pivoting of Murty (Linear
+Complementarity, Linear and Nonlinear Programming, 1988, chapter 4) takes over, which cannot cycle while
+sym(W A) is positive definite.
 """
 
 from __future__ import annotations

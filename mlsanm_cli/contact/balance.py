@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
-from mlsanm_cli.contact.observers import resultant
+from mlsanm_cli.contact.observers import cut_off, resultant
 from mlsanm_cli.contact.pairing import Pairing, transfer
 from mlsanm_cli.mechanics.scene import Platen, PlatenMotion, Scene
 
@@ -19,40 +20,65 @@ Held = tuple[str, str]
 class Forces:
     """Everything that pushes on a body, as force x, y and moment (3 rows) in the condensed unknowns.
 
-    ``reactions[body, surface]`` are integrals of sigma n, with moments about that platen's centre.
+    ``measured[body, surface]`` is what :func:`reaction_rows` finds, moments about that platen's centre.
     """
 
     scene: Scene
     pairings: tuple[Pairing, ...]
     spans: Mapping[str, slice]
     columns: Columns
-    reactions: Mapping[Held, LinearMap]
+    measured: Mapping[Held, LinearMap]
 
-    def contact(self, pairing: Pairing, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
-        """What a contact exerts on its slave."""
-        chosen = pairing.candidate
-        forces = (pairing.weight[:, None] * pairing.normal)[chosen]
-        points = self.scene.bodies[pairing.slave_body].model.cloud.points[pairing.node[chosen]]
+    def contact(
+        self, pairing: Pairing, center: tuple[float, float] = (0.0, 0.0), factor: FloatArray | None = None
+    ) -> LinearMap:
+        """What a contact exerts on its slave; ``factor`` (n, 2) scales the nodes' forces."""
+        nodes = pairing.node[pairing.candidate]
+        forces = (pairing.weight[:, None] * pairing.normal)[pairing.candidate]
+        forces = forces if factor is None else forces * factor[nodes]
+        points = self._points(pairing.slave_body)[nodes]
         return self.columns.of_pressures(self.spans[pairing.name], resultant(forces, points, center))
 
-    def transferred(self, pairing: Pairing) -> LinearMap:
+    def transferred(
+        self, pairing: Pairing, center: tuple[float, float] = (0.0, 0.0), factor: FloatArray | None = None
+    ) -> LinearMap:
         """What the master's own nodes receive of it: minus :meth:`contact` up to the discretisation error."""
         cloud = self.scene.bodies[pairing.master_body].model.cloud
         surface = pairing.master
         forces = -surface.weight[:, None] * surface.normal
-        per_node = resultant(forces, cloud.points[surface.index], (0.0, 0.0))
+        forces = forces if factor is None else forces * factor[surface.index]
+        per_node = resultant(forces, cloud.points[surface.index], center)
         return self.columns.of_pressures(self.spans[pairing.name], per_node @ transfer(pairing, cloud))
 
-    def tractions(self, body: str, center: tuple[float, float]) -> LinearMap:
+    def tractions(
+        self, body: str, center: tuple[float, float], factor: FloatArray | None = None
+    ) -> LinearMap:
         """What the prescribed tractions on a body add up to."""
         total = np.zeros((3, self.columns.loads))
         for load in self.scene.surface_loads:
             if load.body == body and not load.held:
                 surface = self.scene.surface(body, load.surface)
-                points = self.scene.bodies[body].model.cloud.points[surface.index]
                 forces = surface.weight[:, None] * load.values
+                forces = forces if factor is None else forces * factor[surface.index]
+                points = self._points(body)[surface.index]
                 total[:, load.number] += resultant(forces, points, center).sum(axis=1)
         return self.columns.of_loads(total)
+
+    def reaction(self, body: str, surface: str) -> LinearMap:
+        """The force of a held surface on its body, from the stress inside the body."""
+        elastic = self.scene.bodies[body]
+        center = self.scene.center(body, surface)
+        factor = np.outer(cut_off(elastic, surface), elastic.held[surface])
+        known = self.tractions(body, center, factor)
+        for pairing in self.pairings:
+            if pairing.slave_body == body:
+                known = known + self.contact(pairing, center, factor)
+            if pairing.master_body == body:
+                known = known + self.transferred(pairing, center, factor)
+        return self.measured[body, surface] + -known
+
+    def _points(self, body: str) -> FloatArray:
+        return self.scene.bodies[body].model.cloud.points
 
     def others(self, platen: Platen) -> LinearMap:
         """Contacts and tractions on a platen's body, moments about the platen's centre."""
@@ -69,7 +95,7 @@ class Forces:
         row = slice(motion.component, motion.component + 1)
         if motion.alone:
             return -self.others(platen).take(row)
-        return self.reactions[platen.body, platen.surface].take(row)
+        return self.reaction(platen.body, platen.surface).take(row)
 
 
 def platen_balance(forces: Forces) -> LinearMap:
@@ -86,7 +112,7 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
     report = {}
     for load in scene.surface_loads:
         if load.held:
-            total = forces.reactions[load.body, load.surface]
+            total = forces.reaction(load.body, load.surface)
         else:
             surface = scene.surface(load.body, load.surface)
             sums = np.zeros((3, columns.loads))
@@ -108,7 +134,7 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
                     rows[motion.component] = forces.platen(platen, motion)
             report[scene.loads[number]] = stack(rows, columns)
     for name, held in scene.supports.items():
-        report[name] = forces.reactions[held].take(slice(0, 2))
+        report[name] = forces.reaction(*held).take(slice(0, 2))
     return report
 
 
@@ -125,9 +151,8 @@ def body_imbalance(forces: Forces) -> LinearMap:
                 total = total + forces.contact(pairing)
             if pairing.master_body == name:
                 total = total + forces.transferred(pairing)
-        for (body, _), reaction in forces.reactions.items():
-            if body == name:
-                total = total + reaction
+        for surface in forces.scene.bodies[name].held:
+            total = total + forces.reaction(name, surface)
         for component in (0, 1):
             hidden = forces.scene.held_nodes.get(name, (False, False))[component]
             row = slice(component, component + 1)

@@ -80,7 +80,6 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     spans = {
         pair.name: slice(int(a), int(b)) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)
     }
-    centers = {(platen.body, platen.surface): platen.center for platen in scene.platens}
     held = [(name, surface) for name, body in scene.bodies.items() for surface in body.held]
 
     paired = sum(len(pairing.position) for pairing in pairings)
@@ -91,9 +90,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         sources[name] = body_sources(scene, name, pairings, spans, columns)
         empty = sparse.csr_array((3, 2 * len(body.model.cloud.points)))
         reactions = [
-            reaction_rows(body, surface, centers.get((owner, surface), (0.0, 0.0)))
-            if owner == name
-            else empty
+            reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else empty
             for owner, surface in held
         ]
         rows = sparse.csr_array(sparse.vstack([gap_rows(body, name, pairings), *reactions], format="csr"))

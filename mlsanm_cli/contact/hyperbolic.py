@@ -1,7 +1,7 @@
 """Regularised unilateral contact: the hyperbola (p + eta) h = eta delta, followed along a load path.
 
-Elhage-Hussein, Potier-Ferry and Damil 2000 (doi:10.1016/S0020-7683(99)00322-7): the gap left under a pressure
-p is about eta delta / p, the spurious tension of an open node stays below eta, and the branch h < 0 means
+Elhage-Hussein, Potier-Ferry and Damil (Int. J. Solids Structures 37, 2000, 6981): the gap under a pressure p
+is about eta delta / p, the spurious tension of an open node stays below eta, and the branch h < 0 means
 nothing. Unknowns x = (p, h, q); with s from 0 to 1 along the stage and f(s) = f_a + s (f_b - f_a)::
 
     r1 = (p + eta) h - eta delta

@@ -3,8 +3,8 @@
 Least squares in the strong form asks for second derivatives that are not square-integrable there; left
 alone, it would prefer a smooth wrong solution and lose force on the way to the clamped side. So rows are
 weighted by a power of the distance to the nearest such corner, in the manner of the weighted norms of Cox and
-Fix (Computers & Mathematics with Applications 10, 1984) and of Lee and Manteuffel (SIAM Journal on Scientific
-Computing 28, 2006). What is lost all the same shows in the force balance of every run.
+Fix (Computers & Mathematics with Applications 10, 1984) and of Lee, Manteuffel and Westphal (SIAM Journal on
+Numerical Analysis 44, 2006). What is lost all the same shows in the force balance of every run.
 """
 
 from __future__ import annotations

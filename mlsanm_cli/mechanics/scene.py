@@ -85,6 +85,13 @@ class Scene:
         """A body's surface by name."""
         return self.bodies[body].model.cloud.surfaces[name]
 
+    def center(self, body: str, surface: str) -> tuple[float, float]:
+        """The point that moments of a held surface are taken about: its platen's centre, else the origin."""
+        for platen in self.platens:
+            if (platen.body, platen.surface) == (body, surface):
+                return platen.center
+        return (0.0, 0.0)
+
     @property
     def unknown_motions(self) -> list[tuple[Platen, PlatenMotion]]:
         """Platen motions to be solved for, in the order of the unknowns q."""

@@ -91,6 +91,18 @@ def test_unequal_spacings_are_told(spacing: float, warned: int, noted: int, tmp_
     assert found["warnings"] == console.warnings
 
 
+def test_stiff_slaves_and_degree_one_are_warned_of(tmp_path: Path) -> None:
+    text = PATCH.replace("[[body]]", "[material.soft]\nE = 1e3\nnu = 0.3\n\n[[body]]", 1)
+    head, tail = text.split('name = "lower"')
+    case = write(tmp_path, head + 'name = "lower"' + tail.replace('"steel"', '"soft"', 1))
+    found = check(case, overrides=("mls.degree=1",), console=Quiet())
+    assert [text for text in found["warnings"] if "times stiffer than the master" in text]
+    assert [text for text in found["warnings"] if "for comparisons only" in text]
+    swapped = ('contact.interface.slave="lower.top"', 'contact.interface.master="upper.bottom"')
+    found = check(case, overrides=swapped, console=Quiet())
+    assert not [text for text in found["warnings"] if "stiffer" in text]
+
+
 def test_poor_clouds_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the run's events and summary too, with the key to change."""
 
