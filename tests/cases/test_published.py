@@ -119,7 +119,7 @@ def test_two_cylinders(tmp_path: Path, law: str) -> None:
     summary, _ = solve("two_cylinders", tmp_path / law, f'contact.interface.regularization.law="{law}"')
     _, peak, width = deviations(summary)
     assert abs(peak) <= 0.004
-    assert abs(width) <= (0.02 if law == "exact" else 0.035)
+    assert abs(width) <= (0.02 if law == "exact" else 0.05)
 
 
 def test_patch(tmp_path: Path) -> None:
