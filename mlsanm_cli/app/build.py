@@ -14,6 +14,7 @@ from mlsanm_cli.app.estimate import refuse_too_large
 from mlsanm_cli.app.scene import Prepared, factorise, prepare
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, LoadedCase
+from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.condensed import Condensed, condense
 from mlsanm_cli.contact.pairing import Pairing
@@ -52,8 +53,10 @@ def load_kernels(clock: Clock, console: Console) -> None:
         load_all()
 
 
-def build_scene(loaded: LoadedCase, clock: Clock, console: Console) -> Prepared:
+def build_scene(loaded: LoadedCase, clock: Clock, console: Console, zones: tuple[Zone, ...] = ()) -> Prepared:
     """Clouds, stencils, pairs and conditions: all that can show that a case cannot be run as written.
+
+    ``zones`` are refinements of every body beyond those of the case.
 
     Raises RunError for a scene that memory cannot hold, CaseError for contacts and platens without sense.
     """
@@ -61,7 +64,7 @@ def build_scene(loaded: LoadedCase, clock: Clock, console: Console) -> Prepared:
     with clock.phase("cloud"):
         refuse_too_large(loaded.case)
         console.phase("placing nodes")
-        placed = clouds(loaded.case)
+        placed = clouds(loaded.case, zones)
     with clock.phase("operators"):
         console.phase("building operators")
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from mlsanm_cli.case.model import Body, Case
 from mlsanm_cli.case.shapes import HalfDisk, Rectangle, Sector
@@ -43,6 +44,11 @@ def materials(case: Case) -> dict[str, PlaneMaterial]:
     return {name: isotropic(m.E, m.nu, case.model.plane) for name, m in case.material.items()}
 
 
-def clouds(case: Case) -> dict[str, Cloud]:
-    """Node clouds of all bodies."""
-    return {body.name: build_cloud(outline_of(body), spacing_of(body), body.seed) for body in case.body}
+def clouds(case: Case, zones: tuple[Zone, ...] = ()) -> dict[str, Cloud]:
+    """Node clouds of all bodies, refined in ``zones`` beyond what the case says."""
+    placed = {}
+    for body in case.body:
+        spacing = spacing_of(body)
+        finer = replace(spacing, zones=(*spacing.zones, *zones))
+        placed[body.name] = build_cloud(outline_of(body), finer, body.seed)
+    return placed

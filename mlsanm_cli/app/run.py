@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.build import Built, build_scene, complete
+from mlsanm_cli.app.adapt import Adapted, adapt
+from mlsanm_cli.app.build import Built, build_scene
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.judge import force_balance, judge_balance, judge_linear, judge_spacing, judge_state
@@ -49,6 +50,7 @@ def run(
         quality = assess(prepared)
     run_dir.prepare(directory, force)
     built: Built | None = None
+    adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
     with Recorder(directory, loaded, attributes(loaded, argv, threads), clock, console) as recorder:
         try:
@@ -56,7 +58,10 @@ def run(
                 console.note(note)
             for warning in quality.warnings:
                 recorder.warn(warning)
-            built = complete(loaded.case, prepared, clock, console)
+            adapted = adapt(loaded, prepared, clock, console)
+            built = adapted.built
+            if adapted.refined:
+                quality = assess(adapted.prepared)
             recorder.start(built)
             _follow(built, recorder, clock)
         except NumericalError as error:
@@ -69,6 +74,8 @@ def run(
         if built is not None:
             recorder.interfaces(built)
         summary = summarise(ending, built, quality, recorder, clock)
+        if adapted is not None and adapted.refined:
+            summary["adapt"] = adapted.figures
         recorder.finish(summary)
     return {**summary, "directory": str(directory)}
 

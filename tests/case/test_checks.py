@@ -235,7 +235,6 @@ def test_method_and_law(method: str, law: str, fits: bool) -> None:
         ('contact.interface.regularization.friction_law="memory"', "tangential law"),
         ('mls.scheme="collocation"', "collocation"),
         ('mls.scheme="ghost"', "ghost"),
-        ("adapt.passes=2", "adaptive"),
         ('solver.method="newton"', "newton"),
         ('solver.formulation="monolithic"', "monolithic"),
         ("solver.polish=true", "polishing"),

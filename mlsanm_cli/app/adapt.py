@@ -1,0 +1,126 @@
+"""``[adapt] passes``: solve, refine both clouds where contact begins and ends, solve again.
+
+What limits a pressure profile is the position of the contact's edges, known to half a spacing, and then the
+spacing under the contact. Every pass asks for ``ACROSS`` spacings over the half-width of each patch found and
+refines around its edges, within twice the distance in which an edge is known to lie, up to ``AT_EDGE``
+spacings per half-width. Zones of an earlier pass give way to those of the next, which knows better. Both
+bodies get the same zones, so that their spacings stay matched. Nothing of it comes from the case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from mlsanm_cli.app.build import Built, build_scene, complete
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.contact.patches import Patch, contact_patches
+from mlsanm_cli.contact.profile import half_width
+
+ACROSS = 20.0
+AT_EDGE = 256.0
+FINER = 8.0
+"""An edge zone is at most so many times finer than what the edge was found with."""
+GROWTH = 0.12
+TOLERANCE = 2e-4
+"""Passes end when neither the peak pressure nor the half-width changed by more, relatively."""
+
+
+@dataclass(frozen=True)
+class Pass:
+    """Figures after one pass; ``change`` is the largest relative change of peak pressure and half-width."""
+
+    nodes: int
+    peak_pressure: float
+    half_width: float
+    change: float | None
+
+
+@dataclass(frozen=True)
+class Adapted:
+    """The last pass's scene, and the history of all."""
+
+    prepared: Prepared
+    built: Built
+    passes: tuple[Pass, ...]
+
+    @property
+    def refined(self) -> bool:
+        """Whether the clouds are other than the case's own."""
+        return len(self.passes) > 1
+
+    @property
+    def figures(self) -> list[dict[str, Any]]:
+        """The history as plain values."""
+        return [asdict(one) for one in self.passes]
+
+
+def adapt(loaded: LoadedCase, prepared: Prepared, clock: Clock, console: Console) -> Adapted:
+    """Complete the scene, and refine it as often as the case asks or until nothing changes any more."""
+    built = complete(loaded.case, prepared, clock, console)
+    history = [_figures(built, None)]
+    for number in range(1, loaded.case.adapt.passes + 1):
+        patches = tuple(found_patches(built))
+        if not any(_is_coarse(patch) for patch in patches):
+            console.note(f"refinement ends before pass {number}: the clouds are fine enough at every edge")
+            break
+        zones = tuple(zone for patch in patches for zone in _patch_zones(patch))
+        prepared = build_scene(loaded, clock, console, zones)
+        built = complete(loaded.case, prepared, clock, console)
+        history.append(_figures(built, history[-1]))
+        now = history[-1]
+        console.note(
+            f"pass {number}: {now.nodes} nodes, peak pressure {now.peak_pressure:.6g}, "
+            f"half-width {now.half_width:.6g}, change {now.change:.2g}"
+        )
+        if now.change is not None and now.change <= TOLERANCE:
+            break
+    return Adapted(prepared, built, tuple(history))
+
+
+def found_patches(built: Built) -> Iterator[Patch]:
+    """Patches with an edge in the exact states at the ends of all stages.
+
+    A surface that is closed from end to end has no edge, and nothing to refine.
+    """
+    for state in built.ends:
+        for pairing in built.condensed.pairings:
+            closed = state.active[built.condensed.spans[pairing.name]]
+            yield from (patch for patch in contact_patches(pairing, closed) if len(patch.edges))
+
+
+def _is_coarse(patch: Patch) -> bool:
+    """Whether another pass would refine around the patch by more than spacings vary anyway."""
+    edges = patch.uncertainty > 1.5 * patch.half_width / AT_EDGE
+    return bool(edges.any()) or patch.spacing > 1.2 * patch.half_width / ACROSS
+
+
+def _patch_zones(patch: Patch) -> Iterator[Zone]:
+    """Zones under the patch and around its edges."""
+    middle = (float(patch.middle[0]), float(patch.middle[1]))
+    reach = patch.half_width + 2.0 * float(patch.uncertainty.max())
+    yield Zone.around(middle, patch.half_width / ACROSS, reach, GROWTH)
+    for edge, unsure in zip(patch.edges, patch.uncertainty, strict=True):
+        finest = max(patch.half_width / AT_EDGE, float(unsure) / FINER)
+        yield Zone.around((float(edge[0]), float(edge[1])), finest, 2.0 * float(unsure), GROWTH)
+
+
+def _figures(built: Built, before: Pass | None) -> Pass:
+    """Largest peak pressure and half-width over the contacts and stages."""
+    peak = width = 0.0
+    for state in built.ends:
+        peak = max(peak, float(state.pressure.max(initial=0.0)))
+        for pairing in built.condensed.pairings:
+            pressure = state.pressure[built.condensed.spans[pairing.name]]
+            width = max(width, half_width(pairing.arc[pairing.candidate], pressure))
+    nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
+    change = None
+    if before is not None:
+        pairs = ((peak, before.peak_pressure), (width, before.half_width))
+        change = max(abs(new - old) / old if old else float(new != old) for new, old in pairs)
+    return Pass(nodes, peak, width, change)

@@ -1,0 +1,91 @@
+"""Refinement at the contact found, from coarse cases that do not say where it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.adapt import ACROSS, AT_EDGE
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Surface
+from mlsanm_cli.cloud.curves import Segment
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.patches import contact_patches
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import BAR, PATCH, hertz, solve
+
+
+def line(arc: FloatArray) -> Pairing:
+    """Slave nodes at ``arc`` on a line, all of them candidates of a master just below."""
+    count = len(arc)
+    segment = Segment((0.0, 0.0), (10.0, 0.0))
+    up = np.tile([0.0, 1.0], (count, 1))
+    slave = Surface("bottom", segment, np.arange(count), arc, -up)
+    return Pairing(
+        name="c",
+        slave_body="a",
+        slave=slave,
+        master_body="b",
+        master=slave,
+        position=np.arange(count),
+        partner=segment.points(arc),
+        normal=up,
+        gap=np.zeros(count),
+        spacing=np.gradient(arc),
+        candidate=np.ones(count, dtype=bool),
+    )
+
+
+def test_patches_lie_between_open_nodes() -> None:
+    pairing = line(np.linspace(0.0, 10.0, 11))
+    closed = np.zeros(11, dtype=bool)
+    closed[[2, 3, 4, 8, 9, 10]] = True
+    inner, outer = contact_patches(pairing, closed)
+    assert inner.half_width == pytest.approx(1.5)
+    assert inner.middle == pytest.approx([3.0, 0.0])
+    assert inner.edges == pytest.approx(np.array([[1.5, 0.0], [4.5, 0.0]]))
+    assert inner.uncertainty == pytest.approx([1.0, 1.0])
+    # The second ends with the surface: one edge only, and its middle counts to that end.
+    assert outer.edges == pytest.approx(np.array([[7.5, 0.0]]))
+    assert outer.half_width == pytest.approx(1.25)
+    assert outer.middle == pytest.approx([8.75, 0.0])
+
+
+def test_a_surface_closed_from_end_to_end_has_no_edges() -> None:
+    (patch,) = contact_patches(line(np.linspace(0.0, 10.0, 11)), np.ones(11, dtype=bool))
+    assert patch.edges.shape == (0, 2)
+    assert not contact_patches(line(np.linspace(0.0, 10.0, 11)), np.zeros(11, dtype=bool))
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+def test_a_coarse_hertz_case_becomes_accurate(tmp_path: Path, law: str) -> None:
+    settings = (f'contact.interface.regularization.law="{law}"', 'reference.solution="hertz-line"')
+    coarse = solve(hertz(), tmp_path / "coarse", *settings)
+    fine = solve(hertz(), tmp_path / "fine", "adapt.passes=3", *settings)
+    assert fine["status"] == "done"
+    errors = [run["contacts"]["interface"]["reference"]["pressure_error_l2"] for run in (coarse, fine)]
+    assert errors[0] >= 0.015
+    assert errors[1] <= (0.004 if law == "exact" else 0.008)
+    passes = fine["adapt"]
+    assert 2 <= len(passes) <= 4
+    assert passes[0]["nodes"] == coarse["nodes"]
+    assert passes[-1]["nodes"] == fine["nodes"] <= 9000
+    assert passes[0]["change"] is None
+    assert passes[-1]["change"] < passes[1]["change"]
+    # The clouds stored are the last ones: about 20 spacings over the half-width, 256 at its edges.
+    data = read_run(tmp_path / "fine").contacts["interface"]
+    closed = data.weight[data.status[-1] > 0]
+    width = fine["contacts"]["interface"]["half_width"]
+    assert closed.max() <= 1.2 * width / ACROSS
+    assert closed.min() <= 2.0 * width / AT_EDGE
+    assert fine["quality"]["spacing_ratio"]["interface"] < 1.3
+
+
+def test_nothing_to_refine(tmp_path: Path) -> None:
+    plain = solve(PATCH, tmp_path / "plain")
+    again = solve(PATCH, tmp_path / "again", "adapt.passes=2")
+    assert "adapt" not in again
+    assert again["nodes"] == plain["nodes"]
+    assert "adapt" not in solve(BAR, tmp_path / "bar", "adapt.passes=2")
