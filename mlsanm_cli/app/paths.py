@@ -151,7 +151,10 @@ def anm_path(built: Built) -> Iterator[PathStep]:
         follower = follow(problem, x, 0.0, 1.0, options)
         before = 0.0
         for step in follower.steps():
-            end = _regularized_state(problem, step.x, step.lam, stage, step.residual)
+            x, residual = step.x, step.residual
+            if step.lam == 1.0:
+                x, residual = _sharpened(problem, x, step.lam, residual)
+            end = _regularized_state(problem, x, step.lam, stage, residual)
             saved = [p for p in wanted if stage + before < p <= stage + step.lam]
             yield _path_step(problem, step, end, stage, tuple(saved))
             before = step.lam
@@ -162,7 +165,20 @@ def anm_path(built: Built) -> Iterator[PathStep]:
                 f"{outcome.reason.value} ({outcome.message})",
                 "raise solver.max_steps" if outcome.reason.value == "max steps" else BRANCH_HINT,
             )
-        x = outcome.x
+
+
+def _sharpened(
+    problem: HyperbolicContact, x: FloatArray, lam: float, residual: float
+) -> tuple[FloatArray, float]:
+    """One more Newton update at the end of a stage, where users compare figures to the last digit.
+
+    The path itself is only followed to its tolerance, and where its steps end depends on round-off.
+    """
+    better = x + problem.tangent(x, lam).solve(-problem.residual(x, lam))
+    smaller = float(np.abs(problem.residual(better, lam)).max())
+    if smaller < residual and problem.admissible(better, lam):
+        return better, smaller
+    return x, residual
 
 
 def _start_point(built: Built, law: Regularization) -> FloatArray:

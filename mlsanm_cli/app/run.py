@@ -16,6 +16,7 @@ from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import check_reference
+from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.app.summary import Ending, summarise
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError, UnstableError
@@ -52,7 +53,8 @@ def run(
     built: Built | None = None
     adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
-    with Recorder(directory, loaded, attributes(loaded, argv, threads), clock, console) as recorder:
+    provenance = attributes(loaded, argv, threads)
+    with Stopper() as stopper, Recorder(directory, loaded, provenance, clock, console) as recorder:
         try:
             for note in prepared.notes:
                 console.note(note)
@@ -62,8 +64,10 @@ def run(
             built = adapted.built
             if adapted.refined:
                 quality = assess(adapted.prepared)
+            stopper.check()
+            stopper.gentle = True
             recorder.start(built)
-            _follow(built, recorder, clock)
+            _follow(built, recorder, clock, stopper)
         except NumericalError as error:
             stability = error.stability if isinstance(error, UnstableError) else None
             ending = Ending("failed", error.message, error.hint, stability)
@@ -80,10 +84,11 @@ def run(
     return {**summary, "directory": str(directory)}
 
 
-def _follow(built: Built, recorder: Recorder, clock: Clock) -> None:
+def _follow(built: Built, recorder: Recorder, clock: Clock, stopper: Stopper) -> None:
     """Go along the path; raises NumericalError as soon as a state cannot be believed."""
     steps = path_of(built)
     while True:
+        stopper.check()
         with clock.phase("continuation"):
             step = next(steps, None)
         if step is None:
