@@ -13,10 +13,10 @@ STOPPING = (signal.SIGINT, signal.SIGTERM)
 class Stopper:
     """Turns SIGINT and SIGTERM into an orderly end; use as a context manager.
 
-    While ``gentle``, the first signal only sets ``requested``, and :meth:`check` raises KeyboardInterrupt where
-    it does no harm; a second signal raises it at once. Otherwise the first one raises it at once and is
-    remembered, for an exception in a callback of a compiled library can be lost. Nothing changes outside the
-    main thread.
+    While ``gentle``, the first signal only sets ``requested``, and :meth:`check` raises KeyboardInterrupt
+    where it does no harm; a second one raises it at once. Otherwise the first raises it at once and is
+    remembered, for an exception in a callback of a compiled library can be lost. Nothing changes outside
+    the main thread.
     """
 
     def __init__(self) -> None:
