@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from mlsanm_cli.app.build import Built, build_scene, complete
+from mlsanm_cli.app.build import Built, complete, place
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.scene import Prepared
-from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.patches import Patch, contact_patches
 from mlsanm_cli.contact.profile import half_width
@@ -60,18 +60,18 @@ class Adapted:
         return [asdict(one) for one in self.passes]
 
 
-def adapt(loaded: LoadedCase, prepared: Prepared, clock: Clock, console: Console) -> Adapted:
+def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Adapted:
     """Complete the scene, and refine it as often as the case asks or until nothing changes any more."""
-    built = complete(loaded.case, prepared, clock, console)
+    built = complete(case, prepared, clock, console)
     history = [_figures(built, None)]
-    for number in range(1, loaded.case.adapt.passes + 1):
+    for number in range(1, case.adapt.passes + 1):
         patches = tuple(found_patches(built))
         if not any(_is_coarse(patch) for patch in patches):
             console.note(f"refinement ends before pass {number}: the clouds are fine enough at every edge")
             break
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch))
-        prepared = build_scene(loaded, clock, console, zones)
-        built = complete(loaded.case, prepared, clock, console)
+        prepared = place(case, clock, console, zones)
+        built = complete(case, prepared, clock, console)
         history.append(_figures(built, history[-1]))
         now = history[-1]
         console.note(

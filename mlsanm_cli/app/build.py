@@ -11,7 +11,7 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.clouds import clouds
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.estimate import refuse_too_large
-from mlsanm_cli.app.scene import Prepared, factorise, prepare
+from mlsanm_cli.app.scene import Prepared, factorise, prepare, refuse_overlap, stiffness_ratio
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.cloud.spacing import Zone
@@ -53,24 +53,30 @@ def load_kernels(clock: Clock, console: Console) -> None:
         load_all()
 
 
-def build_scene(loaded: LoadedCase, clock: Clock, console: Console, zones: tuple[Zone, ...] = ()) -> Prepared:
-    """Clouds, stencils, pairs and conditions: all that can show that a case cannot be run as written.
-
-    ``zones`` are refinements of every body beyond those of the case.
+def build_scene(loaded: LoadedCase, clock: Clock, console: Console) -> Prepared:
+    """All that can show that a case cannot be run as written, on its own clouds.
 
     Raises RunError for a scene that memory cannot hold, CaseError for contacts and platens without sense.
     """
     load_kernels(clock, console)
     with clock.phase("cloud"):
         refuse_too_large(loaded.case)
+    try:
+        prepared = place(loaded.case, clock, console)
+        refuse_overlap(prepared.pairings)
+    except CaseError as error:
+        raise loaded.located(error) from error
+    return prepared
+
+
+def place(case: Case, clock: Clock, console: Console, zones: tuple[Zone, ...] = ()) -> Prepared:
+    """Clouds, stencils, pairs and conditions; ``zones`` refine every body beyond what the case says."""
+    with clock.phase("cloud"):
         console.phase("placing nodes")
-        placed = clouds(loaded.case, zones)
+        placed = clouds(case, zones)
     with clock.phase("operators"):
         console.phase("building operators")
-        try:
-            return prepare(loaded.case, placed)
-        except CaseError as error:
-            raise loaded.located(error) from error
+        return prepare(case, placed)
 
 
 def complete(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Built:
@@ -135,17 +141,8 @@ def _exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, .
 
 def _touched(condensed: Condensed, ends: tuple[ExactState, ...]) -> Mapping[str, BoolArray]:
     """Per contact, which paired nodes (w,) are no candidates and yet overlap in one of the states."""
-    overlap = np.zeros(len(condensed.watched.constant), dtype=bool)
-    for state in ends:
-        overlap |= condensed.watched(state.factors, state.motion, state.pressure) < 0.0
-    touched, first = {}, 0
-    for pairing in condensed.pairings:
-        mask = np.zeros(len(pairing.position), dtype=bool)
-        left_out = np.flatnonzero(~pairing.candidate)
-        mask[left_out] = overlap[first : first + len(left_out)]
-        first += len(left_out)
-        touched[pairing.name] = mask
-    return touched
+    found = [condensed.touched(state.factors, state.motion, state.pressure) for state in ends]
+    return {pair.name: np.any([masks[pair.name] for masks in found], axis=0) for pair in condensed.pairings}
 
 
 def reach_error(contact: str, gap: float) -> NumericalError:
@@ -165,14 +162,11 @@ def require_stable(condensed: Condensed, scene: Scene) -> None:
             "ratio), or use mls.degree = 2"
         )
         for pairing in condensed.pairings:
-            slave, master = (
-                scene.bodies[name].model.material.contact_modulus
-                for name in (pairing.slave_body, pairing.master_body)
-            )
-            if slave > 2.0 * master:
+            ratio = stiffness_ratio(pairing, {name: body.model for name, body in scene.bodies.items()})
+            if ratio > 2.0:
                 hint = (
                     f"swap slave and master of contact {pairing.name}: the softer body should be the slave; "
-                    f"{pairing.slave_body} is {slave / master:.3g} times stiffer than {pairing.master_body}"
+                    f"{pairing.slave_body} is {ratio:.3g} times stiffer than {pairing.master_body}"
                 )
         raise UnstableError(
             f"the contact compliance is not positive (smallest eigenvalue {value:.2g} of the largest)",

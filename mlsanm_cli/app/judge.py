@@ -9,7 +9,6 @@ import numpy as np
 
 from mlsanm_cli.app.build import Built, reach_error
 from mlsanm_cli.app.paths import State
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
 
@@ -30,7 +29,7 @@ LINEAR_LIMIT = 1e-6
 
 @dataclass(frozen=True)
 class Verdict:
-    """``force_balance`` per body and in all (the largest), ``residual`` the largest of the path."""
+    """Lack of force balance per body, and ``force_balance``, the largest of them."""
 
     force_balance: float
     bodies: Mapping[str, float]
@@ -38,17 +37,16 @@ class Verdict:
 
 def force_balance(built: Built, state: State) -> Verdict:
     """Sum of the forces on each body over the largest force on it, in one state."""
-    arguments = (state.factors, state.motion, state.pressure)
-    lack = built.condensed.imbalance(*arguments).reshape(-1, 2)
+    lack = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
     per_body = {}
     for number, name in enumerate(built.scene.bodies):
-        largest = float(_largest_force(built, name, arguments))
+        largest = float(_largest_force(built, name, state))
         size = float(np.hypot(*lack[number]))
         per_body[name] = size / largest if largest > 0.0 else 0.0
     return Verdict(max(per_body.values()), per_body)
 
 
-def _largest_force(built: Built, body: str, arguments: tuple[FloatArray, FloatArray, FloatArray]) -> float:
+def _largest_force(built: Built, body: str, state: State) -> float:
     condensed = built.condensed
     maps = [
         condensed.contact_forces[pairing.name]
@@ -56,7 +54,7 @@ def _largest_force(built: Built, body: str, arguments: tuple[FloatArray, FloatAr
         if body in (pairing.slave_body, pairing.master_body)
     ]
     maps += [condensed.forces[load.name] for load in built.case.load if load.boundary.startswith(f"{body}.")]
-    return max((float(np.hypot(*force(*arguments))) for force in maps), default=0.0)
+    return max((float(np.hypot(*force(*state.unknowns))) for force in maps), default=0.0)
 
 
 def judge_state(built: Built, state: State) -> None:
@@ -70,12 +68,11 @@ def judge_state(built: Built, state: State) -> None:
         )
     if not all(np.isfinite(a).all() for a in (state.pressure, state.gap, state.motion)):
         raise NumericalError(f"the state at position {state.position:.6g} is not finite")
-    overlap = condensed.watched(state.factors, state.motion, state.pressure) < 0.0
-    if overlap.any():
-        owners = np.concatenate([np.full((~p.candidate).sum(), i) for i, p in enumerate(condensed.pairings)])
-        gaps = np.concatenate([p.gap[~p.candidate] for p in condensed.pairings])
-        first = condensed.pairings[int(owners[overlap][0])]
-        raise reach_error(first.name, float(gaps[overlap].max()))
+    touched = condensed.touched(*state.unknowns)
+    for pairing in condensed.pairings:
+        gaps = pairing.gap[touched[pairing.name]]
+        if len(gaps):
+            raise reach_error(pairing.name, float(gaps.max()))
 
 
 def judge_balance(verdict: Verdict) -> str:

@@ -35,6 +35,11 @@ class State:
     closed: BoolArray
     residual: float
 
+    @property
+    def unknowns(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Load factors, motions and pressures, as linear maps take them."""
+        return self.factors, self.motion, self.pressure
+
 
 @dataclass(frozen=True)
 class PathStep:
@@ -58,6 +63,12 @@ def wanted_positions(built: Built) -> tuple[float, ...]:
     return tuple(sorted(set(built.case.output.at))) or (float(len(built.case.stage)),)
 
 
+def _stops(built: Built) -> list[float]:
+    """The start, the stages' ends and the wanted positions, in order."""
+    ends = np.arange(0.0, len(built.case.stage) + 1.0).tolist()
+    return sorted({*ends, *wanted_positions(built)})
+
+
 def factors_at(stages: FloatArray, position: float) -> FloatArray:
     """Load factors (L,) at a path position."""
     stage = min(int(position), len(stages) - 2)
@@ -79,7 +90,7 @@ def linear_path(built: Built) -> Iterator[PathStep]:
     """A scene without contact: every state is a combination of the loads' own solutions."""
     wanted = wanted_positions(built)
     condensed = built.condensed
-    for position in sorted({0.0, *wanted, *np.arange(1.0, len(built.case.stage) + 1.0).tolist()}):
+    for position in _stops(built):
         factors = factors_at(built.stages, position)
         nothing = np.zeros(0)
         motion: FloatArray = np.zeros(len(condensed.balance.constant))
@@ -99,7 +110,7 @@ def exact_path(built: Built) -> Iterator[PathStep]:
     start = _unloaded(built)
     yield PathStep(start, (start,) if 0.0 in wanted else ())
     active: BoolArray | None = None
-    for position in sorted({*wanted, *np.arange(1.0, len(built.case.stage) + 1.0)} - {0.0}):
+    for position in _stops(built)[1:]:
         exact = solve_exact(built.condensed, factors_at(built.stages, position), active)
         active = exact.active
         state = _state_of(exact, position)
@@ -146,15 +157,15 @@ def anm_path(built: Built) -> Iterator[PathStep]:
             )
         if not problem.change.any():
             state = _regularized_state(problem, x, 1.0, stage, float(np.abs(problem.residual(x, 1.0)).max()))
-            yield PathStep(state, tuple(_repeated(state, p) for p in wanted if stage < p <= stage + 1))
+            yield PathStep(state, tuple(replace(state, position=p) for p in wanted if stage < p <= stage + 1))
             continue
         follower = follow(problem, x, 0.0, 1.0, options)
         before = 0.0
         for step in follower.steps():
-            x, residual = step.x, step.residual
             if step.lam == 1.0:
-                x, residual = _sharpened(problem, x, step.lam, residual)
-            end = _regularized_state(problem, x, step.lam, stage, residual)
+                step = _sharpened(problem, step)
+            x = step.x
+            end = _regularized_state(problem, x, step.lam, stage, step.residual)
             saved = [p for p in wanted if stage + before < p <= stage + step.lam]
             yield _path_step(problem, step, end, stage, tuple(saved))
             before = step.lam
@@ -167,18 +178,21 @@ def anm_path(built: Built) -> Iterator[PathStep]:
             )
 
 
-def _sharpened(
-    problem: HyperbolicContact, x: FloatArray, lam: float, residual: float
-) -> tuple[FloatArray, float]:
-    """One more Newton update at the end of a stage, where users compare figures to the last digit.
+def _sharpened(problem: HyperbolicContact, step: Step) -> Step:
+    """The step with one more Newton update at its end, where users compare figures to the last digit.
 
     The path itself is only followed to its tolerance, and where its steps end depends on round-off.
     """
-    better = x + problem.tangent(x, lam).solve(-problem.residual(x, lam))
-    smaller = float(np.abs(problem.residual(better, lam)).max())
-    if smaller < residual and problem.admissible(better, lam):
-        return better, smaller
-    return x, residual
+    try:
+        tangent = problem.tangent(step.x, step.lam)
+    except np.linalg.LinAlgError:  # a fold at the very target: the step's own end keeps the tolerance
+        return step
+    x = step.x + tangent.solve(-problem.residual(step.x, step.lam))
+    residual = float(np.abs(problem.residual(x, step.lam)).max())
+    step = replace(step, factorizations=step.factorizations + 1, solves=step.solves + 1)
+    if residual < step.residual and problem.admissible(x, step.lam):
+        step = replace(step, x=x, residual=residual)
+    return step
 
 
 def _start_point(built: Built, law: Regularization) -> FloatArray:
@@ -229,9 +243,3 @@ def _regularized_state(
     # A node counts as closed where its pressure, in units of the scene, has outgrown its gap.
     closed = pressure / law.pressure > gap / law.gap
     return State(stage + lam, problem.factors(lam), pressure, gap, motion, closed, residual)
-
-
-def _repeated(state: State, position: float) -> State:
-    return State(
-        position, state.factors, state.pressure, state.gap, state.motion, state.closed, state.residual
-    )

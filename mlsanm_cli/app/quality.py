@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.app.scene import Prepared, stiffness_ratio
 from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.pairing import Pairing, spacing_ratio
 
@@ -72,12 +72,10 @@ def ratio_message(pairing: Pairing, ratio: float) -> str:
 
 
 def _stiffness_warnings(prepared: Prepared, pairing: Pairing) -> Iterator[str]:
-    slave, master = (
-        prepared.models[name].material.contact_modulus for name in (pairing.slave_body, pairing.master_body)
-    )
-    if slave > STIFFER * master:
+    ratio = stiffness_ratio(pairing, prepared.models)
+    if ratio > STIFFER:
         yield (
-            f"contact {pairing.name}: the slave is {slave / master:.3g} times stiffer than the master; "
+            f"contact {pairing.name}: the slave is {ratio:.3g} times stiffer than the master; "
             f"swap them, the softer body gives the better pressures as slave"
         )
 

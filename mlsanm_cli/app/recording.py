@@ -80,7 +80,6 @@ def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecor
 def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
     """One row of the path."""
     state = step.state
-    arguments = (state.factors, state.motion, state.pressure)
     return StepRecord(
         position=state.position,
         step_length=step.length,
@@ -90,7 +89,7 @@ def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
         solves=step.solves,
         seconds=seconds,
         factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
-        resultants={name: force(*arguments) for name, force in built.condensed.forces.items()},
+        resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
         contacts={p.name: contact_record(built, p, state) for p in built.condensed.pairings},
     )
 
@@ -114,7 +113,7 @@ def interface_columns(built: Built, pairing: Pairing, state: State) -> dict[str,
 def contact_summary(built: Built, pairing: Pairing, state: State) -> dict[str, Any]:
     """The engineer's figures of a contact."""
     record = contact_record(built, pairing, state)
-    force = built.condensed.contact_forces[pairing.name](state.factors, state.motion, state.pressure)
+    force = built.condensed.contact_forces[pairing.name](*state.unknowns)
     return {
         "peak_pressure": float(record.pressure.max(initial=0.0)),
         "half_width": half_width(slave_arc(pairing), record.pressure),
@@ -130,9 +129,7 @@ def fields_of(built: Built, state: State, stress: bool) -> tuple[dict[str, Field
     """Fields of all bodies, stresses only if asked for; and the largest residual of the linear systems."""
     fields, worst = {}, 0.0
     for name, body in built.scene.bodies.items():
-        displacement, residual = built.condensed.displacement(
-            built.scene, name, state.factors, state.motion, state.pressure
-        )
+        displacement, residual = built.condensed.displacement(built.scene, name, *state.unknowns)
         worst = max(worst, residual)
         sigma = body.model.stress(displacement) if stress else np.zeros((0, 3))
         ratio = body.model.material.out_of_plane

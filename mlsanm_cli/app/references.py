@@ -59,8 +59,7 @@ def check_reference(loaded: LoadedCase) -> None:
 def reference_profile(built: Built, pairing: Pairing, state: State) -> ReferenceProfile | None:
     """The reference pressure of a contact in one state; None where none is named or nothing is pressed."""
     case = built.case
-    arguments = (state.factors, state.motion, state.pressure)
-    force = float(np.hypot(*built.condensed.contact_forces[pairing.name](*arguments)))
+    force = float(np.hypot(*built.condensed.contact_forces[pairing.name](*state.unknowns)))
     if case.reference is None or force == 0.0:
         return None
     contact = next(c for c in case.contact if c.name == pairing.name)

@@ -60,10 +60,13 @@ def run(
                 console.note(note)
             for warning in quality.warnings:
                 recorder.warn(warning)
-            adapted = adapt(loaded, prepared, clock, console)
+            adapted = adapt(loaded.case, prepared, clock, console)
             built = adapted.built
             if adapted.refined:
-                quality = assess(adapted.prepared)
+                told, quality = quality.warnings, assess(adapted.prepared)
+                for warning in quality.warnings:
+                    if warning not in told:
+                        recorder.warn(warning)
             stopper.check()
             stopper.gentle = True
             recorder.start(built)
@@ -77,9 +80,7 @@ def run(
             ending = Ending("stopped", "stopped by a signal")
         if built is not None:
             recorder.interfaces(built)
-        summary = summarise(ending, built, quality, recorder, clock)
-        if adapted is not None and adapted.refined:
-            summary["adapt"] = adapted.figures
+        summary = summarise(ending, adapted, quality, recorder, clock)
         recorder.finish(summary)
     return {**summary, "directory": str(directory)}
 

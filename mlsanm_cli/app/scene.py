@@ -53,8 +53,7 @@ def mls_settings(case: Case) -> MlsSettings:
 def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
     """Stencils, pairs and conditions.
 
-    Raises CaseError for contacts that overlap too much or have no facing nodes, and for platens whose force
-    nothing resists.
+    Raises CaseError for contacts without facing nodes, and for platens whose force nothing resists.
     """
     stiffness = materials(case)
     settings = mls_settings(case)
@@ -127,21 +126,35 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
                     f"no initial gap is below {reach:g}; the smallest is {pairing.gap.min():g}",
                 )
             )
+        pairings.append(pairing)
+    if problems:
+        raise CaseError(tuple(problems))
+    return pairings
+
+
+def refuse_overlap(pairings: tuple[Pairing, ...]) -> None:
+    """Raise CaseError for surfaces that overlap as drawn by more than the node spacing."""
+    problems = []
+    for pairing in pairings:
         deepest = int(np.argmin(pairing.gap + pairing.spacing))
         if pairing.gap[deepest] < -pairing.spacing[deepest]:
             x, y = pairing.partner[deepest]
             problems.append(
                 CaseProblem(
-                    key,
+                    f"contact.{pairing.name}",
                     f"the surfaces overlap by {-pairing.gap[deepest]:g} near ({x:g}, {y:g}), "
                     f"more than the node spacing",
                     hint="move one body so that the surfaces at most touch",
                 )
             )
-        pairings.append(pairing)
     if problems:
         raise CaseError(tuple(problems))
-    return pairings
+
+
+def stiffness_ratio(pairing: Pairing, models: Mapping[str, BodyModel]) -> float:
+    """How many times stiffer the slave is than the master."""
+    slave, master = models[pairing.slave_body], models[pairing.master_body]
+    return slave.material.contact_modulus / master.material.contact_modulus
 
 
 def _held_surfaces(case: Case, body: str) -> dict[str, tuple[bool, bool]]:

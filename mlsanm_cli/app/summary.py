@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mlsanm_cli.app import recording
+from mlsanm_cli.app.adapt import Adapted
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.clock import Clock, peak_memory_mb
 from mlsanm_cli.app.judge import force_balance
@@ -26,9 +27,10 @@ class Ending:
 
 
 def summarise(
-    ending: Ending, built: Built | None, quality: Quality, recorder: Recorder, clock: Clock
+    ending: Ending, adapted: Adapted | None, quality: Quality, recorder: Recorder, clock: Clock
 ) -> dict[str, Any]:
     """The content of summary.json, as far as the run came."""
+    built = adapted.built if adapted is not None else None
     state = recorder.last
     summary: dict[str, Any] = {
         "status": ending.status,
@@ -57,12 +59,13 @@ def summarise(
     if built is not None and state is not None:
         verdict = force_balance(built, state)
         summary["contacts"] = {p.name: _contact(built, p.name, state) for p in built.condensed.pairings}
-        arguments = (state.factors, state.motion, state.pressure)
-        summary["forces"] = {name: f(*arguments).tolist() for name, f in built.condensed.forces.items()}
+        summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
         summary["force_balance"] = verdict.force_balance
         summary["force_balance_bodies"] = dict(verdict.bodies)
     summary["stability"] = built.condensed.stability if built is not None else ending.stability
     summary["quality"] = quality.figures
+    if adapted is not None and adapted.refined:
+        summary["adapt"] = adapted.figures
     summary["seconds"] = clock.seconds
     summary["peak_memory_mb"] = peak_memory_mb()
     summary["warnings"] = recorder.warnings

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
@@ -48,7 +50,7 @@ class Forces:
         forces = -surface.weight[:, None] * surface.normal
         forces = forces if factor is None else forces * factor[surface.index]
         per_node = resultant(forces, cloud.points[surface.index], center)
-        return self.columns.of_pressures(self.spans[pairing.name], per_node @ transfer(pairing, cloud))
+        return self.columns.of_pressures(self.spans[pairing.name], per_node @ self._transfers[pairing.name])
 
     def tractions(
         self, body: str, center: tuple[float, float], factor: FloatArray | None = None
@@ -64,8 +66,17 @@ class Forces:
                 total[:, load.number] += resultant(forces, points, center).sum(axis=1)
         return self.columns.of_loads(total)
 
-    def reaction(self, body: str, surface: str) -> LinearMap:
-        """The force of a held surface on its body, from the stress inside the body."""
+    @cached_property
+    def reactions(self) -> dict[Held, LinearMap]:
+        """The force of every held surface on its body, from the stress inside the body."""
+        return {(body, surface): self._reaction(body, surface) for body, surface in self.measured}
+
+    @cached_property
+    def _transfers(self) -> dict[str, sparse.csr_array]:
+        bodies = self.scene.bodies
+        return {p.name: transfer(p, bodies[p.master_body].model.cloud) for p in self.pairings}
+
+    def _reaction(self, body: str, surface: str) -> LinearMap:
         elastic = self.scene.bodies[body]
         center = self.scene.center(body, surface)
         factor = np.outer(cut_off(elastic, surface), elastic.held[surface])
@@ -95,7 +106,7 @@ class Forces:
         row = slice(motion.component, motion.component + 1)
         if motion.alone:
             return -self.others(platen).take(row)
-        return self.reaction(platen.body, platen.surface).take(row)
+        return self.reactions[platen.body, platen.surface].take(row)
 
 
 def platen_balance(forces: Forces) -> LinearMap:
@@ -112,7 +123,7 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
     report = {}
     for load in scene.surface_loads:
         if load.held:
-            total = forces.reaction(load.body, load.surface)
+            total = forces.reactions[load.body, load.surface]
         else:
             surface = scene.surface(load.body, load.surface)
             sums = np.zeros((3, columns.loads))
@@ -134,7 +145,7 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
                     rows[motion.component] = forces.platen(platen, motion)
             report[scene.loads[number]] = stack(rows, columns)
     for name, held in scene.supports.items():
-        report[name] = forces.reaction(*held).take(slice(0, 2))
+        report[name] = forces.reactions[held].take(slice(0, 2))
     return report
 
 
@@ -152,7 +163,7 @@ def body_imbalance(forces: Forces) -> LinearMap:
             if pairing.master_body == name:
                 total = total + forces.transferred(pairing)
         for surface in forces.scene.bodies[name].held:
-            total = total + forces.reaction(name, surface)
+            total = total + forces.reactions[name, surface]
         for component in (0, 1):
             hidden = forces.scene.held_nodes.get(name, (False, False))[component]
             row = slice(component, component + 1)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.balance import Forces, body_imbalance, platen_balance, reported_forces
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows
@@ -52,6 +52,18 @@ class Condensed:
     solutions: Mapping[str, FloatArray]
     stability: float | None
     solves: int
+
+    def touched(self, f: FloatArray, q: FloatArray, p: FloatArray) -> dict[str, BoolArray]:
+        """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""
+        overlap = self.watched(f, q, p) < 0.0
+        masks, first = {}, 0
+        for pairing in self.pairings:
+            left_out = np.flatnonzero(~pairing.candidate)
+            mask = np.zeros(len(pairing.position), dtype=bool)
+            mask[left_out] = overlap[first : first + len(left_out)]
+            first += len(left_out)
+            masks[pairing.name] = mask
+        return masks
 
     def displacement(
         self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray

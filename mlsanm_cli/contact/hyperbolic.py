@@ -18,7 +18,6 @@ import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.errors import NumericalError
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class HyperbolicTangent:
         matrix[:m] /= problem.law.pressure * problem.law.gap
         self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix, overwrite_a=1)
         if info != 0:
-            raise NumericalError("singular tangent of the contact problem")
+            raise np.linalg.LinAlgError("singular tangent of the contact problem")
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (2m + k,)."""
@@ -107,7 +106,7 @@ class HyperbolicContact:
         return np.concatenate([hyperbola, gap, self.condensed.balance(f, q, p) / law.force])
 
     def tangent(self, x: FloatArray, lam: float) -> HyperbolicTangent:
-        """Factorised derivative by x."""
+        """Factorised derivative by x; numpy's LinAlgError where it is singular."""
         return HyperbolicTangent(self, x)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:

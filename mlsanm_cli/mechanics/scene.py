@@ -34,7 +34,7 @@ class PlatenMotion:
 
     ``prescribed`` (L,) gives the motion per load factor, or is None when the motion is unknown and ``force``
     (L,) balances it. ``alone`` tells that nothing else holds the body in this component: the platen then
-    carries exactly what the other forces on the body leave; otherwise its force is the integral of sigma n.
+    carries exactly what the other forces on the body leave; otherwise its force comes from the stress field.
     """
 
     component: int

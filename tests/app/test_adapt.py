@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mlsanm_cli.app import build
 from mlsanm_cli.app.adapt import ACROSS, AT_EDGE
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Surface
@@ -14,7 +15,7 @@ from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.patches import contact_patches
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import BAR, PATCH, hertz, solve
+from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 
 
 def line(arc: FloatArray) -> Pairing:
@@ -89,3 +90,19 @@ def test_nothing_to_refine(tmp_path: Path) -> None:
     assert "adapt" not in again
     assert again["nodes"] == plain["nodes"]
     assert "adapt" not in solve(BAR, tmp_path / "bar", "adapt.passes=2")
+
+
+def test_an_overlap_is_judged_by_the_spacing_of_the_case(tmp_path: Path) -> None:
+    # Half a spacing deep: fine as drawn, and many of the spacings that refinement puts there.
+    overlap = "body.cylinder.shape.center=[0.0, 0.995]"
+    settings = ('contact.interface.regularization.law="exact"', overlap, "adapt.passes=2")
+    summary = solve(hertz(), tmp_path / "overlap", *settings)
+    assert summary["status"] == "done"
+    assert len(summary["adapt"]) == 3
+
+
+def test_kernels_are_announced_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(build, "CACHE_NOTE", "compiled kernels cannot be kept")
+    console = Quiet()
+    solve(hertz(), tmp_path / "run", "adapt.passes=2", console=console)
+    assert console.warnings.count("compiled kernels cannot be kept") == 1
