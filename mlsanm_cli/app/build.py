@@ -26,6 +26,9 @@ from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
 WIDER = 1.5
 WIDENINGS = 6
+BULK_LIMIT = 0.1
+"""Smallest stability of a scene without contact that passes. In 300 random scenes least squares stayed above
+0.2; square schemes with errors 10 to 60 times the usual ones had 0.0003 to 0.2."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ def _condense(
         with clock.phase("condensation"):
             console.phase(f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes")
             condensed = condense(scene, pairings)
-            require_stable(condensed, scene)
+            require_stable(condensed, scene, case)
             if not pairings:
                 return condensed, ()
             ends = _exact_ends(condensed, stages)
@@ -153,23 +156,38 @@ def reach_error(contact: str, gap: float) -> NumericalError:
     )
 
 
-def require_stable(condensed: Condensed, scene: Scene) -> None:
-    """Raises UnstableError when the condensed compliance is not positive: pressures would mean nothing."""
+def require_stable(condensed: Condensed, scene: Scene, case: Case) -> None:
+    """Raises UnstableError where the equations fail their certificate: results would mean nothing."""
     value = condensed.stability
-    if value is not None and not value > 0.0:
-        hint = (
-            "give the two surfaces nearly equal node spacings where they meet (`mlsanm check` shows the "
-            "ratio), or use mls.degree = 2"
-        )
-        for pairing in condensed.pairings:
-            ratio = stiffness_ratio(pairing, {name: body.model for name, body in scene.bodies.items()})
-            if ratio > 2.0:
-                hint = (
-                    f"swap slave and master of contact {pairing.name}: the softer body should be the slave; "
-                    f"{pairing.slave_body} is {ratio:.3g} times stiffer than {pairing.master_body}"
-                )
+    for name, bulk in condensed.bulk.items():
+        if not bulk >= BULK_LIMIT:
+            another = f"another body.{name}.seed, or an even cloud (lower growth)"
+            square = case.mls.scheme != "least-squares"
+            raise UnstableError(
+                f"the discrete equations of body {name} amplify errors "
+                f"(stability {bulk:.2g}, below {BULK_LIMIT:g})",
+                f'use mls.scheme = "least-squares", or {another}' if square else f"use {another}",
+                bulk,
+            )
+    if condensed.pairings and not value > 0.0:
         raise UnstableError(
             f"the contact compliance is not positive (smallest eigenvalue {value:.2g} of the largest)",
-            hint,
+            _contact_hint(condensed, scene, case),
             value,
         )
+
+
+def _contact_hint(condensed: Condensed, scene: Scene, case: Case) -> str:
+    """What most likely makes the compliance positive."""
+    models = {name: body.model for name, body in scene.bodies.items()}
+    for pairing in condensed.pairings:
+        ratio = stiffness_ratio(pairing, models)
+        if ratio > 2.0:
+            return (
+                f"swap slave and master of contact {pairing.name}: the softer body should be the slave; "
+                f"{pairing.slave_body} is {ratio:.3g} times stiffer than {pairing.master_body}"
+            )
+    if case.mls.scheme != "least-squares":
+        return 'use mls.scheme = "least-squares"'
+    even = "give the two surfaces nearly equal node spacings where they meet (`mlsanm check` shows the ratio)"
+    return even if case.mls.degree == 2 else f"use mls.degree = 2, or {even}"

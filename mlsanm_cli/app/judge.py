@@ -24,7 +24,7 @@ SPACING_LIMIT = 4.0
 """Largest ratio of facing spacings under pressure that passes; beyond, pressures are wrong but look right."""
 
 LINEAR_LIMIT = 1e-6
-"""Largest relative residual of the normal equations, after correction, that passes."""
+"""Largest part of an elastic solution that may still change when its equations are solved again."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ def judge_linear(residual: float) -> None:
     """NumericalError where the elastic systems were not solved to enough digits."""
     if not residual <= LINEAR_LIMIT:
         raise NumericalError(
-            f"the elastic systems are solved to a relative residual of {residual:.2g} only",
-            "make the spacings less unlike, or use a lower mls.degree",
+            f"the elastic systems are solved to {residual:.2g} of their solution only",
+            "make the spacings less unlike, use a lower mls.degree, or a Poisson's ratio less close to 0.5",
         )
 
 

@@ -133,8 +133,9 @@ def fields_of(built: Built, state: State, stress: bool) -> tuple[dict[str, Field
         worst = max(worst, residual)
         sigma = body.model.stress(displacement) if stress else np.zeros((0, 3))
         ratio = body.model.material.out_of_plane
+        points = len(body.model.cloud.points)
         fields[name] = Fields(
-            displacement, sigma, ratio * (sigma[:, 0] + sigma[:, 1]), body.model.von_mises(sigma)
+            displacement[:points], sigma, ratio * (sigma[:, 0] + sigma[:, 1]), body.model.von_mises(sigma)
         )
     return fields, worst
 

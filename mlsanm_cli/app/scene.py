@@ -47,7 +47,7 @@ class Prepared:
 def mls_settings(case: Case) -> MlsSettings:
     """The operators' settings."""
     neighbors = case.mls.neighbors
-    return MlsSettings(case.mls.degree, neighbors if isinstance(neighbors, int) else None)
+    return MlsSettings(case.mls.degree, neighbors if isinstance(neighbors, int) else None, case.mls.scheme)
 
 
 def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
@@ -57,12 +57,18 @@ def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
     """
     stiffness = materials(case)
     settings = mls_settings(case)
+    held = {body.name: _held_surfaces(case, body.name) for body in case.body}
     models = {
-        body.name: BodyModel.build(body.name, clouds[body.name], stiffness[body.material], settings)
+        body.name: BodyModel.build(
+            body.name,
+            clouds[body.name],
+            stiffness[body.material],
+            settings,
+            clamped=[name for name, components in held[body.name].items() if all(components)],
+        )
         for body in case.body
     }
     pairings = tuple(pair(case, clouds))
-    held = {body.name: _held_surfaces(case, body.name) for body in case.body}
     held_nodes = {body.name: _held_nodes(case, body.name, clouds[body.name]) for body in case.body}
     platens, notes = _platens(case, clouds, pairings, held, held_nodes)
     return Prepared(models, pairings, held, held_nodes, platens, notes)

@@ -93,7 +93,7 @@ class Mls(Section):
     """Moving least squares: degree, scheme, nodes per stencil."""
 
     degree: Annotated[int, Field(ge=1, le=6)] = 2
-    scheme: Literal["least-squares"] = "least-squares"
+    scheme: Literal["least-squares", "collocation", "ghost"] = "least-squares"
     neighbors: AutoCount = "auto"
 
 

@@ -60,7 +60,6 @@ PLANNED: tuple[Planned, ...] = (
     Planned(("contact", "*", "friction"), "friction", _above_zero, hint="set it to 0.0"),
     Planned(("contact", "*", "regularization", "stick"), "the tangential law", hint="remove the key"),
     Planned(("contact", "*", "regularization", "friction_law"), "the tangential law", hint="remove the key"),
-    Planned(("mls", "scheme"), 'scheme "{}"', _one_of("collocation", "ghost"), hint='use "least-squares"'),
     Planned(("solver", "method"), 'method "{}"', _one_of("newton"), hint='use "anm" or "active-set"'),
     Planned(("solver", "formulation"), 'formulation "{}"', _one_of("monolithic"), hint='use "condensed"'),
     Planned(

@@ -24,6 +24,8 @@ from mlsanm_cli.contact.observers import gap_rows, reaction_rows
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.stability import bulk_stability
+from mlsanm_cli.operators.system import solve_blocks
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,8 @@ class Condensed:
     force (2,) on its body, ``contact_forces`` each contact to its force (2,) on the slave; ``imbalance``
     holds the sum of forces on each body (2 per body). ``stability`` is the smallest over the largest
     eigenvalue of sym(W A), W the weights: a discretisation whose compliance is not positive cannot be
-    trusted. ``solves`` counts columns.
+    trusted. ``bulk`` holds the :func:`bulk_stability` of bodies that no contact certifies, and of all bodies
+    with a square scheme; without contact ``stability`` is the smallest of them. ``solves`` counts columns.
     """
 
     pairings: tuple[Pairing, ...]
@@ -50,7 +53,8 @@ class Condensed:
     imbalance: LinearMap
     sources: Mapping[str, sparse.csc_array]
     solutions: Mapping[str, FloatArray]
-    stability: float | None
+    stability: float
+    bulk: Mapping[str, float]
     solves: int
 
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray) -> dict[str, BoolArray]:
@@ -68,8 +72,8 @@ class Condensed:
     def displacement(
         self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray
     ) -> tuple[FloatArray, float]:
-        """Nodal displacements (n, 2) of a body in one state, and the relative residual of its normal
-        equations.
+        """Displacements (N, 2) of all nodes of a body in one state, ghosts included and last, and the
+        residual of its elastic system.
 
         One back-substitution; none where there is no contact, since ``solutions`` (2n, loads + motions) of so
         few columns are kept.
@@ -80,8 +84,8 @@ class Condensed:
         if body in self.solutions:
             solution = (self.solutions[body] @ unknowns)[:, None]
         else:
-            solution = system.solve(source, corrections=2)
-        return solution.reshape(-1, 2), system.optimality(source, solution)
+            solution = system.solve(source)
+        return solution.reshape(-1, 2), system.residual(source, solution)
 
 
 def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
@@ -100,7 +104,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     solves = 0
     for name, body in scene.bodies.items():
         sources[name] = body_sources(scene, name, pairings, spans, columns)
-        empty = sparse.csr_array((3, 2 * len(body.model.cloud.points)))
+        empty = sparse.csr_array((3, body.model.unknowns))
         reactions = [
             reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else empty
             for owner, surface in held
@@ -108,7 +112,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         rows = sparse.csr_array(sparse.vstack([gap_rows(body, name, pairings), *reactions], format="csr"))
         used = np.flatnonzero(np.diff(sources[name].indptr))
         kept = np.zeros((rows.shape[1], columns.total if not pairings else 0))
-        for block, solution in body.system.solve_blocks(sources[name][:, used]):
+        for block, solution in solve_blocks(body.system, sources[name][:, used]):
             observed[:, used[block]] += rows @ solution
             if not pairings:
                 kept[:, used[block]] = solution
@@ -126,6 +130,15 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         columns,
         {where: columns.split(observed[paired + 3 * i : paired + 3 * i + 3]) for i, where in enumerate(held)},
     )
+    touching = {name for pairing in pairings for name in (pairing.slave_body, pairing.master_body)}
+    bulk = {
+        name: bulk_stability(body)
+        for name, body in scene.bodies.items()
+        if name not in touching or body.model.settings.square
+    }
+    stability = (
+        stability_certificate(weight, gap.take(candidate).pressure) if pairings else min(bulk.values())
+    )
     return Condensed(
         pairings=pairings,
         spans=spans,
@@ -138,15 +151,14 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         imbalance=body_imbalance(forces),
         sources=sources,
         solutions=solutions,
-        stability=stability_certificate(weight, gap.take(candidate).pressure),
+        stability=stability,
+        bulk=bulk,
         solves=solves,
     )
 
 
-def stability_certificate(weight: FloatArray, compliance: FloatArray) -> float | None:
-    """Smallest over largest eigenvalue of the symmetric part of W A; None without contact."""
-    if not len(weight):
-        return None
+def stability_certificate(weight: FloatArray, compliance: FloatArray) -> float:
+    """Smallest over largest eigenvalue of the symmetric part of W A."""
     weighted = weight[:, None] * compliance
     eigenvalues = np.linalg.eigvalsh(0.5 * (weighted + weighted.T))
     return float(eigenvalues[0] / np.abs(eigenvalues).max())

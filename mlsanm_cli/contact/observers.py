@@ -20,7 +20,7 @@ def gap_rows(body: ElasticBody, name: str, pairings: tuple[Pairing, ...]) -> spa
 
     The slave moves with its node, the master with its moving least-squares value at the virtual node.
     """
-    nodes = len(body.model.cloud.points)
+    nodes = len(body.model.nodes)
     blocks = [sparse.csr_array((0, 2 * nodes))]
     for pairing in pairings:
         block = sparse.csr_array((len(pairing.position), 2 * nodes))
@@ -109,7 +109,7 @@ def _weighted_stress(
     used = np.flatnonzero(np.abs(weight).sum(axis=1))
     stencils = model.stencils.take(used)
     points, w = model.cloud.points[used], weight[used]
-    total = sparse.csr_array((3, 2 * len(model.cloud.points)))
+    total = sparse.csr_array((3, model.unknowns))
     for component, parts in ((0, (XX, XY)), (1, (XY, YY))):
         if held[component]:
             for axis, part in enumerate(parts):

@@ -1,15 +1,19 @@
-"""One elastic body: its least-squares system, and the right-hand sides and functionals others work with.
+"""One elastic body: its discrete system, and the right-hand sides and functionals others work with.
 
 Rows, in this order: equilibrium in x and y at every node, boundary nodes included; then, surface by surface,
 the x and y conditions at each of its nodes, a displacement where the component is held and a traction where
-it is not; then single held nodes. A corner node has the rows of both its surfaces. Weights: equilibrium h/E,
-traction 1/E, displacement ``HOLD``/h, which makes all rows strains; near singular corners they are lowered.
+it is not; then single held nodes. A corner node has the rows of both its surfaces.
+
+Least squares takes all rows. Weights: equilibrium h/E, traction 1/E, displacement ``HOLD``/h, which makes all
+rows strains; near singular corners they are lowered. The square schemes choose among the rows
+(:mod:`mlsanm_cli.mechanics.equations`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -23,17 +27,25 @@ from mlsanm_cli.mechanics.elasticity import (
     XY,
     YY,
     equilibrium_rows,
+    nested_equilibrium_rows,
     stress_rows,
     traction_rows,
     value_rows,
     von_mises,
 )
+from mlsanm_cli.mechanics.equations import RowTable, choose_equations
+from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.operators.least_squares import LeastSquares, factorise
+from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.system import LinearSystem
+
+LOCKING = 8.0
+"""Ratio of Lame's constants, lambda over mu, above which equilibrium is written for nearly incompressible
+materials (Poisson's ratio 0.444 in plane strain); it costs two and a half times the fill of the factor."""
 
 HOLD = 5.0
 """Weight of held displacements, measured: between 3 and 10 the bulk error no longer depends on it."""
@@ -41,40 +53,80 @@ HOLD = 5.0
 
 @dataclass(frozen=True)
 class BodyModel:
-    """Cloud, material and operators of one body, before any boundary condition is chosen."""
+    """Cloud, material and operators of one body, before its boundary conditions are set up.
+
+    ``nodes`` (N, 2) carry the unknowns: the cloud's points, then the ghosts outside the boundary nodes
+    ``ghosts`` (g,), none unless the scheme has them. ``stencils`` are those of the cloud's points.
+    """
 
     name: str
     cloud: Cloud
     material: PlaneMaterial
     settings: MlsSettings
+    ghosts: IntArray
+    nodes: FloatArray
     tree: cKDTree
     stencils: Stencils
 
     @classmethod
-    def build(cls, name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings) -> BodyModel:
-        """Stencils with second derivatives at every node."""
-        tree = cKDTree(cloud.points)
-        return cls(
-            name,
-            cloud,
-            material,
-            settings,
-            tree,
-            build_stencils(cloud.points, tree, cloud.points, 2, settings),
-        )
+    def build(
+        cls,
+        name: str,
+        cloud: Cloud,
+        material: PlaneMaterial,
+        settings: MlsSettings,
+        clamped: Collection[str] = (),
+    ) -> BodyModel:
+        """Stencils with second derivatives at every node; ghosts leave out ``clamped`` surfaces."""
+        ghosts, nodes = np.zeros(0, dtype=np.int64), cloud.points
+        if settings.scheme == "ghost":
+            ghosts = ghost_owners(cloud, clamped)
+            nodes = np.concatenate([nodes, ghost_points(cloud, ghosts)])
+        tree = cKDTree(nodes)
+        stencils = build_stencils(nodes, tree, cloud.points, 2, settings)
+        return cls(name, cloud, material, settings, ghosts, nodes, tree, stencils)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement unknowns, ghosts' included."""
+        return 2 * len(self.nodes)
 
     def values_at(self, points: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Rows (e, 2n) of u_x and u_y at any ``points`` (e, 2) of the body."""
-        stencils = build_stencils(self.cloud.points, self.tree, points, 0, self.settings)
+        """Rows (e, 2N) of u_x and u_y at any ``points`` (e, 2) of the body."""
+        stencils = build_stencils(self.nodes, self.tree, points, 0, self.settings)
         return value_rows(stencils, 0), value_rows(stencils, 1)
 
+    @cached_property
+    def _stress_stencils(self) -> Stencils:
+        """Stencils of the cloud's points on each other, by which nodal stresses are differentiated."""
+        if self.settings.scheme != "ghost":
+            return self.stencils
+        points = self.cloud.points
+        return build_stencils(points, cKDTree(points), points, 1, self.settings)
+
+    def equilibrium(self, component: int) -> sparse.csr_array:
+        """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points.
+
+        Nearly incompressible materials would lock: the gradient of the divergence, twice a node, leaves too
+        few displacements without change of volume. There the mean pressure is differentiated as a nodal
+        field, which asks for one thing a node. Degree 1, without second derivatives, does so with all stress.
+        """
+        c = self.material.stiffness
+        if self.settings.degree == 1:
+            return nested_equilibrium_rows(self.stencils, self._stress_stencils, c, component)
+        bulk = self.material.bulk_part
+        if bulk[XX, XX] <= LOCKING * c[XY, XY]:
+            return equilibrium_rows(self.stencils, c, component)
+        pressure = nested_equilibrium_rows(self.stencils, self._stress_stencils, bulk, component)
+        return sparse.csr_array(equilibrium_rows(self.stencils, c - bulk, component) + pressure)
+
     def surface_traction(self, surface: Surface, component: int) -> sparse.csr_array:
-        """Rows (b, 2n) of sigma n in x (0) or y (1) at a surface's nodes."""
+        """Rows (b, 2N) of sigma n in x (0) or y (1) at a surface's nodes."""
         stencils = self.stencils.take(surface.index)
         return traction_rows(stencils, self.material.stiffness, surface.normal, component)
 
     def stress(self, displacement: FloatArray) -> FloatArray:
-        """Stress (n, 3) in the order xx, yy, xy for nodal ``displacement`` (n, 2)."""
+        """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2)."""
         flat = displacement.ravel()
         c = self.material.stiffness
         return np.stack([stress_rows(self.stencils, c, a) @ flat for a in (XX, YY, XY)], axis=1)
@@ -89,18 +141,14 @@ class ElasticBody:
     """A body with its conditions chosen and its system factorised.
 
     ``first_row[surface]`` is where the surface's rows begin: x for its b nodes, then y for its b nodes.
-    ``held[surface]`` says for x and y whether these rows hold a displacement.
+    ``held[surface]`` says for x and y whether these rows hold a displacement. ``rows`` counts all rows.
     """
 
     model: BodyModel
     held: Mapping[str, tuple[bool, bool]]
     first_row: Mapping[str, int]
-    system: LeastSquares
-
-    @property
-    def rows(self) -> int:
-        """Number of rows of the least-squares system."""
-        return len(self.system.weight)
+    rows: int
+    system: LinearSystem
 
     def condition_rows(self, surface: str, component: int) -> IntArray:
         """Row numbers (b,) of a surface's conditions in x (0) or y (1)."""
@@ -132,30 +180,46 @@ def assemble(
     ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
     """
     cloud, c = model.cloud, model.material.stiffness
-    scale = float(c[XX, XX])
-    nested = model.settings.degree == 1
-    blocks = [equilibrium_rows(model.stencils, c, component, nested) for component in (0, 1)]
-    factor = corner_weight(cloud, held)
-    weights = [factor * cloud.spacing / scale] * 2
+    count = len(model.nodes)
+    blocks = [model.equilibrium(component) for component in (0, 1)]
     first_row = {}
-    count = 2 * len(cloud.points)
+    total = 2 * len(cloud.points)
     for name, surface in cloud.surfaces.items():
-        first_row[name] = count
+        first_row[name] = total
         stencils = model.stencils.take(surface.index)
         for component in (0, 1):
             if held.get(name, (False, False))[component]:
-                blocks.append(nodal_rows(surface.index, component, len(cloud.points)))
-                weights.append(HOLD / cloud.spacing[surface.index])
+                blocks.append(nodal_rows(surface.index, component, count))
             else:
                 blocks.append(traction_rows(stencils, c, surface.normal, component))
-                # A node at the end of a surface stands for half a spacing of it.
-                share = np.sqrt(surface.weight / cloud.spacing[surface.index])
-                weights.append(factor[surface.index] * share / scale)
-        count += 2 * len(surface.index)
+        total += 2 * len(surface.index)
+    table = RowTable(first_row, total, total + len(held_nodes), float(c[XX, XX]))
     for node, component in held_nodes:
-        at = np.array([node], dtype=np.int64)
-        blocks.append(nodal_rows(at, component, len(cloud.points)))
-        weights.append(HOLD / cloud.spacing[at])
+        blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
     rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
-    system = factorise(rows, np.concatenate(weights), cloud.points, solver)
-    return ElasticBody(model, held, first_row, system)
+    system: LinearSystem
+    if model.settings.square:
+        choice = choose_equations(cloud, held, held_nodes, table, model.ghosts)
+        system = square.factorise(rows, choice, model.nodes, solver)
+    else:
+        weight = _row_weights(cloud, held, held_nodes, table.modulus)
+        system = least_squares.factorise(rows, weight, model.nodes, solver)
+    return ElasticBody(model, held, first_row, table.total, system)
+
+
+def _row_weights(
+    cloud: Cloud,
+    held: Mapping[str, tuple[bool, bool]],
+    held_nodes: Sequence[tuple[int, int]],
+    modulus: float,
+) -> FloatArray:
+    """Weights (r,) of the rows in the least-squares sum."""
+    factor = corner_weight(cloud, held)
+    weights = [factor * cloud.spacing / modulus] * 2
+    for name, surface in cloud.surfaces.items():
+        spacing = cloud.spacing[surface.index]
+        # A node at the end of a surface stands for half a spacing of it.
+        traction = factor[surface.index] * np.sqrt(surface.weight / spacing) / modulus
+        weights += [HOLD / spacing if holds else traction for holds in held.get(name, (False, False))]
+    single = np.array([node for node, _ in held_nodes], dtype=np.int64)
+    return np.concatenate([*weights, HOLD / cloud.spacing[single]])

@@ -38,23 +38,25 @@ def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, compone
     return vector_rows(stencils, s0 * dx + s2 * dy, s2 * dx + s1 * dy)
 
 
-def equilibrium_rows(
-    stencils: Stencils, c: FloatArray, component: int, nested: bool = False
-) -> sparse.csr_array:
-    """Rows (e, 2n) of div sigma in x (0) or y (1) for a uniform stiffness.
-
-    ``nested`` takes first derivatives of the nodal stresses, for stencils of degree 1, which know no second
-    derivatives; the stencils must then be those of the nodes, in their order.
-    """
+def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
+    """Rows (e, 2n) of div sigma in x (0) or y (1) for a uniform stiffness, by second derivatives."""
     first, second = ((XX, XY), (XY, YY))[component]
-    if nested:
-        d_x, d_y = (scalar_rows(stencils, stencils.weights[:, kind]) for kind in (1, 2))
-        fluxes = [stress_rows(stencils, c, row) for row in (first, second)]
-        return sparse.csr_array(d_x @ fluxes[0] + d_y @ fluxes[1])
     xx, xy, yy = stencils.weights[:, 3], stencils.weights[:, 4], stencils.weights[:, 5]
     on_x = c[first, 0] * xx + (c[first, 2] + c[second, 0]) * xy + c[second, 2] * yy
     on_y = c[first, 2] * xx + (c[first, 1] + c[second, 2]) * xy + c[second, 1] * yy
     return vector_rows(stencils, on_x, on_y)
+
+
+def nested_equilibrium_rows(
+    stencils: Stencils, outer: Stencils, c: FloatArray, component: int
+) -> sparse.csr_array:
+    """Rows (e, 2n) of div sigma in x (0) or y (1), by first derivatives of the stresses at the e points.
+
+    ``outer`` are stencils of these points on each other.
+    """
+    first, second = ((XX, XY), (XY, YY))[component]
+    d_x, d_y = (scalar_rows(outer, outer.weights[:, kind]) for kind in (1, 2))
+    return sparse.csr_array(d_x @ stress_rows(stencils, c, first) + d_y @ stress_rows(stencils, c, second))
 
 
 def value_rows(stencils: Stencils, component: int) -> sparse.csr_array:

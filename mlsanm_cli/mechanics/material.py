@@ -19,6 +19,13 @@ class PlaneMaterial:
     out_of_plane: float
     contact_modulus: float
 
+    @property
+    def bulk_part(self) -> FloatArray:
+        """The part (3, 3) of the stiffness that answers to a change of area with equal direct stresses."""
+        part = np.zeros((3, 3))
+        part[:2, :2] = self.stiffness[0, 1]
+        return part
+
 
 def isotropic(modulus: float, poisson: float, plane: str) -> PlaneMaterial:
     """Isotropic material of Young's ``modulus`` and ``poisson`` ratio in plane "strain" or "stress"."""

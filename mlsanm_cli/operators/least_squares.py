@@ -7,7 +7,7 @@ normal equations alone loses half the digits; a step r = b - M u, N du = M^T r o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,45 +15,43 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-
-BLOCK = 64
+from mlsanm_cli.operators.refinement import missing, refine
 
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Factorised least-squares problem: ``rows`` (r, 2n) already multiplied by ``weight`` (r,)."""
+    """Factorised least-squares problem: ``rows`` (r, n) already multiplied by ``weight`` (r,)."""
 
     rows: sparse.csr_array
     weight: FloatArray
     factor: Factor
 
-    def solve(self, sources: sparse.csc_array, corrections: int = 1) -> FloatArray:
-        """Solutions (2n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
+    def solve(self, sources: sparse.csc_array) -> FloatArray:
+        """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
         weighted = sparse.csr_array(sources * self.weight[:, None])
-        solution = self.factor.solve((self.rows.T @ weighted).toarray())
-        dense = weighted.toarray()
-        for _ in range(corrections):
-            solution += self.factor.solve(self.rows.T @ (dense - self.rows @ solution))
-        return solution
+        first = self.factor.solve((self.rows.T @ weighted).toarray())
+        return refine(first, self._update(weighted.toarray()))
 
-    def solve_blocks(self, sources: sparse.csc_array) -> Iterator[tuple[slice, FloatArray]]:
-        """Solutions a block of columns at a time, so that no dense (2n, c) array is kept."""
-        for first in range(0, sources.shape[1], BLOCK):
-            columns = slice(first, min(first + BLOCK, sources.shape[1]))
-            yield columns, self.solve(sources[:, columns])
+    def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
+        """What one more corrected semi-normal step would change of a ``solution`` (n, 1), relatively."""
+        return missing(solution, self._update(self.scaled(source)))
 
-    def optimality(self, source: sparse.csc_array, solution: FloatArray) -> float:
-        """|M^T r| over |M^T b| in the largest norm, r = b - M u: zero at the exact minimum."""
-        weighted = (source * self.weight[:, None]).toarray()
-        scale = float(np.abs(self.rows.T @ weighted).max(initial=0.0))
-        gradient = np.abs(self.rows.T @ (weighted - self.rows @ solution)).max(initial=0.0)
-        return float(gradient) / scale if scale > 0.0 else float(gradient)
+    def _update(self, weighted: FloatArray) -> Callable[[FloatArray], FloatArray]:
+        return lambda solution: self.factor.solve(self.rows.T @ (weighted - self.rows @ solution))
+
+    def inverse_normal(self, vectors: FloatArray) -> FloatArray:
+        """(M^T M)^-1 times ``vectors`` (n, c)."""
+        return self.factor.solve(vectors)
+
+    def scaled(self, sources: sparse.csc_array) -> FloatArray:
+        """Right-hand sides (r, c) multiplied by the weights."""
+        return np.asarray((sources * self.weight[:, None]).toarray())
 
 
 def factorise(
     rows: sparse.csr_array, weight: FloatArray, points: FloatArray, solver: DirectSolver
 ) -> LeastSquares:
-    """Set up and factorise the normal equations of ``rows`` (r, 2n), weighted by ``weight`` (r,)."""
+    """Set up and factorise the normal equations of ``rows`` (r, n), weighted by ``weight`` (r,)."""
     weighted = sparse.csr_array(rows.multiply(weight[:, None]))
     normal = sparse.csc_array(weighted.T @ weighted)
     return LeastSquares(weighted, weight, solver.factor(normal, solver.analyse(normal, points)))

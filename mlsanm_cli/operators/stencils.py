@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import mls_weights
-from mlsanm_cli.operators.settings import SHARPNESS, MlsSettings
+from mlsanm_cli.operators.settings import MlsSettings
 
 GROWTH = 1.3
 LARGEST = 3.0
@@ -94,8 +94,8 @@ def _fit(
     ratio = np.empty(len(targets))
     indptr = np.arange(len(targets) + 1, dtype=np.int64) * size
     mls_weights(
-        points, indptr, indices.ravel(), targets, targets, distance[:, -1].copy(), settings.degree, SHARPNESS,
-        order, weights, ratio,
+        points, indptr, indices.ravel(), targets, targets, distance[:, -1].copy(), settings.degree,
+        settings.sharpness, order, weights, ratio,
     )  # fmt: skip
     return indices, weights.reshape(len(targets), size, -1), ratio
 

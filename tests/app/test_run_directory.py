@@ -265,7 +265,7 @@ def test_no_contact_means_one_solve_per_load(bar_run: Path) -> None:
     assert summary["contacts"] == {}
     assert summary["contact_unknowns"] == 0
     assert (summary["elastic_factorizations"], summary["solves"], summary["factorizations"]) == (1, 2, 0)
-    assert summary["stability"] is None
+    assert 0.2 <= summary["stability"] <= 1.0
     with h5py.File(bar_run / "run.h5", "r") as file:
         assert file["path/position"][...].tolist() == [0.0, 0.5, 1.0, 1.25, 2.0]
         assert file["path/factors/pull"][...].tolist() == [0.0, 0.5, 1.0, 1.0, 1.0]

@@ -233,8 +233,6 @@ def test_method_and_law(method: str, law: str, fits: bool) -> None:
         ("contact.interface.friction=0.3", "friction"),
         ("contact.interface.regularization.stick=1e-3", "tangential law"),
         ('contact.interface.regularization.friction_law="memory"', "tangential law"),
-        ('mls.scheme="collocation"', "collocation"),
-        ('mls.scheme="ghost"', "ghost"),
         ('solver.method="newton"', "newton"),
         ('solver.formulation="monolithic"', "monolithic"),
         ("solver.polish=true", "polishing"),

@@ -50,6 +50,7 @@ def synthetic(
         sources={},
         solutions={},
         stability=stability_certificate(weight, compliance),
+        bulk={},
         solves=0,
     )
 

@@ -53,7 +53,7 @@ def whole_solution(small: Small, pressure: FloatArray) -> dict[str, FloatArray]:
             carried = transfer(pairing, cloud) @ pressure
             values = -carried[:, None] * pairing.master.normal
             rhs += body.source(pairing.master.name, values, held=False)
-        fields[name] = body.system.solve(sparse.csc_array(rhs[:, None]), 2).reshape(-1, 2)
+        fields[name] = body.system.solve(sparse.csc_array(rhs[:, None])).reshape(-1, 2)
     return fields
 
 
@@ -176,7 +176,6 @@ def test_reaction_of_a_uniform_stress_is_exact(surface: str) -> None:
 
 
 def test_certificate_is_positive_for_facing_clouds(forced: Small) -> None:
-    assert forced.condensed.stability is not None
     assert forced.condensed.stability >= 1e-4
     finer = cylinder(0.004).condensed.stability
     assert finer is not None
@@ -196,7 +195,6 @@ def test_certificate_is_negative_where_a_coarse_master_sees_part_of_the_pressure
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     whole = cylinder(0.004, master=0.016)
-    assert whole.condensed.stability is not None
     assert whole.condensed.stability > 0.0
     monkeypatch.setattr("mlsanm_cli.contact.sources.transfer", sampled)
     poor = whole.again().condensed.stability
@@ -208,7 +206,6 @@ def test_certificate_is_the_smallest_eigenvalue_of_the_weighted_compliance() -> 
     weight, compliance = np.array([1.0, 2.0]), np.array([[1.0, 3.0], [-1.0, 0.5]])
     # sym(W A) = [[1, 0.5], [0.5, 1]].
     assert stability_certificate(weight, compliance) == pytest.approx(0.5 / 1.5)
-    assert stability_certificate(np.zeros(0), np.zeros((0, 0))) is None
     assert stability_certificate(np.ones(1), -np.ones((1, 1))) == -1.0
 
 
@@ -216,7 +213,6 @@ def test_gaps_of_the_wrong_sign_do_not_pass(forced: Small, monkeypatch: pytest.M
     wrong = lambda *arguments: -gap_rows(*arguments)  # noqa: E731
     monkeypatch.setattr("mlsanm_cli.contact.condensed.gap_rows", wrong)
     stability = forced.again().condensed.stability
-    assert stability is not None
     assert stability < -0.5
 
 

@@ -12,7 +12,7 @@ from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, assemble
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.settings import MlsSettings, Scheme
 
 STEEL = isotropic(210.0, 0.3, "strain")
 Field = Callable[[FloatArray], FloatArray]
@@ -42,9 +42,11 @@ def build(
     degree: int = 2,
     material: PlaneMaterial = STEEL,
     held_nodes: tuple[tuple[int, int], ...] = (),
+    scheme: Scheme = "least-squares",
 ) -> ElasticBody:
     """A factorised body on ``cloud``."""
-    model = BodyModel.build("body", cloud, material, MlsSettings(degree))
+    clamped = [surface for surface, components in held.items() if all(components)]
+    model = BodyModel.build("body", cloud, material, MlsSettings(degree, scheme=scheme), clamped)
     return assemble(model, held, held_nodes, SuperLUSolver())
 
 

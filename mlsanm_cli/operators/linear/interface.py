@@ -12,20 +12,27 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 class Factor(Protocol):
     """A factorised matrix."""
 
-    def solve(self, rhs: FloatArray) -> FloatArray:
-        """Solution for one right-hand side (n,) or several (n, c)."""
+    def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
+        """Solution for one right-hand side (n,) or several (n, c), on request with the transposed matrix."""
         ...
 
 
 class DirectSolver(Protocol):
-    """A sparse direct method for symmetric positive definite matrices."""
+    """A sparse direct method."""
 
     name: str
 
     def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
-        """Elimination order (2n,) of the unknowns, two to each of the nodes ``points`` (n, 2)."""
+        """Elimination order (2n,) of the unknowns, two to each of the nodes ``points`` (n, 2).
+
+        ``matrix`` (2n, 2n) has a symmetric pattern.
+        """
         ...
 
     def factor(self, matrix: sparse.csc_array, order: IntArray) -> Factor:
-        """Factorise; raises NumericalError for a singular matrix."""
+        """Factorise a symmetric positive definite matrix; raises NumericalError for a singular one."""
+        ...
+
+    def factor_unsymmetric(self, matrix: sparse.csc_array, order: IntArray) -> Factor:
+        """Factorise any square matrix, rows exchanged where needed; NumericalError for a singular one."""
         ...

@@ -12,6 +12,9 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.dissection import nested_dissection
 
+THRESHOLD = 0.1
+"""A diagonal entry is kept as pivot unless another in its column is 1/THRESHOLD times larger."""
+
 
 @dataclass(frozen=True)
 class SuperLUFactor:
@@ -20,10 +23,14 @@ class SuperLUFactor:
     factor: sparse_linalg.SuperLU
     order: IntArray
 
-    def solve(self, rhs: FloatArray) -> FloatArray:
+    def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides."""
         solution = np.empty_like(rhs)
-        solution[self.order] = self.factor.solve(rhs[self.order])
+        if transposed:
+            # The stubs know no transposed solve.
+            solution[self.order] = self.factor.solve(rhs[self.order], "T")  # type: ignore[call-overload]
+        else:
+            solution[self.order] = self.factor.solve(rhs[self.order])
         return solution
 
 
@@ -39,14 +46,22 @@ class SuperLUSolver:
 
     def factor(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
         """Factorise without pivoting, which a positive definite matrix does not need."""
-        permuted = sparse.csc_matrix(matrix[order][:, order])
-        try:
-            factor = sparse_linalg.splu(
-                permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-            )
-        except (RuntimeError, MemoryError) as error:
-            raise NumericalError(
-                f"the elastic system of a body could not be factorised ({error})",
-                "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
-            ) from error
-        return SuperLUFactor(factor, order)
+        return _factor(matrix, order, 0.0)
+
+    def factor_unsymmetric(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
+        """Factorise with threshold pivoting."""
+        return _factor(matrix, order, THRESHOLD)
+
+
+def _factor(matrix: sparse.csc_array, order: IntArray, threshold: float) -> SuperLUFactor:
+    permuted = sparse.csc_matrix(matrix[order][:, order])
+    try:
+        factor = sparse_linalg.splu(
+            permuted, permc_spec="NATURAL", diag_pivot_thresh=threshold, options={"SymmetricMode": True}
+        )
+    except (RuntimeError, MemoryError) as error:
+        raise NumericalError(
+            f"the elastic system of a body could not be factorised ({error})",
+            "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
+        ) from error
+    return SuperLUFactor(factor, order)

@@ -1,0 +1,73 @@
+"""Square schemes: which of a body's rows become its equations, one for every unknown.
+
+The rows are those of :mod:`mlsanm_cli.mechanics.body`. "Collocation" has equilibrium inside and conditions
+on the boundary, "ghost" also equilibrium at the boundary nodes that have a ghost outside.
+A node where two surfaces meet keeps a held component where one of them holds it, else the sum of both
+tractions: both tractions themselves would name the corner's shear stress twice and leave the matrix singular.
+Scales: equilibrium h^2/E, traction h/E, displacement 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud
+
+
+@dataclass(frozen=True)
+class RowTable:
+    """Where a body's rows are: ``surfaces[name]`` the first of a surface's conditions (x of its b nodes, then
+    y), ``nodes`` the first of single held nodes; ``modulus`` scales tractions."""
+
+    surfaces: Mapping[str, int]
+    nodes: int
+    total: int
+    modulus: float
+
+
+def choose_equations(
+    cloud: Cloud,
+    held: Mapping[str, tuple[bool, bool]],
+    held_nodes: Sequence[tuple[int, int]],
+    rows: RowTable,
+    ghosts: IntArray,
+) -> sparse.csr_array:
+    """Factors (2N, r) by which the rows add up to equations, in the order of the unknowns they stand for.
+
+    ``ghosts`` (g,) are the boundary nodes with a ghost; theirs are the last unknowns.
+    """
+    count = len(cloud.points)
+    equation_of = np.arange(count)
+    equation_of[ghosts] = count + np.arange(len(ghosts))
+    balanced = np.union1d(np.setdiff1d(np.arange(count), cloud.boundary_nodes), ghosts)
+    single = np.zeros((count, 2), dtype=bool)
+    for node, component in held_nodes:
+        single[node, component] = True
+
+    parts: list[tuple[IntArray, IntArray, FloatArray]] = []
+    for component in (0, 1):
+        kept = balanced[~single[balanced, component]]
+        scale = cloud.spacing[kept] ** 2 / rows.modulus
+        parts.append((2 * kept + component, component * count + kept, scale))
+        # A single held node gives up its equilibrium, or where it has none its traction.
+        taken = single[:, component] & (equation_of < count)
+        # Held surfaces first: what they hold at a corner, the other surface's traction does not touch.
+        for name in sorted(cloud.surfaces, key=lambda one: not held.get(one, (False, False))[component]):
+            index = cloud.surfaces[name].index
+            holds = held.get(name, (False, False))[component]
+            free = np.flatnonzero(~taken[index])
+            at = index[free]
+            if holds:
+                taken[at] = True
+            first = rows.surfaces[name] + component * len(index)
+            scale = np.ones(len(at)) if holds else cloud.spacing[at] / rows.modulus
+            parts.append((2 * equation_of[at] + component, first + free, scale))
+    for number, (node, component) in enumerate(held_nodes):
+        parts.append((np.array([2 * node + component]), np.array([rows.nodes + number]), np.ones(1)))
+    equation, row, factor = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return sparse.csr_array((factor, (equation, row)), shape=(2 * (count + len(ghosts)), rows.total))

@@ -1,0 +1,55 @@
+"""Square systems: as many equations as unknowns, each a sum of a few of the physical rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
+from mlsanm_cli.operators.refinement import missing, refine
+
+
+@dataclass(frozen=True)
+class Square:
+    """Factorised ``matrix`` (n, n); ``choice`` (n, r) makes its right-hand sides of those of the r rows."""
+
+    matrix: sparse.csr_array
+    choice: sparse.csr_array
+    factor: Factor
+
+    def solve(self, sources: sparse.csc_array) -> FloatArray:
+        """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
+        rhs = self.scaled(sources)
+        return refine(self.factor.solve(rhs), self._update(rhs))
+
+    def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
+        """What one more step of refinement would change of a ``solution`` (n, 1), relatively."""
+        return missing(solution, self._update(self.scaled(source)))
+
+    def _update(self, rhs: FloatArray) -> Callable[[FloatArray], FloatArray]:
+        return lambda solution: self.factor.solve(rhs - self.matrix @ solution)
+
+    def inverse_normal(self, vectors: FloatArray) -> FloatArray:
+        """(K^T K)^-1 times ``vectors`` (n, c)."""
+        return self.factor.solve(self.factor.solve(vectors, transposed=True))
+
+    def scaled(self, sources: sparse.csc_array) -> FloatArray:
+        """The equations' own right-hand sides (n, c) for those of the rows (r, c)."""
+        return np.asarray((self.choice @ sources).toarray())
+
+
+def factorise(
+    rows: sparse.csr_array, choice: sparse.csr_array, points: FloatArray, solver: DirectSolver
+) -> Square:
+    """Set up and factorise the equations ``choice`` (n, r) times ``rows`` (r, n).
+
+    Equation k should have a large entry for unknown k, so that few rows need to be exchanged.
+    """
+    matrix = sparse.csr_array(choice @ rows)
+    pattern = sparse.csc_array(abs(matrix) + abs(matrix).T)
+    order = solver.analyse(pattern, points)
+    return Square(matrix, choice, solver.factor_unsymmetric(sparse.csc_array(matrix), order))

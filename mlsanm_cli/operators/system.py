@@ -1,0 +1,43 @@
+"""The interface every discretised body is solved through, however its equations are chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+
+BLOCK = 64
+
+
+class LinearSystem(Protocol):
+    """Factorised equations for n unknowns, with right-hand sides in the physical units of r rows."""
+
+    def solve(self, sources: sparse.csc_array) -> FloatArray:
+        """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined until that changes nothing."""
+        ...
+
+    def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
+        """What one more refinement would change of a ``solution`` (n, 1), relatively.
+
+        The residual itself tells little: nearly incompressible materials have rows so large that a useless
+        solution leaves one at round-off.
+        """
+        ...
+
+    def inverse_normal(self, vectors: FloatArray) -> FloatArray:
+        """(S^T S)^-1 times ``vectors`` (n, c), S the equations as they are scaled."""
+        ...
+
+    def scaled(self, sources: sparse.csc_array) -> FloatArray:
+        """Right-hand sides (r, c) as the equations are scaled."""
+        ...
+
+
+def solve_blocks(system: LinearSystem, sources: sparse.csc_array) -> Iterator[tuple[slice, FloatArray]]:
+    """Solutions a block of columns at a time, so that no dense (n, c) array is kept."""
+    for first in range(0, sources.shape[1], BLOCK):
+        columns = slice(first, min(first + BLOCK, sources.shape[1]))
+        yield columns, system.solve(sources[:, columns])

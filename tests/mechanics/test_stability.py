@@ -1,0 +1,75 @@
+"""The certificate of bodies without contact: high for sound equations, low for those that amplify errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+
+from mlsanm_cli.cloud.cloud import build_cloud
+from mlsanm_cli.cloud.curves import disk, rectangle
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.mechanics.material import isotropic
+from mlsanm_cli.mechanics.stability import bulk_stability
+from mlsanm_cli.operators import least_squares
+from mlsanm_cli.operators.least_squares import LeastSquares
+from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from tests.mechanics.bodies import build, jittered_square
+
+CLAMPED = {"bottom": (True, True)}
+
+
+@pytest.mark.parametrize("degree", [2, 4])
+@pytest.mark.parametrize("poisson", [0.0, 0.499])
+def test_least_squares_is_certified(degree: int, poisson: float) -> None:
+    body = build(jittered_square(17), CLAMPED, degree, isotropic(1.0, poisson, "strain"))
+    assert 0.2 <= bulk_stability(body) <= 1.0
+
+
+def test_it_depends_on_neither_units_nor_refinement() -> None:
+    coarse, fine = (bulk_stability(build(jittered_square(side), CLAMPED)) for side in (13, 25))
+    assert fine == pytest.approx(coarse, rel=0.15)
+    stiff = build(jittered_square(13), CLAMPED, material=isotropic(210e9, 0.3, "strain"))
+    assert bulk_stability(stiff) == pytest.approx(coarse, rel=1e-6)
+    cloud = jittered_square(13)
+    small = {name: replace(surface, curve=surface.curve) for name, surface in cloud.surfaces.items()}
+    shrunk = type(cloud)(1e-3 * cloud.points, 1e-3 * cloud.spacing, small)
+    # Weights of surfaces come from their arc lengths, which shrink with the body.
+    for name, surface in small.items():
+        small[name] = replace(surface, arc_length=1e-3 * surface.arc_length)
+    assert bulk_stability(build(shrunk, CLAMPED)) == pytest.approx(coarse, rel=1e-6)
+
+
+def test_graded_clouds_and_single_held_nodes_pass() -> None:
+    spacing = Spacing(0.1, (Zone.around((0.0, 1.0), 0.002, 0.01, 0.15),))
+    cloud = build_cloud(disk((0.0, 0.0), 1.0), spacing, 0)
+    left, right = (int(np.argmin(np.hypot(cloud.points[:, 0] - x, cloud.points[:, 1]))) for x in (-1, 1))
+    body = build(cloud, {}, held_nodes=((left, 0), (left, 1), (right, 1)))
+    assert bulk_stability(body) >= 0.2
+
+
+def test_a_square_scheme_on_a_rough_cloud_is_found_out() -> None:
+    spacing = Spacing(0.08, (Zone.around((0.4, 1.0), 0.004, 0.01, 0.2),))
+    cloud = build_cloud(rectangle((0.0, 1.0), (0.0, 1.0)), spacing, 0)
+    values = {
+        scheme: bulk_stability(build(cloud, CLAMPED, 4, scheme=scheme))
+        for scheme in ("least-squares", "collocation")
+    }
+    assert values["least-squares"] >= 0.2
+    assert values["collocation"] <= 0.1
+
+
+def test_equations_that_hardly_know_a_mode_are_found_out() -> None:
+    # Least squares without the equilibrium of every second node leaves rough modes nearly free.
+    body = build(jittered_square(17), CLAMPED)
+    system = body.system
+    assert isinstance(system, LeastSquares)
+    weight = system.weight.copy()
+    nodes = len(body.model.cloud.points)
+    dropped = np.random.default_rng(0).permutation(nodes)[: int(0.6 * nodes)]
+    weight[np.concatenate([dropped, nodes + dropped])] *= 1e-3
+    rows = sparse.csr_array(system.rows.multiply((1.0 / system.weight)[:, None]))
+    weak = least_squares.factorise(rows, weight, body.model.nodes, SuperLUSolver())
+    assert bulk_stability(replace(body, system=weak)) <= 0.5 * bulk_stability(body)
