@@ -62,7 +62,7 @@ def summarise(
         summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
         summary["force_balance"] = verdict.force_balance
         summary["force_balance_bodies"] = dict(verdict.bodies)
-    summary["stability"] = built.condensed.stability if built is not None else ending.stability
+    summary["stability"] = built.stability if built is not None else ending.stability
     summary["quality"] = quality.figures
     if adapted is not None and adapted.refined:
         summary["adapt"] = adapted.figures

@@ -24,7 +24,6 @@ from mlsanm_cli.contact.observers import gap_rows, reaction_rows
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.operators.system import solve_blocks
 
 
@@ -33,18 +32,17 @@ class Condensed:
     """All that the contact laws need to know.
 
     ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their
-    surface lengths. ``gap`` maps to the candidates' gaps (m,), ``watched`` to the gaps of paired nodes that
-    are no candidates, ``balance`` to what the platens lack (k,). ``forces`` maps each load and support to its
-    force (2,) on its body, ``contact_forces`` each contact to its force (2,) on the slave; ``imbalance``
-    holds the sum of forces on each body (2 per body). ``stability`` is the smallest over the largest
-    eigenvalue of sym(W A), W the weights: a discretisation whose compliance is not positive cannot be
-    trusted. ``bulk`` holds the :func:`bulk_stability` of bodies that no contact certifies, and of all bodies
-    with a square scheme; without contact ``stability`` is the smallest of them. ``solves`` counts columns.
+    surface lengths, ``modulus`` (m,) the contact modulus E* there. ``gap`` maps to the candidates' gaps (m,),
+    ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to what the platens lack (k,).
+    ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
+    its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``solves``
+    counts columns.
     """
 
     pairings: tuple[Pairing, ...]
     spans: Mapping[str, slice]
     weight: FloatArray
+    modulus: FloatArray
     gap: LinearMap
     watched: LinearMap
     balance: LinearMap
@@ -53,8 +51,6 @@ class Condensed:
     imbalance: LinearMap
     sources: Mapping[str, sparse.csc_array]
     solutions: Mapping[str, FloatArray]
-    stability: float
-    bulk: Mapping[str, float]
     solves: int
 
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray) -> dict[str, BoolArray]:
@@ -130,19 +126,12 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         columns,
         {where: columns.split(observed[paired + 3 * i : paired + 3 * i + 3]) for i, where in enumerate(held)},
     )
-    touching = {name for pairing in pairings for name in (pairing.slave_body, pairing.master_body)}
-    bulk = {
-        name: bulk_stability(body)
-        for name, body in scene.bodies.items()
-        if name not in touching or body.model.settings.square
-    }
-    stability = (
-        stability_certificate(weight, gap.take(candidate).pressure) if pairings else min(bulk.values())
-    )
+    modulus = np.concatenate([[], *(np.full(int(p.candidate.sum()), _modulus(scene, p)) for p in pairings)])
     return Condensed(
         pairings=pairings,
         spans=spans,
         weight=weight,
+        modulus=modulus,
         gap=gap.take(candidate),
         watched=gap.take(~candidate),
         balance=platen_balance(forces),
@@ -151,14 +140,11 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         imbalance=body_imbalance(forces),
         sources=sources,
         solutions=solutions,
-        stability=stability,
-        bulk=bulk,
         solves=solves,
     )
 
 
-def stability_certificate(weight: FloatArray, compliance: FloatArray) -> float:
-    """Smallest over largest eigenvalue of the symmetric part of W A."""
-    weighted = weight[:, None] * compliance
-    eigenvalues = np.linalg.eigvalsh(0.5 * (weighted + weighted.T))
-    return float(eigenvalues[0] / np.abs(eigenvalues).max())
+def _modulus(scene: Scene, pairing: Pairing) -> float:
+    """Contact modulus E* of a pair of bodies: 1/E* is the sum of 1/E'."""
+    bodies = (scene.bodies[name] for name in (pairing.slave_body, pairing.master_body))
+    return 1.0 / sum(1.0 / body.model.material.contact_modulus for body in bodies)

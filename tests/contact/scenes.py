@@ -14,9 +14,10 @@ from mlsanm_cli.app.scene import factorise, prepare
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.condensed import Condensed, condense, stability_certificate
+from mlsanm_cli.contact.condensed import Condensed, condense
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.stability import contact_stability
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
@@ -41,6 +42,7 @@ def synthetic(
         pairings=(),
         spans={"contact": slice(0, m)},
         weight=weight,
+        modulus=np.ones(m),
         gap=LinearMap(gap, load, motion, compliance),
         watched=columns.zeros(0),
         balance=columns.zeros(0) if balance is None else balance,
@@ -49,8 +51,6 @@ def synthetic(
         imbalance=columns.zeros(0),
         sources={},
         solutions={},
-        stability=stability_certificate(weight, compliance),
-        bulk={},
         solves=0,
     )
 
@@ -184,6 +184,11 @@ class Small:
         """x of the candidates (m,)."""
         cloud = self.scene.bodies[self.pairing.slave_body].model.cloud
         return np.asarray(cloud.points[self.pairing.node[self.pairing.candidate], 0])
+
+    @property
+    def stability(self) -> float:
+        """The certificate over all candidates."""
+        return contact_stability(self.condensed, np.ones(len(self.condensed.weight), dtype=bool))
 
     def exact(self, factors: FloatArray | None = None) -> ExactState:
         """Exact contact at full load."""

@@ -1,0 +1,342 @@
+"""Random scenes against the stability certificate: is every bad result refused, and no good one?
+
+    python benchmarks/stability.py [--bulk 300] [--hertz 100] [--out benchmarks/results]
+
+Bodies without contact: groups of ten clouds of one scene (shape, grading 1 to 100, Poisson's ratio 0 to
+0.499, plane strain or stress, one side clamped or three displacements held, jitter 0 to 0.4 spacings) that
+differ in their random numbers only. The exact solution is smooth with bounded stress; the error is the root
+mean square over four such solutions. A cloud's error is judged against the median of its group, for every
+scheme and degree.
+
+Hertz scenes: random seeds, facing spacings (ratio 0.5 to 2), offset, a/R 0.01 to 0.1, stiffness ratio 1 to
+1000 either way, Poisson's ratios; always 15 slave nodes over the half-width, so that errors compare with each
+other.
+
+Writes stability.json and stability.png.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.spatial import cKDTree
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from mlsanm_cli.app.certificate import BULK_LIMIT  # noqa: E402
+from mlsanm_cli.app.run import run  # noqa: E402
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud  # noqa: E402
+from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle, sector  # noqa: E402
+from mlsanm_cli.cloud.spacing import Spacing, Zone  # noqa: E402
+from mlsanm_cli.errors import NumericalError  # noqa: E402
+from mlsanm_cli.mechanics.body import BodyModel, assemble  # noqa: E402
+from mlsanm_cli.mechanics.material import isotropic  # noqa: E402
+from mlsanm_cli.mechanics.stability import bulk_stability  # noqa: E402
+from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
+from mlsanm_cli.operators.settings import MlsSettings  # noqa: E402
+from tests.mechanics.bodies import boundary_values, with_body_force  # noqa: E402
+from tests.mechanics.waves import Wave  # noqa: E402
+
+PER_GROUP = 10
+FIELDS = 4
+SETTINGS = (
+    ("least-squares", 2),
+    ("least-squares", 4),
+    ("ghost", 2),
+    ("ghost", 4),
+    ("collocation", 2),
+    ("collocation", 4),
+)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One body without contact, up to the random numbers of its cloud."""
+
+    outline: Outline
+    center: tuple[float, float]
+    length: float
+    spacing: Spacing
+    poisson: float
+    plane: str
+    clamped: str | None
+    jitter: float
+    waves: int
+
+
+def random_scene(rng: np.random.Generator) -> Scene:
+    """A scene of 300 to 2000 nodes."""
+    kind = rng.choice(["rectangle", "disk", "half-disk", "sector"])
+    center, length = (0.0, 0.0), 2.0
+    if kind == "rectangle":
+        width = 2.0 ** rng.uniform(-2.0, 2.0)
+        outline, area = rectangle((0.0, width), (0.0, 1.0)), width
+        center, length = (0.5 * width, 0.5), max(width, 1.0)
+    elif kind == "disk":
+        outline, area = disk((0.0, 0.0), 1.0), math.pi
+    elif kind == "half-disk":
+        outline, area = half_disk((0.0, 0.0), 1.0, "lower"), 0.5 * math.pi
+    else:
+        inner, angle = rng.uniform(0.2, 0.8), rng.uniform(0.5, 5.0)
+        outline, area = sector((0.0, 0.0), (inner, 1.0), (0.0, angle)), 0.5 * angle * (1.0 - inner**2)
+    h = math.sqrt(area / rng.uniform(300.0, 1500.0))
+    grading = 10.0 ** rng.uniform(0.0, 2.0)
+    curve = outline.curves[rng.integers(len(outline.curves))]
+    x, y = curve.points(np.array([rng.uniform() * curve.length]))[0]
+    zone = Zone.around((float(x), float(y)), h / grading, 3.0 * h / grading, rng.uniform(0.08, 0.25))
+    side = bool(rng.integers(2)) and len(outline.curves) > 1
+    return Scene(
+        outline=outline,
+        center=center,
+        length=length,
+        spacing=Spacing(h, (zone,)),
+        poisson=float(rng.choice([rng.uniform(0.0, 0.45), 0.499])),
+        plane=str(rng.choice(["strain", "stress"])),
+        clamped=outline.names[rng.integers(len(outline.names))] if side else None,
+        jitter=float(rng.uniform(0.0, 0.4)),
+        waves=int(rng.integers(2**31)),
+    )
+
+
+def jittered(scene: Scene, seed: int) -> Cloud:
+    """The scene's cloud, inner nodes moved by up to ``jitter`` spacings, half-way to the boundary at most."""
+    cloud = build_cloud(scene.outline, scene.spacing, seed)
+    rng = np.random.default_rng(seed + 1)
+    points = cloud.points.copy()
+    inner = np.setdiff1d(np.arange(len(points)), cloud.boundary_nodes)
+    room = cKDTree(points[cloud.boundary_nodes]).query(points[inner])[0]
+    reach = np.minimum(scene.jitter * cloud.spacing[inner], 0.5 * room) * np.sqrt(
+        rng.uniform(size=len(inner))
+    )
+    angle = rng.uniform(0.0, 2.0 * math.pi, len(inner))
+    points[inner] += reach[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return Cloud(points, cloud.spacing, cloud.surfaces)
+
+
+def bulk_error(scene: Scene, cloud: Cloud, degree: int, scheme: Any) -> tuple[float, float]:
+    """Relative displacement error and certificate."""
+    material = isotropic(1.0, scene.poisson, scene.plane)
+    held, nodes = {}, []
+    if scene.clamped is not None:
+        held = {scene.clamped: (True, True)}
+    else:
+        first = int(cloud.boundary_nodes[0])
+        away = cloud.points - cloud.points[first]
+        last = int(np.argmax((away**2).sum(axis=1)))
+        across = int(abs(away[last, 0]) > abs(away[last, 1]))
+        nodes = [(first, 0), (first, 1), (last, across)]
+    model = BodyModel.build("body", cloud, material, MlsSettings(degree, scheme=scheme), list(held))
+    body = assemble(model, held, nodes, SuperLUSolver())
+    rng = np.random.default_rng(scene.waves)
+    measure = cloud.spacing[:, None]
+    errors = []
+    for _ in range(FIELDS):
+        numbers = tuple((float(a), float(b)) for a, b in rng.uniform(-2.0, 2.0, (2, 2)))
+        phases = tuple(float(a) for a in rng.uniform(0.0, 6.0, 2))
+        wave = Wave(material.stiffness, numbers, phases, scene.center, scene.length)
+        exact = wave.displacement(cloud.points)
+        if nodes:
+            exact = exact + rigid_motion(cloud.points, [(n, c, -exact[n, c]) for n, c in nodes])
+        source = boundary_values(body, wave.displacement, wave.stress)
+        source = with_body_force(body, source, wave.force(cloud.points))
+        found = body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)[: len(cloud.points)]
+        mean = (measure**2 * exact).sum(axis=0) / (measure**2).sum()
+        errors.append(np.linalg.norm(measure * (found - exact)) / np.linalg.norm(measure * (exact - mean)))
+    return float(np.sqrt(np.mean(np.square(errors)))), bulk_stability(body)
+
+
+def rigid_motion(points: np.ndarray, wanted: list[tuple[int, int, float]]) -> np.ndarray:
+    """The rigid motion (n, 2) with given displacements at three (node, component)s."""
+    matrix = [[c == 0, c == 1, -points[n, 1] if c == 0 else points[n, 0]] for n, c, _ in wanted]
+    x, y, turn = np.linalg.solve(np.array(matrix, dtype=float), [value for _, _, value in wanted])
+    return np.array([x, y]) + turn * np.stack([-points[:, 1], points[:, 0]], axis=1)
+
+
+def bulk(count: int) -> dict[str, list[dict[str, float]]]:
+    """Errors over the median of their group, and certificates, of every scheme and degree."""
+    rng = np.random.default_rng(0)
+    results: dict[str, list[dict[str, float]]] = {f"{scheme} {degree}": [] for scheme, degree in SETTINGS}
+    for group in range(count // PER_GROUP):
+        scene = random_scene(rng)
+        clouds = [jittered(scene, int(seed)) for seed in rng.integers(2**31, size=PER_GROUP)]
+        for scheme, degree in SETTINGS:
+            points = []
+            # The schemes that are not the default get a third of the scenes.
+            for cloud in clouds if (scheme, degree) == SETTINGS[0] else clouds[: PER_GROUP // 3 + 1]:
+                try:
+                    error, stability = bulk_error(scene, cloud, degree, scheme)
+                except NumericalError as refusal:
+                    points.append({"refused": refusal.message})
+                    continue
+                points.append({"error": error, "stability": stability})
+            median = np.median([p["error"] for p in points if "error" in p] or [math.nan])
+            for point in points:
+                if "error" in point:
+                    point["ratio"] = float(point["error"] / median)
+                results[f"{scheme} {degree}"].append(point)
+        print(f"group {group}: {len(clouds[0].points)} nodes", flush=True)
+    return results
+
+
+HERTZ = """
+format = 1
+model.plane = "strain"
+material.slave = {{E = {slave}, nu = {nu_slave}}}
+material.master = {{E = {master}, nu = {nu_master}}}
+support = [{{boundary = "block.bottom", ux = 0.0, uy = 0.0}}]
+load = [{{name = "press", boundary = "cylinder.flat", kind = "platen", force = [0.0, {force}]}}]
+output.fields = []
+output.vtu = false
+reference.solution = "hertz-line"
+
+[[body]]
+name = "cylinder"
+material = "slave"
+spacing = 0.12
+seed = {seed}
+shape = {{kind = "half-disk", center = [{offset}, 1.0], radius = 1.0, side = "lower"}}
+refine = [{{at = [{offset}, 0.0], spacing = {h}, radius = {reach}}}]
+
+[[body]]
+name = "block"
+material = "master"
+spacing = 0.12
+seed = {seed}
+shape = {{kind = "rectangle", x = [-2.0, 2.0], y = [-2.0, 0.0]}}
+refine = [{{at = [0.0, 0.0], spacing = {h_master}, radius = {reach}}}]
+
+[[contact]]
+name = "interface"
+slave = "cylinder.arc"
+master = "block.top"
+regularization.law = "exact"
+"""
+
+
+class Silent:
+    """A console that says nothing."""
+
+    def phase(self, text: str) -> None: ...
+    def step(self, *values: Any) -> None: ...
+    def note(self, text: str) -> None: ...
+    def warning(self, text: str) -> None: ...
+    def table(self, *values: Any) -> None: ...
+
+
+def hertz(count: int) -> list[dict[str, Any]]:
+    """Errors of the pressure profile, and certificates; the reason where a run was refused."""
+    rng = np.random.default_rng(1)
+    results = []
+    for seed in range(count):
+        half_width = 10.0 ** rng.uniform(-2.0, -1.0)
+        ratio = 2.0 ** rng.uniform(-1.0, 1.0)
+        stiffness = 10.0 ** (rng.uniform(0.0, 3.0) * rng.choice([-1.0, 1.0]))
+        offset = rng.uniform(-0.5, 0.5) * half_width / 15.0
+        nu_slave, nu_master = rng.uniform(0.0, 0.45, 2)
+        slave, master = 210e3, 210e3 / stiffness
+        modulus = 1.0 / ((1.0 - nu_slave**2) / slave + (1.0 - nu_master**2) / master)
+        text = HERTZ.format(
+            slave=slave, master=master, nu_slave=nu_slave, nu_master=nu_master, seed=seed, offset=offset,
+            h=half_width / 15.0, h_master=ratio * half_width / 15.0, reach=1.4 * half_width,
+            force=-0.25 * math.pi * modulus * half_width**2,
+        )  # fmt: skip
+        with tempfile.TemporaryDirectory() as directory:
+            case = Path(directory) / "hertz.toml"
+            case.write_text(text)
+            summary = run(case, out=Path(directory) / "run", console=Silent())
+        point = {"ratio_of_spacings": ratio, "slave_over_master": stiffness, "a_over_r": half_width}
+        point |= {"status": summary["status"], "stability": summary["stability"]}
+        if summary["status"] == "done":
+            point["error"] = summary["contacts"]["interface"]["reference"]["pressure_error_l2"]
+        else:
+            point["reason"] = summary["stop_reason"]
+        results.append(point)
+        print(f"hertz {seed}: {point}", flush=True)
+    return results
+
+
+def figures(results: dict[str, Any]) -> dict[str, Any]:
+    """The figures that count."""
+    told = {}
+    for name, points in results["bulk"].items():
+        solved = [p for p in points if "ratio" in p]
+        passed = [p["ratio"] for p in solved if p["stability"] >= BULK_LIMIT]
+        told[name] = {
+            "scenes": len(points),
+            "refused": len(points) - len(passed),
+            "worst_accepted_over_median": max(passed, default=None),
+            "worst_of_all_over_median": max((p["ratio"] for p in solved), default=None),
+            "smallest_stability": min((p["stability"] for p in solved), default=None),
+        }
+    accepted = [p["error"] for p in results["hertz"] if "error" in p]
+    told["hertz"] = {
+        "scenes": len(results["hertz"]),
+        "accepted": len(accepted),
+        "median_error": float(np.median(accepted)),
+        "worst_over_median": float(max(accepted) / np.median(accepted)),
+    }
+    return told
+
+
+def draw(path: Path, results: dict[str, Any]) -> None:
+    """Error against certificate."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.5, 4.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    for (name, points), marker in zip(results["bulk"].items(), "o^svxd", strict=True):
+        solved = [p for p in points if "ratio" in p]
+        left.loglog(
+            [p["stability"] for p in solved], [p["ratio"] for p in solved], marker, ms=3.5, label=name
+        )
+    left.axvline(BULK_LIMIT, color="k", lw=0.8)
+    left.set(xlabel="stability (runs left of the line are refused)", ylabel="error / median of its group")
+    left.set_title("Bodies without contact")
+    left.legend(fontsize=8)
+    done = [p for p in results["hertz"] if "error" in p]
+    right.loglog(
+        [p["slave_over_master"] for p in done],
+        [100.0 * p["error"] for p in done],
+        "o",
+        ms=3.5,
+        label="accepted",
+    )
+    refused = [p["slave_over_master"] for p in results["hertz"] if "error" not in p]
+    bottom = 100.0 * min(p["error"] for p in done)
+    right.loglog(refused, np.full(len(refused), bottom), "x", ms=4, label="refused")
+    right.set(xlabel="stiffness of the slave over the master's", ylabel="pressure error, L2 [%]")
+    right.set_title("Hertz contact, 15 slave nodes over the half-width")
+    right.legend(fontsize=8)
+    for axes in (left, right):
+        axes.grid(which="both", alpha=0.3)
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--bulk", type=int, default=300)
+    parser.add_argument("--hertz", type=int, default=100)
+    parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    results: dict[str, Any] = {"bulk": bulk(arguments.bulk), "hertz": hertz(arguments.hertz)}
+    results = {"figures": figures(results), **results}
+    (arguments.out / "stability.json").write_text(json.dumps(results, indent=1) + "\n")
+    draw(arguments.out / "stability.png", results)
+    print(json.dumps(results["figures"], indent=1))
+
+
+if __name__ == "__main__":
+    main()
