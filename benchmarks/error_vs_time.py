@@ -1,12 +1,17 @@
-"""Error of the Hertz pressure against CPU time, over clouds, degrees and refinement of cases/hertz.toml.
+"""Error against CPU time: Hertz pressure and a manufactured solution, over schemes, degrees and clouds.
 
     python benchmarks/error_vs_time.py [--repeat 5] [--out benchmarks/results]
 
-Every point is a whole process, interpreter start and file writing included, on one thread with compiled
-kernels; its time is the median CPU time (user and system) of the repeats. The error is the L2 norm of the
-pressure's difference to the half-plane formula over the formula's norm; the finite bodies differ from that
-formula by about 0.05 % themselves. Writes error_vs_time.json and error_vs_time.png. Compare ratios within one
-run, not times of different runs.
+Hertz: every point is a whole process, interpreter start and file writing included, on one thread with
+compiled kernels; its time is the median CPU time (user and system) of the repeats. The error is the L2 norm
+of the pressure's difference to the half-plane formula over the formula's norm; the finite bodies differ from
+that formula by about 0.05 % themselves.
+
+Manufactured: jittered clouds of 17^2 to 129^2 nodes on the unit square, traction on three sides; the median
+over three clouds of the displacement's relative root mean square error and of the CPU time of stencils, of
+rows and factorisation, and of one solution.
+
+Writes error_vs_time.json and two pictures. Compare ratios within one run, not times of different runs.
 """
 
 from __future__ import annotations
@@ -18,10 +23,27 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import scipy.sparse as sparse
+
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from mlsanm_cli.mechanics.body import BodyModel, assemble  # noqa: E402
+from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
+from mlsanm_cli.operators.settings import MlsSettings, Scheme  # noqa: E402
+from tests.mechanics.bodies import (  # noqa: E402
+    STEEL,
+    boundary_values,
+    jittered_square,
+    with_body_force,
+)
+from tests.mechanics.waves import Wave  # noqa: E402
+
 EXACT = 'contact.interface.regularization.law="exact"'
 BODIES = ("cylinder", "block")
 
@@ -46,6 +68,7 @@ SERIES: dict[str, list[list[str]]] = {
     "degree 2": [[*cloud(scale), EXACT] for scale in (2.0, 1.4, 1.0, 0.7, 0.5)],
     "degree 4": [[*cloud(scale), EXACT, "mls.degree=4"] for scale in (2.0, 1.4, 1.0, 0.7)],
     "degree 2, even zone": [[*coarse(spacing), EXACT] for spacing in (0.01, 0.005, 0.0025)],
+    "ghost, degree 2": [[*cloud(scale), EXACT, 'mls.scheme="ghost"'] for scale in (2.0, 1.4, 1.0)],
     "degree 2, found and refined": [[*coarse(0.01), EXACT, f"adapt.passes={n}"] for n in (1, 2)],
     "hyperbolic law, whole path": [cloud(scale) for scale in (2.0, 1.0)],
 }
@@ -84,7 +107,80 @@ def measure(settings: list[str], repeat: int) -> dict[str, Any]:
     }
 
 
-def draw(path: Path, results: dict[str, list[dict[str, Any]]]) -> None:
+SIDES = (17, 33, 65, 129)
+DEGREES = (2, 4, 6)
+SCHEMES: tuple[Scheme, ...] = ("least-squares", "ghost", "collocation")
+
+
+def manufactured_point(side: int, degree: int, scheme: Scheme, seed: int) -> dict[str, float]:
+    """Error and CPU seconds of one cloud."""
+    cloud, held = jittered_square(side, 0.25, seed), {"bottom": (True, True)}
+    wave = Wave(STEEL.stiffness)
+    start = time.process_time()
+    model = BodyModel.build("square", cloud, STEEL, MlsSettings(degree, scheme=scheme), list(held))
+    built = time.process_time()
+    body = assemble(model, held, (), SuperLUSolver())
+    factorised = time.process_time()
+    source = boundary_values(body, wave.displacement, wave.stress)
+    source = with_body_force(body, source, wave.force(cloud.points))
+    ready = time.process_time()
+    u = body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)[: len(cloud.points)]
+    solved = time.process_time()
+    exact = wave.displacement(cloud.points)
+    return {
+        "error": float(np.linalg.norm(u - exact) / np.linalg.norm(exact)),
+        "stencils": built - start,
+        "factorization": factorised - built,
+        "solution": solved - ready,
+    }
+
+
+def manufactured() -> dict[str, list[dict[str, Any]]]:
+    """Medians over three clouds, and the fitted order of every series."""
+    manufactured_point(9, 2, "least-squares", 0)
+    results: dict[str, list[dict[str, Any]]] = {}
+    for scheme in SCHEMES:
+        for degree in DEGREES:
+            points = []
+            for side in SIDES:
+                runs = [manufactured_point(side, degree, scheme, seed) for seed in range(3)]
+                errors = [one["error"] for one in runs]
+                median = {key: statistics.median(one[key] for one in runs) for key in runs[0]}
+                points.append({"nodes": side**2, **median, "worst_error": max(errors)})
+            slope = np.polyfit(np.log(np.array(SIDES) - 1.0), np.log([p["error"] for p in points]), 1)[0]
+            results[f"{scheme}, degree {degree}"] = points
+            figures = "  ".join(f"{p['error']:.1e}" for p in points)
+            print(f"{scheme:14} degree {degree}  {figures}  order {-slope:.1f}", flush=True)
+    return results
+
+
+def draw_manufactured(path: Path, results: dict[str, list[dict[str, Any]]]) -> None:
+    """Error against CPU time, and against the node spacing."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.5, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, sharey=True)
+    styles = dict(zip(SCHEMES, ("-o", "--^", ":s"), strict=True))
+    for number, (name, points) in enumerate(results.items()):
+        scheme, colour = name.partition(",")[0], f"C{number % len(DEGREES)}"
+        error = [point["error"] for point in points]
+        seconds = [point["stencils"] + point["factorization"] + point["solution"] for point in points]
+        spacing = [1.0 / (point["nodes"] ** 0.5 - 1.0) for point in points]
+        style: dict[str, Any] = {"color": colour, "ms": 4, "lw": 1.2}
+        left.loglog(seconds, error, styles[scheme], label=name, **style)
+        right.loglog(spacing, error, styles[scheme], **style)
+    left.set(xlabel="CPU seconds, one thread", ylabel="displacement error, relative")
+    left.legend(fontsize=7)
+    right.set(xlabel="node spacing")
+    for axes in (left, right):
+        axes.grid(which="both", alpha=0.25)
+    figure.suptitle("Manufactured solution, jittered clouds, traction on three sides")
+    figure.savefig(path, dpi=110)
+
+
+def draw_hertz(path: Path, results: dict[str, list[dict[str, Any]]]) -> None:
     """Error against time, both logarithmic."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -92,7 +188,7 @@ def draw(path: Path, results: dict[str, list[dict[str, Any]]]) -> None:
     figure = Figure(figsize=(7.2, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
-    for (name, points), marker in zip(results.items(), "osd^v", strict=True):
+    for (name, points), marker in zip(results.items(), "osdP^v", strict=True):
         x = [point["cpu_seconds"] for point in points]
         y = [100.0 * point["pressure_error_l2"] for point in points]
         axes.loglog(x, y, marker=marker, label=name)
@@ -122,8 +218,11 @@ def main() -> None:
                 f"L2 {100 * point['pressure_error_l2']:.3f} %  peak {100 * point['peak_error']:+.3f} %",
                 flush=True,
             )
-    (arguments.out / "error_vs_time.json").write_text(json.dumps(results, indent=1) + "\n")
-    draw(arguments.out / "error_vs_time.png", results)
+    smooth = manufactured()
+    whole = {"hertz": results, "manufactured": smooth}
+    (arguments.out / "error_vs_time.json").write_text(json.dumps(whole, indent=1) + "\n")
+    draw_hertz(arguments.out / "error_vs_time.png", results)
+    draw_manufactured(arguments.out / "error_vs_time_manufactured.png", smooth)
 
 
 if __name__ == "__main__":
