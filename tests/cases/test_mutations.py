@@ -1,0 +1,103 @@
+"""Faults put into the numerics on purpose: a run fails, or misses the bar of its published case."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.app.run import run
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.mechanics import body as mechanics
+from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from tests.app.scenes import Quiet
+
+CASES = Path(__file__).parents[2] / "cases"
+EXACT = 'contact.interface.regularization.law="exact"'
+
+
+def outcome(name: str, directory: Path, *overrides: str) -> Mapping[str, Any]:
+    """Summary of a run of a published case without fields."""
+    quiet = ("output.fields=[]", "output.vtu=false", *overrides)
+    return run(CASES / f"{name}.toml", overrides=quiet, out=directory, console=Quiet())
+
+
+def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., FloatArray]:
+    """The body's row weights with those of the traction rows multiplied by ``factor`` of the modulus."""
+    proper = mechanics._row_weights
+
+    def faulty(
+        cloud: Cloud,
+        held: Mapping[str, tuple[bool, bool]],
+        held_nodes: Sequence[tuple[int, int]],
+        modulus: float,
+    ) -> FloatArray:
+        weights = proper(cloud, held, held_nodes, modulus)
+        first = 2 * len(cloud.points)
+        for name, surface in cloud.surfaces.items():
+            for holds in held.get(name, (False, False)):
+                if not holds:
+                    weights[first : first + len(surface.index)] *= factor(modulus)
+                first += len(surface.index)
+        return weights
+
+    return faulty
+
+
+@pytest.mark.parametrize(
+    ("case", "overrides"), [("lame", ()), ("lame", ("mls.degree=2",)), ("patch", ()), ("hertz", (EXACT,))]
+)
+@pytest.mark.parametrize(
+    "factor", [lambda modulus: modulus, lambda modulus: 1e-3], ids=["in-stress", "light"]
+)
+def test_dropped_weights_of_tractions(
+    case: str,
+    overrides: tuple[str, ...],
+    factor: Callable[[float], float],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setattr(mechanics, "_row_weights", traction_weights_times(factor))
+    summary = outcome(case, tmp_path / "run", *overrides)
+    assert summary["status"] == "failed"
+    assert summary["stop_reason"] != "end of the last stage"
+
+
+@pytest.mark.parametrize(("case", "overrides"), [("patch", ()), ("hertz", (EXACT,))])
+def test_stencils_across_bodies(
+    case: str, overrides: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    seen: list[FloatArray] = []
+
+    def faulty(
+        points: FloatArray, tree: cKDTree, targets: FloatArray, order: int, settings: MlsSettings
+    ) -> Stencils:
+        """At virtual nodes, neighbours from the body that was built first, under its numbers."""
+        seen.append(points)
+        first = seen[0]
+        if order > 0 or len(first) == len(points):
+            return build_stencils(points, tree, targets, order, settings)
+        taken = build_stencils(first, cKDTree(first), targets, order, settings)
+        return replace(taken, indices=taken.indices % len(points), nodes=len(points))
+
+    monkeypatch.setattr(mechanics, "build_stencils", faulty)
+    summary = outcome(case, tmp_path / "run", *overrides)
+    assert len({len(points) for points in seen}) == 2
+    # No certificate knows of it, but ten times the published bar does.
+    assert summary["contacts"]["interface"]["reference"]["pressure_error_l2"] >= 0.1
+
+
+@pytest.mark.parametrize("widths", [-1.0, 1.0])
+def test_a_fine_zone_shifted_by_one_contact_width(widths: float, tmp_path: Path) -> None:
+    at = np.array([0.0, -0.05, 0.05]) + widths * 0.1
+    shifted = [f"body.block.refine.{number}.at=[{x!r}, 0.0]" for number, x in enumerate(at.tolist())]
+    summary = outcome("hertz", tmp_path / "run", EXACT, *shifted)
+    assert summary["status"] == "failed"
+    assert "spacings pressed on each other differ" in summary["stop_reason"]
