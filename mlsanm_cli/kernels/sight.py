@@ -1,0 +1,75 @@
+"""Which straight lines between two points of a body leave it through a slit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.kernels.jit import kernel
+
+
+@kernel
+def cut_lines(
+    starts: FloatArray,
+    ends: FloatArray,
+    numbers: IntArray,
+    edge_start: IntArray,
+    edge_numbers: IntArray,
+    edges: FloatArray,
+    along: FloatArray,
+    loop: FloatArray,
+    ratio: float,
+) -> BoolArray:
+    """Whether the lines from ``starts`` (t, 2) to ``ends[numbers]``, ``numbers`` (t, k), cross a slit (t, k).
+
+    ``edges`` (e, 4) are the outline's chords, of which ``edge_numbers[edge_start[i] : edge_start[i + 1]]`` can
+    meet the lines from start i. ``along`` (e, 2) are distances along the outline at both ends of an edge,
+    ``loop`` (e,) the length of the whole loop. All points lie inside, so that a line leaves and enters in
+    turn; the void between is a slit where the way along the outline from one place to the other is longer
+    than ``ratio`` times the straight one.
+    """
+    cut = np.zeros(numbers.shape, np.bool_)
+    most = 0
+    for i in range(starts.shape[0]):
+        most = max(most, edge_start[i + 1] - edge_start[i])
+    place = np.empty(most)
+    way = np.empty(most)
+    around = np.empty(most)
+    for i in range(starts.shape[0]):
+        x, y = starts[i, 0], starts[i, 1]
+        for k in range(numbers.shape[1]):
+            dx = ends[numbers[i, k], 0] - x
+            dy = ends[numbers[i, k], 1] - y
+            found = 0
+            for m in range(edge_start[i], edge_start[i + 1]):
+                e = edge_numbers[m]
+                ax, ay = edges[e, 0] - x, edges[e, 1] - y
+                bx, by = edges[e, 2] - x, edges[e, 3] - y
+                first = dx * ay - dy * ax
+                last = dx * by - dy * bx
+                if (first > 0.0) == (last > 0.0):
+                    continue
+                part = first / (first - last)
+                hit_x = ax + part * (bx - ax)
+                hit_y = ay + part * (by - ay)
+                t = (hit_x * dx + hit_y * dy) / (dx * dx + dy * dy)
+                if not 0.0 < t < 1.0:
+                    continue
+                # Keep the crossings in order along the line.
+                at = found
+                while at > 0 and place[at - 1] > t:
+                    place[at] = place[at - 1]
+                    way[at] = way[at - 1]
+                    around[at] = around[at - 1]
+                    at -= 1
+                place[at] = t
+                way[at] = along[e, 0] + part * (along[e, 1] - along[e, 0])
+                around[at] = loop[e]
+                found += 1
+            length = np.sqrt(dx * dx + dy * dy)
+            for m in range(0, found - 1, 2):
+                apart = abs(way[m + 1] - way[m])
+                apart = min(apart, around[m] - apart)
+                if apart > ratio * length * (place[m + 1] - place[m]):
+                    cut[i, k] = True
+    return cut
