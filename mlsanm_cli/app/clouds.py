@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 from itertools import accumulate
 
-from mlsanm_cli.case.model import Body, Case
 from mlsanm_cli.case.chains import Piece, Side
+from mlsanm_cli.case.model import Body, Case
 from mlsanm_cli.case.shapes import Annulus, HalfDisk, Polygon, Rectangle, Sector
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, disk, half_disk, rectangle, sector

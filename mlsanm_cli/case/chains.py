@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 Point = tuple[float, float]
 
@@ -60,7 +61,11 @@ def corners(points: tuple[Point, ...], rounding: tuple[float, ...]) -> tuple[Cor
         order.reverse()
     found = []
     for place, number in enumerate(order):
-        before, here, after = points[order[place - 1]], points[number], points[order[(place + 1) % len(order)]]
+        before, here, after = (
+            points[order[place - 1]],
+            points[number],
+            points[order[(place + 1) % len(order)]],
+        )
         came, goes = _minus(here, before), _minus(after, here)
         turn = math.atan2(_cross(came, goes), came[0] * goes[0] + came[1] * goes[1])
         radius = rounding[number] if number < len(rounding) else 0.0
@@ -113,8 +118,7 @@ def signed_area(points: Sequence[Point]) -> float:
 
 def extent(points: Sequence[Point]) -> float:
     """The larger side of the box around the points."""
-    x, y = zip(*points, strict=True)
-    return max(max(x) - min(x), max(y) - min(y))
+    return max(max(p[axis] for p in points) - min(p[axis] for p in points) for axis in (0, 1))
 
 
 def on_round(arc: Round, fraction: float) -> Point:
@@ -131,7 +135,7 @@ def chords(chain: Sequence[Piece]) -> list[tuple[str, Point, Point]]:
             parts.append((piece.name, piece.start, piece.end))
         else:
             ends = [on_round(piece, k / CHORDS) for k in range(CHORDS + 1)]
-            parts += [(piece.name, a, b) for a, b in zip(ends, ends[1:], strict=False)]
+            parts += [(piece.name, a, b) for a, b in pairwise(ends)]
     return parts
 
 

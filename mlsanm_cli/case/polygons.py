@@ -13,10 +13,10 @@ from mlsanm_cli.case.shapes import Polygon
 
 def check_polygon(shape: Polygon, path: KeyPath, report: Report) -> None:
     """Adds every problem of a polygon's geometry; later ones only where the earlier make sense."""
-    for key in ("names", "rounding"):
-        given = len(getattr(shape, key))
+    for part in ("names", "rounding"):
+        given = len(getattr(shape, part))
         if given not in (0, len(shape.points)):
-            report.add((*path, key), f"has {given} items for {len(shape.points)} points", "one per point")
+            report.add((*path, part), f"has {given} items for {len(shape.points)} points", "one per point")
     _check_names(shape, path, report)
     problems = [*_point_problems(shape)] or [*_rounding_problems(shape)] or [*_outline_problems(shape)]
     for key, message, hint in problems or _hole_problems(shape):
@@ -31,7 +31,9 @@ def _check_names(shape: Polygon, path: KeyPath, report: Report) -> None:
     for name in shape.boundaries:
         if name in taken:
             place: KeyPath = ("names", shape.names.index(name)) if name in shape.names else ("holes",)
-            report.add((*path, *place), f'"{name}" is the name of two boundaries', "every boundary has its own")
+            report.add(
+                (*path, *place), f'"{name}" is the name of two boundaries', "every boundary has its own"
+            )
         taken.add(name)
 
 

@@ -33,8 +33,8 @@ class Sight:
     """What the nodes ``points`` (n, 2) of a body with slits see of each other.
 
     ``edges`` (e, 2) are the outline's chords as pairs of nodes, ``normals`` (e, 2) their outward normals,
-    ``along`` (e, 2) distances along the outline at their ends, ``loop`` (e,) lengths of their loops; ``slits``
-    the numbers of the edges that face another across a slit.
+    ``along`` (e, 2) distances along the outline at their ends, ``loop`` (e,) lengths of their loops; edges
+    ``slits`` face another one across a slit.
     """
 
     points: FloatArray
@@ -55,7 +55,15 @@ class Sight:
         reach = np.sqrt((span**2).sum(axis=2).max(axis=1)) + self._longest
         start, near = _neighbours(self._tree, targets, reach)
         return cut_lines(
-            self._inward(targets), self._ends, numbers, start, near, self._chords, self.along, self.loop, DETOUR
+            self._inward(targets),
+            self._ends,
+            numbers,
+            start,
+            near,
+            self._chords,
+            self.along,
+            self.loop,
+            DETOUR,
         )
 
     def apart(self, one: IntArray, other: IntArray) -> BoolArray:
@@ -86,7 +94,7 @@ class Sight:
 
     @cached_property
     def _corners(self) -> FloatArray:
-        """Outward directions (n, 2) at the boundary nodes, between the normals of the edges that meet there."""
+        """Outward directions (n, 2) at the boundary nodes, between the normals of the edges there."""
         total = np.zeros_like(self.points)
         for end in (0, 1):
             total[self.edges[:, end]] += self.normals

@@ -22,8 +22,8 @@ def cut_lines(
 ) -> BoolArray:
     """Whether the lines from ``starts`` (t, 2) to ``ends[numbers]``, ``numbers`` (t, k), cross a slit (t, k).
 
-    ``edges`` (e, 4) are the outline's chords, of which ``edge_numbers[edge_start[i] : edge_start[i + 1]]`` can
-    meet the lines from start i. ``along`` (e, 2) are distances along the outline at both ends of an edge,
+    ``edges`` (e, 4) are the outline's chords; those with ``edge_numbers[edge_start[i] : edge_start[i + 1]]``
+    can meet the lines from start i. ``along`` (e, 2) are distances along the outline at both ends of an edge,
     ``loop`` (e,) the length of the whole loop. All points lie inside, so that a line leaves and enters in
     turn; the void between is a slit where the way along the outline from one place to the other is longer
     than ``ratio`` times the straight one.

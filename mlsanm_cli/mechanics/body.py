@@ -65,9 +65,7 @@ class BodyModel:
 
     def values_at(self, points: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Rows (e, 2n) of u_x and u_y at any ``points`` (e, 2) of the body."""
-        stencils = build_stencils(
-            self.cloud.points, self.tree, points, 0, self.settings, self.cloud.sight
-        )
+        stencils = build_stencils(self.cloud.points, self.tree, points, 0, self.settings, self.cloud.sight)
         return value_rows(stencils, 0), value_rows(stencils, 1)
 
     def surface_traction(self, surface: Surface, component: int) -> sparse.csr_array:
