@@ -17,6 +17,8 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud, Surface
+from mlsanm_cli.cloud.quality import closest_node
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.corners import corner_weight
 from mlsanm_cli.mechanics.elasticity import (
     XX,
@@ -35,6 +37,13 @@ from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 
+COINCIDENT = 0.02
+"""Nodes closer than this part of the spacing are refused: only their difference tells them apart.
+
+Measured with an extra node beside another one, degrees 2, 4 and 6: at 0.03 the error is the same as without
+it, at 0.01 fourteen times larger for degree 6, at 0.003 ten times for degree 2, and beyond all bounds at 1e-4.
+"""
+
 HOLD = 5.0
 """Weight of held displacements, measured: between 3 and 10 the bulk error no longer depends on it."""
 
@@ -52,7 +61,11 @@ class BodyModel:
 
     @classmethod
     def build(cls, name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings) -> BodyModel:
-        """Stencils with second derivatives at every node."""
+        """Stencils with second derivatives at every node.
+
+        Raises NumericalError where two nodes are too close, or a part too thin for the degree.
+        """
+        _refuse_coincident(name, cloud)
         tree = cKDTree(cloud.points)
         return cls(
             name,
@@ -82,6 +95,16 @@ class BodyModel:
     def von_mises(self, stress: FloatArray) -> FloatArray:
         """Von Mises stress (n,)."""
         return von_mises(stress, self.material.out_of_plane)
+
+
+def _refuse_coincident(name: str, cloud: Cloud) -> None:
+    node, distance = closest_node(cloud)
+    if distance < COINCIDENT:
+        x, y = cloud.points[node]
+        raise NumericalError(
+            f"body {name}: two nodes near ({x:.6g}, {y:.6g}) are only {distance:.2g} of the spacing apart",
+            "make the spacing smaller there, or leave out the short side, small arc or sharp tip",
+        )
 
 
 @dataclass(frozen=True)
