@@ -3,8 +3,8 @@
 Rows, in this order: equilibrium in x and y at every node, boundary nodes included; then, surface by surface,
 the x and y conditions at each of its nodes, a displacement where the component is held and a traction where
 it is not; then single held nodes. A corner node has the rows of both its surfaces. Weights: equilibrium h/E,
-traction 1/E, displacement ``HOLD``/h, which makes all rows strains; they are lowered towards singular corners,
-notches and holes.
+traction 1/E, displacement ``HOLD``/h, which makes all rows strains; they are lowered towards singular
+corners, notches and holes.
 """
 
 from __future__ import annotations
