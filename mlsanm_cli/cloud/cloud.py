@@ -80,7 +80,8 @@ class Cloud:
 
         For figures about a cloud and for checks of a result, never for the solution.
         """
-        triangles = np.asarray(Delaunay(self.points).simplices, dtype=np.int64)
+        points = self.points if self.sight is None else self.sight.opened
+        triangles = np.asarray(Delaunay(points).simplices, dtype=np.int64)
         a, b, c = (self.points[triangles[:, corner]] for corner in range(3))
         twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
         triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]

@@ -17,14 +17,16 @@ from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
 
 DETOUR = 3.0
-"""Two places face each other across a slit when the way along the outline is so many times the straight one.
+"""A void is a slit where the way along the outline from face to face is so many times its width.
 
-A notch is a slit where it is deeper than wide, a wedge where it opens by less than 39 degrees.
+A notch is a slit where it is deeper than wide, a wedge where it opens by less than about 40 degrees.
 """
 REACH = 12.0
 """Slits wider than this many spacings are wider than any stencil."""
 INWARD = 1e-3
 """Points on the outline are looked at from this part of an edge's length inside."""
+OPENING = 0.3
+"""Faces of slits are moved apart by twice this part of an edge's length for their triangulation."""
 FLAT = 1e-12
 
 
@@ -63,6 +65,7 @@ class Sight:
             self._chords,
             self.along,
             self.loop,
+            self.normals,
             DETOUR,
         )
 
@@ -102,13 +105,23 @@ class Sight:
         return np.asarray(total / np.where(size > 0.0, size, 1.0))
 
     @cached_property
+    def opened(self) -> FloatArray:
+        """The nodes (n, 2) with the faces of slits moved apart: their edges are then Delaunay edges."""
+        return self._drawn_in(OPENING, self.slits)
+
+    @cached_property
     def _ends(self) -> FloatArray:
         """The nodes, those of the boundary a little inside."""
-        ends = self.points.copy()
-        node = self.edges[:, 0]
-        step = INWARD * (self.along[:, 1] - self.along[:, 0])
-        ends[node] -= step[:, None] * self._corners[node]
-        return ends
+        return self._drawn_in(INWARD, np.arange(len(self.edges)))
+
+    def _drawn_in(self, part: float, which: IntArray) -> FloatArray:
+        """The nodes, those of some edges moved inward by a part of the edge's length."""
+        points = self.points.copy()
+        for end in (0, 1):
+            node = self.edges[which, end]
+            step = part * (self.along[which, 1] - self.along[which, 0])
+            points[node] = self.points[node] - step[:, None] * self._corners[node]
+        return points
 
     def _inward(self, targets: FloatArray) -> FloatArray:
         """The targets, those on the outline or beyond one of its chords a little inside."""
@@ -156,12 +169,13 @@ def _slits(
     start, other = _neighbours(cKDTree(middles), middles, REACH * (along[:, 1] - along[:, 0]))
     one = np.repeat(np.arange(len(middles)), np.diff(start))
     across = middles[other] - middles[one]
-    facing = ((across * normals[one]).sum(axis=1) > 0.0) & ((across * normals[other]).sum(axis=1) < 0.0)
-    one, other, across = one[facing], other[facing], across[facing]
+    out, back = (across * normals[one]).sum(axis=1), -(across * normals[other]).sum(axis=1)
+    facing = (out > 0.0) & (back > 0.0) & ((normals[one] * normals[other]).sum(axis=1) < 0.0)
+    one, other, width = one[facing], other[facing], np.maximum(out, back)[facing]
     at = along.mean(axis=1)
     way = np.abs(at[one] - at[other])
     way = np.where(number[one] == number[other], np.minimum(way, loop[one] - way), np.inf)
-    narrow = way > DETOUR * np.sqrt((across**2).sum(axis=1))
+    narrow = way > DETOUR * width
     return np.unique(np.concatenate([one[narrow], other[narrow]]))
 
 

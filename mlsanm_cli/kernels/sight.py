@@ -18,15 +18,16 @@ def cut_lines(
     edges: FloatArray,
     along: FloatArray,
     loop: FloatArray,
+    normals: FloatArray,
     ratio: float,
 ) -> BoolArray:
     """Whether the lines from ``starts`` (t, 2) to ``ends[numbers]``, ``numbers`` (t, k), cross a slit (t, k).
 
     ``edges`` (e, 4) are the outline's chords; those with ``edge_numbers[edge_start[i] : edge_start[i + 1]]``
     can meet the lines from start i. ``along`` (e, 2) are distances along the outline at both ends of an edge,
-    ``loop`` (e,) the length of the whole loop. All points lie inside, so that a line leaves and enters in
-    turn; the void between is a slit where the way along the outline from one place to the other is longer
-    than ``ratio`` times the straight one.
+    ``loop`` (e,) the length of the whole loop, ``normals`` (e, 2) its outward ones. All points lie inside, so
+    that a line leaves and enters in turn; the void between is a slit where the two edges face each other and
+    the way along the outline from one place to the other is longer than ``ratio`` times the width across.
     """
     cut = np.zeros(numbers.shape, np.bool_)
     most = 0
@@ -34,7 +35,7 @@ def cut_lines(
         most = max(most, edge_start[i + 1] - edge_start[i])
     place = np.empty(most)
     way = np.empty(most)
-    around = np.empty(most)
+    edge = np.empty(most, np.int64)
     for i in range(starts.shape[0]):
         x, y = starts[i, 0], starts[i, 1]
         for k in range(numbers.shape[1]):
@@ -60,16 +61,18 @@ def cut_lines(
                 while at > 0 and place[at - 1] > t:
                     place[at] = place[at - 1]
                     way[at] = way[at - 1]
-                    around[at] = around[at - 1]
+                    edge[at] = edge[at - 1]
                     at -= 1
                 place[at] = t
                 way[at] = along[e, 0] + part * (along[e, 1] - along[e, 0])
-                around[at] = loop[e]
+                edge[at] = e
                 found += 1
-            length = np.sqrt(dx * dx + dy * dy)
             for m in range(0, found - 1, 2):
+                one, other = normals[edge[m]], normals[edge[m + 1]]
                 apart = abs(way[m + 1] - way[m])
-                apart = min(apart, around[m] - apart)
-                if apart > ratio * length * (place[m + 1] - place[m]):
+                apart = min(apart, loop[edge[m]] - apart)
+                across = max(abs(dx * one[0] + dy * one[1]), abs(dx * other[0] + dy * other[1]))
+                faces = one[0] * other[0] + one[1] * other[1] < 0.0
+                if faces and apart > ratio * across * (place[m + 1] - place[m]):
                     cut[i, k] = True
     return cut

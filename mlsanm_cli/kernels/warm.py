@@ -21,4 +21,4 @@ def load_all() -> None:
     center, radius = square[:1].copy(), np.array([1.5])
     mls_weights(square, indptr, indices, center, center, radius, 1, 4.0, 1, np.empty((4, 3)), np.empty(1))
     along = np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 3.0], [3.0, 4.0]])
-    cut_lines(center, square, indices[None], indptr, indices, edges, along, np.full(4, 4.0), 3.0)
+    cut_lines(center, square, indices[None], indptr, indices, edges, along, np.full(4, 4.0), square, 3.0)
