@@ -26,8 +26,9 @@ def cut_lines(
     ``edges`` (e, 4) are the outline's chords; those with ``edge_numbers[edge_start[i] : edge_start[i + 1]]``
     can meet the lines from start i. ``along`` (e, 2) are distances along the outline at both ends of an edge,
     ``loop`` (e,) the length of the whole loop, ``normals`` (e, 2) its outward ones. All points lie inside, so
-    that a line leaves and enters in turn; the void between is a slit where the two edges face each other and
-    the way along the outline from one place to the other is longer than ``ratio`` times the width across.
+    that a line leaves and enters in turn; the void between is a slit where the way along the outline from one
+    place to the other is longer than ``ratio`` times its width: across, between edges that face each other,
+    along the line between others.
     """
     cut = np.zeros(numbers.shape, np.bool_)
     most = 0
@@ -71,8 +72,9 @@ def cut_lines(
                 one, other = normals[edge[m]], normals[edge[m + 1]]
                 apart = abs(way[m + 1] - way[m])
                 apart = min(apart, loop[edge[m]] - apart)
-                across = max(abs(dx * one[0] + dy * one[1]), abs(dx * other[0] + dy * other[1]))
-                faces = one[0] * other[0] + one[1] * other[1] < 0.0
-                if faces and apart > ratio * across * (place[m + 1] - place[m]):
+                width = np.sqrt(dx * dx + dy * dy)
+                if one[0] * other[0] + one[1] * other[1] < 0.0:
+                    width = max(abs(dx * one[0] + dy * one[1]), abs(dx * other[0] + dy * other[1]))
+                if apart > ratio * width * (place[m + 1] - place[m]):
                     cut[i, k] = True
     return cut

@@ -118,6 +118,9 @@ def test_chords_over_a_hollow_are_no_reason() -> None:
     start, end = (cloud.surfaces[name].index[1:-1] for name in ("start", "end"))
     a, b = (k.ravel() for k in np.meshgrid(start, end))
     assert sight_of(cloud).apart(a, b).all()
+    # Nor does the mouth of the slit in the inner arc let anything through.
+    inner = cloud.surfaces["inner"].index
+    assert sight_of(cloud).apart(inner[:4], inner[-4:]).all()
 
 
 def slow_cut(sight: Sight, target: FloatArray, node: int) -> bool:
@@ -135,8 +138,10 @@ def slow_cut(sight: Sight, target: FloatArray, node: int) -> bool:
     found.sort(key=lambda one: one[0])
     for (t, s, loop, n), (u, r, _, m) in zip(found[::2], found[1::2], strict=False):
         way = min(abs(s - r), loop - abs(s - r))
-        width = (u - t) * max(abs((end - target) @ n), abs((end - target) @ m))
-        if n @ m < 0.0 and way > DETOUR * width:
+        width = max(abs((end - target) @ n), abs((end - target) @ m))
+        if n @ m >= 0.0:
+            width = float(np.hypot(*(end - target)))
+        if way > DETOUR * (u - t) * width:
             return True
     return False
 
