@@ -134,7 +134,9 @@ def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) 
     if shape is not None and edge not in shape.boundaries:
         options = [f"{name}.{valid}" for valid in shape.boundaries]
         hint = suggestion(boundary, options, "boundaries")
-        report.add(path, f'a {shape.kind} has no boundary "{edge}"', hint)
+        report.add(
+            path, f'{"an" if shape.kind == "annulus" else "a"} {shape.kind} has no boundary "{edge}"', hint
+        )
 
 
 def _check_support_keys(draft: Draft, report: Report, index: int) -> None:

@@ -7,19 +7,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve, Outline
-from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.sight import Sight, look
 from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import advance_front
 
 CANDIDATES = 15
-FLAT = 1e-9
 STRIPS = 512
 
 
@@ -80,25 +78,7 @@ class Cloud:
 
         For figures about a cloud and for checks of a result, never for the solution.
         """
-        points = self.points if self.sight is None else self.sight.opened
-        triangles = np.asarray(Delaunay(points).simplices, dtype=np.int64)
-        a, b, c = (self.points[triangles[:, corner]] for corner in range(3))
-        twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-        triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]
-        # Only a triangle of three boundary nodes can lie outside, across a hollow or flat along a curve.
-        on_boundary = np.zeros(len(self.points), dtype=bool)
-        on_boundary[self.boundary_nodes] = True
-        outside = np.abs(twice) <= FLAT * ((b - a) ** 2).sum(axis=1)
-        doubtful = np.flatnonzero(on_boundary[triangles].all(axis=1) & ~outside)
-        centers = self.points[triangles[doubtful]].mean(axis=1)
-        outside[doubtful] = ~inside_polygon(self.points[self.edges].reshape(-1, 4), centers)
-        inner: IntArray = triangles[~outside]
-        if self.sight is not None:
-            ends = np.roll(inner, -1, axis=1)
-            inner = inner[
-                ~np.any([self.sight.apart(inner[:, side], ends[:, side]) for side in range(3)], axis=0)
-            ]
-        return inner
+        return triangulate(self.points, self.edges, self.sight)
 
 
 def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_000_000) -> Cloud:

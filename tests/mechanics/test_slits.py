@@ -96,7 +96,7 @@ def bending_stress(at: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize(
     ("degree", "refused", "enough"),
-    [(2, (0.1, 1.0), (2.0, 3.0)), (4, (1.0, 2.5), (4.0,)), (6, (3.0,), (6.0,))],
+    [(2, (0.1, 1.0, 1.5), (2.0, 3.0)), (4, (1.0, 2.5, 3.0), (4.0,)), (6, (3.0, 4.0), (6.0,))],
 )
 def test_thin_parts_are_carried_or_refused(
     degree: int, refused: tuple[float, ...], enough: tuple[float, ...]
