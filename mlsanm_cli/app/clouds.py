@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import accumulate
 
+from mlsanm_cli.case.chains import Piece, Side
 from mlsanm_cli.case.model import Body, Case
-from mlsanm_cli.case.shapes import HalfDisk, Rectangle, Sector
+from mlsanm_cli.case.shapes import Annulus, HalfDisk, Polygon, Rectangle, Sector
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
 
 
 def outline_of(body: Body) -> Outline:
-    """The body's closed chain of named curves."""
+    """The body's closed loops of named curves."""
     shape = body.shape
     if isinstance(shape, Rectangle):
         return rectangle(shape.x, shape.y)
@@ -23,7 +25,19 @@ def outline_of(body: Body) -> Outline:
     if isinstance(shape, Sector):
         first, last = (math.radians(angle) for angle in shape.angles)
         return sector(shape.center, shape.radii, (first, last))
+    if isinstance(shape, Annulus):
+        return annulus(shape.center, shape.radii)
+    if isinstance(shape, Polygon):
+        chain = [piece for loop in shape.loops for piece in loop]
+        ends = accumulate(len(loop) for loop in shape.loops[:-1])
+        return Outline(tuple(piece.name for piece in chain), tuple(map(_curve, chain)), (0, *ends))
     return disk(shape.center, shape.radius)
+
+
+def _curve(piece: Piece) -> Curve:
+    if isinstance(piece, Side):
+        return Segment(piece.start, piece.end)
+    return Arc(piece.center, piece.radius, piece.start, piece.sweep)
 
 
 def spacing_of(body: Body) -> Spacing:

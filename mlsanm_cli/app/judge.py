@@ -79,7 +79,7 @@ def judge_balance(verdict: Verdict) -> str:
     """A warning where the forces balance poorly, "" where they do; NumericalError past the limit."""
     worst = max(verdict.bodies, key=lambda name: verdict.bodies[name])
     message = f"the forces on body {worst} balance to {100 * verdict.force_balance:.2g} % only"
-    hint = f"make body.{worst}.spacing smaller where it is held, or use mls.degree = 4"
+    hint = f"make body.{worst}.spacing smaller where it is held and around its notches, or use mls.degree = 4"
     if not verdict.force_balance <= BALANCE_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if verdict.force_balance > BALANCE_WARNING else ""

@@ -9,6 +9,8 @@ from typing import Any
 from mlsanm_cli.app.scene import Prepared, stiffness_ratio
 from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.pairing import Pairing, spacing_ratio
+from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.corners import inward_corners
 
 CLOSEST = 0.5
 """Nodes closer than this part of the local spacing make stencils ill-conditioned."""
@@ -25,9 +27,15 @@ ROUND_OFF = 1e-6
 
 @dataclass(frozen=True)
 class Quality:
-    """Figures per body, ratio of facing spacings per contact, and warnings where they are poor."""
+    """Figures per body, ratio of facing spacings per contact, and warnings where they are poor.
+
+    ``enlarged`` counts the stencils of a body that took more nodes than asked for, ``worst_ratio`` is the
+    smallest ratio of QR diagonals among its stencils.
+    """
 
     bodies: Mapping[str, CloudQuality]
+    enlarged: Mapping[str, int]
+    worst_ratio: Mapping[str, float]
     spacing_ratio: Mapping[str, float]
     warnings: tuple[str, ...]
 
@@ -35,7 +43,11 @@ class Quality:
     def figures(self) -> dict[str, Any]:
         """The figures as plain values."""
         return {
-            "bodies": {name: asdict(cloud) for name, cloud in self.bodies.items()},
+            "bodies": {
+                name: asdict(cloud)
+                | {"stencils_enlarged": self.enlarged[name], "worst_ratio": self.worst_ratio[name]}
+                for name, cloud in self.bodies.items()
+            },
             "spacing_ratio": dict(self.spacing_ratio),
         }
 
@@ -58,7 +70,14 @@ def assess(prepared: Prepared) -> Quality:
         warnings.append(
             "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"
         )
-    return Quality(bodies, ratios, tuple(warnings))
+    warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
+    return Quality(
+        bodies,
+        {name: model.stencils.enlarged for name, model in prepared.models.items()},
+        {name: model.stencils.worst_ratio for name, model in prepared.models.items()},
+        ratios,
+        tuple(warnings),
+    )
 
 
 def ratio_message(pairing: Pairing, ratio: float) -> str:
@@ -77,6 +96,18 @@ def _stiffness_warnings(prepared: Prepared, pairing: Pairing) -> Iterator[str]:
         yield (
             f"contact {pairing.name}: the slave is {ratio:.3g} times stiffer than the master; "
             f"swap them, the softer body gives the better pressures as slave"
+        )
+
+
+def _corner_warnings(name: str, model: BodyModel) -> Iterator[str]:
+    corners = inward_corners(model.cloud)
+    if len(corners):
+        x, y = model.cloud.points[corners[0]]
+        more = f" and {len(corners) - 1} more" if len(corners) > 1 else ""
+        yield (
+            f"body {name}: a sharp corner points into the material at ({x:.6g}, {y:.6g}){more}; the stress "
+            f"there has no bound, and stiffness converges slowly: give it a radius in "
+            f"body.{name}.shape.rounding"
         )
 
 

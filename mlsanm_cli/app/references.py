@@ -12,7 +12,8 @@ from mlsanm_cli.app.clouds import materials
 from mlsanm_cli.app.paths import State
 from mlsanm_cli.app.recording import slave_points
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Contact, Disk, HalfDisk, LoadedCase, Rectangle, Sector, split_boundary
+from mlsanm_cli.case import AnyShape, Case, Contact, LoadedCase, Polygon, split_boundary
+from mlsanm_cli.case.chains import Round
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.reference.hertz import HertzLine
@@ -103,7 +104,7 @@ def _middle(
 ) -> tuple[FloatArray, FloatArray]:
     """Where the contact's middle lies, and the normal there: on the line of centres of curved surfaces."""
     centers = [
-        np.array(_shape(case, boundary).centre)
+        np.array(_center(case, boundary))
         for boundary in (contact.slave, contact.master)
         if _curvature(case, boundary)
     ]
@@ -115,9 +116,19 @@ def _middle(
     return (centers[0] if centers else 0.5 * (points[0] + points[-1])), axis
 
 
-def _shape(case: Case, boundary: str) -> Rectangle | Disk | HalfDisk | Sector:
+def _shape(case: Case, boundary: str) -> AnyShape:
     body, _ = split_boundary(boundary)
     return next(b.shape for b in case.body if b.name == body)
+
+
+def _center(case: Case, boundary: str) -> tuple[float, float]:
+    """Centre of a curved boundary."""
+    shape = _shape(case, boundary)
+    if isinstance(shape, Polygon):
+        piece = shape.piece(split_boundary(boundary)[1])
+        assert isinstance(piece, Round)
+        return piece.center
+    return shape.centre
 
 
 def _curvature(case: Case, boundary: str) -> float:

@@ -8,11 +8,11 @@ import numpy as np
 
 from mlsanm_cli.app.clouds import materials
 from mlsanm_cli.app.history import pressures_at
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.profile import THRESHOLD
 from mlsanm_cli.io.plot_cloud import CloudBody
-from mlsanm_cli.io.run_reader import RunData
+from mlsanm_cli.io.run_reader import BodyData, RunData
 from mlsanm_cli.mechanics.elasticity import von_mises
 
 VISIBLE = 0.05
@@ -80,6 +80,16 @@ def contact_window(
         return None
     x, y = (0.5 * (low + high)).tolist()
     return x - half, x + half, y - half, y + half
+
+
+def boundary_edges(body: BodyData) -> IntArray:
+    """Pairs (b, 2) of neighbours along a body's boundary, loop by loop."""
+    names = np.array(body.boundary_name)
+    chains = [body.boundary_index[names == name] for name in dict.fromkeys(body.boundary_name)]
+    starts = {int(chain[0]) for chain in chains}
+    # A surface that goes on nowhere is closed in itself.
+    whole = [chain if int(chain[-1]) in starts else np.append(chain, chain[0]) for chain in chains]
+    return np.concatenate([np.stack([chain[:-1], chain[1:]], axis=1) for chain in whole])
 
 
 def _size(bodies: Sequence[CloudBody]) -> float:

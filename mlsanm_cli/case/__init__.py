@@ -20,10 +20,12 @@ from mlsanm_cli.case.model import (
     Support,
 )
 from mlsanm_cli.case.reading import LoadedCase, case_hash, load_case, parse_case, resolved_mapping
-from mlsanm_cli.case.shapes import Disk, HalfDisk, Rectangle, Sector, Shape
+from mlsanm_cli.case.shapes import Annulus, AnyShape, Disk, HalfDisk, Polygon, Rectangle, Sector, Shape
 
 __all__ = [
     "Adapt",
+    "Annulus",
+    "AnyShape",
     "Body",
     "Case",
     "Contact",
@@ -37,6 +39,7 @@ __all__ = [
     "Model",
     "Output",
     "Platen",
+    "Polygon",
     "Pressure",
     "Rectangle",
     "Reference",

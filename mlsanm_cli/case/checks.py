@@ -10,13 +10,14 @@ from collections.abc import Iterable
 
 from mlsanm_cli.case.base import BOUNDARY_PATTERN, split_boundary
 from mlsanm_cli.case.conditions import check_conditions
-from mlsanm_cli.case.draft import AnyShape, Draft
+from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.drift import check_drift
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.loads import Platen
 from mlsanm_cli.case.model import Body, Contact
+from mlsanm_cli.case.polygons import check_polygon
 from mlsanm_cli.case.report import Report, suggestion
-from mlsanm_cli.case.shapes import Rectangle, Sector
+from mlsanm_cli.case.shapes import Annulus, AnyShape, Polygon, Rectangle, Sector
 
 
 def run_checks(draft: Draft, report: Report) -> None:
@@ -79,11 +80,12 @@ def _check_shape(shape: AnyShape, path: KeyPath, report: Report) -> None:
         for axis, (low, high) in (("x", shape.x), ("y", shape.y)):
             if not low < high:
                 report.add((*path, axis), f"[{low:g}, {high:g}] is no range", "the smaller number first")
-    if isinstance(shape, Sector):
-        if not 0.0 < shape.radii[0] < shape.radii[1]:
-            report.add((*path, "radii"), "must be the inner and the outer radius, both above 0")
-        if not 0.0 < shape.angles[1] - shape.angles[0] < 360.0:
-            report.add((*path, "angles"), "must rise by less than 360 degrees", "as in [0.0, 90.0]")
+    if isinstance(shape, Sector | Annulus) and not 0.0 < shape.radii[0] < shape.radii[1]:
+        report.add((*path, "radii"), "must be the inner and the outer radius, both above 0")
+    if isinstance(shape, Sector) and not 0.0 < shape.angles[1] - shape.angles[0] < 360.0:
+        report.add((*path, "angles"), "must rise by less than 360 degrees", "as in [0.0, 90.0]")
+    if isinstance(shape, Polygon):
+        check_polygon(shape, path, report)
 
 
 def _check_body(body: Body, index: int, report: Report) -> None:
@@ -132,7 +134,9 @@ def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) 
     if shape is not None and edge not in shape.boundaries:
         options = [f"{name}.{valid}" for valid in shape.boundaries]
         hint = suggestion(boundary, options, "boundaries")
-        report.add(path, f'a {shape.kind} has no boundary "{edge}"', hint)
+        report.add(
+            path, f'{"an" if shape.kind == "annulus" else "a"} {shape.kind} has no boundary "{edge}"', hint
+        )
 
 
 def _check_support_keys(draft: Draft, report: Report, index: int) -> None:

@@ -14,10 +14,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from mlsanm_cli.case.loads import Displacement, Load, Platen, Pressure, Traction
 from mlsanm_cli.case.model import Body, Contact, Material, Mls, Model, Output, Solver, Support
-from mlsanm_cli.case.shapes import Disk, HalfDisk, Rectangle, Sector, Shape
+from mlsanm_cli.case.shapes import AnyShape, Shape
 
 AnyLoad = Traction | Pressure | Displacement | Platen
-AnyShape = Rectangle | Disk | HalfDisk | Sector
 
 _SHAPE: TypeAdapter[AnyShape] = TypeAdapter(Shape)
 _BODY: TypeAdapter[Body] = TypeAdapter(Body)

@@ -26,7 +26,7 @@ from mlsanm_cli.case.model import (
     Support,
 )
 from mlsanm_cli.case.report import Report, suggestion
-from mlsanm_cli.case.shapes import SHAPES
+from mlsanm_cli.case.shapes import SHAPES, Hole
 
 _TABLES: dict[tuple[str, ...], type[Any]] = {
     (): Case,
@@ -34,6 +34,7 @@ _TABLES: dict[tuple[str, ...], type[Any]] = {
     ("material", "*"): Material,
     ("body", "*"): Body,
     ("body", "*", "refine", "*"): Refine,
+    ("body", "*", "shape", "holes", "*"): Hole,
     ("support", "*"): Support,
     ("contact", "*"): Contact,
     ("contact", "*", "regularization"): Regularization,
@@ -48,7 +49,7 @@ _KINDS: dict[tuple[str, ...], Mapping[str, type[Any]]] = {
     ("body", "*", "shape"): SHAPES,
     ("load", "*"): LOADS,
 }
-_LISTS = {"body", "support", "load", "contact", "stage", "refine"}
+_LISTS = {"body", "support", "load", "contact", "stage", "refine", "holes"}
 _WORDS = {
     "float_type": "expected a number",
     "int_type": "expected a whole number",
@@ -131,9 +132,12 @@ def _report(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
         )
         report.add(path, "expected a list", hint)
     elif kind == "too_short":
-        # pydantic counts sound items only: a list whose items are all wrong has been reported item by item.
+        # pydantic counts sound items only: items that are wrong have been reported one by one.
+        needed = context["min_length"]
         if not value:
             report.add(path, "the list is empty, it needs at least one item")
+        elif len(value) < needed:
+            report.add(path, f"the list has {len(value)} items, it needs at least {needed}")
     elif kind in ("model_type", "dict_type") and isinstance(value, tuple):
         report.add(path, "expected one table, not a list of tables", "write single brackets, as in [model]")
     else:

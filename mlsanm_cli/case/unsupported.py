@@ -48,9 +48,9 @@ PLANNED: tuple[Planned, ...] = (
     Planned(
         ("body", "*", "shape", "kind"),
         'shape "{}"',
-        _one_of("annulus", "polygon", "mesh", "points"),
+        _one_of("mesh", "points"),
         part=3,
-        hint='use "rectangle", "disk", "half-disk" or "sector"',
+        hint='use "polygon", or one of the simpler shapes',
     ),
     Planned(("material", "*", "stiffness"), "a full stiffness matrix", part=2, hint="give E and nu instead"),
     Planned(("load", "*", "kind"), 'load kind "{}"', _one_of("body-force"), part=2),

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve, Outline
-from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.cloud.relax import relax
+from mlsanm_cli.cloud.sight import Sight, look
 from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import advance_front
 
 CANDIDATES = 15
-FLAT = 1e-9
 STRIPS = 512
 
 
@@ -63,30 +63,22 @@ class Cloud:
         return np.unique(np.concatenate([surface.index for surface in self.surfaces.values()]))
 
     @cached_property
+    def edges(self) -> IntArray:
+        """Pairs (b, 2) of neighbours along the boundary, loop by loop, the material on their left."""
+        return _edges(self.surfaces.values())
+
+    @cached_property
+    def sight(self) -> Sight | None:
+        """Which nodes see each other past the body's slits; None without slits."""
+        return look(self.points, self.edges)
+
+    @cached_property
     def triangles(self) -> IntArray:
         """Delaunay triangles (t, 3) of the nodes that lie inside the body, counter-clockwise.
 
         For figures about a cloud and for checks of a result, never for the solution.
         """
-        triangles = np.asarray(Delaunay(self.points).simplices, dtype=np.int64)
-        a, b, c = (self.points[triangles[:, corner]] for corner in range(3))
-        twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-        triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]
-        # Only a triangle of three boundary nodes can lie outside, across a hollow or flat along a curve.
-        on_boundary = np.zeros(len(self.points), dtype=bool)
-        on_boundary[self.boundary_nodes] = True
-        outside = np.abs(twice) <= FLAT * ((b - a) ** 2).sum(axis=1)
-        doubtful = np.flatnonzero(on_boundary[triangles].all(axis=1) & ~outside)
-        centers = self.points[triangles[doubtful]].mean(axis=1)
-        outside[doubtful] = ~inside_polygon(self._outline, centers)
-        inner: IntArray = triangles[~outside]
-        return inner
-
-    @property
-    def _outline(self) -> FloatArray:
-        """The boundary nodes in order, counter-clockwise."""
-        parts = [s.index if s.curve.closed else s.index[:-1] for s in self.surfaces.values()]
-        return self.points[np.concatenate(parts)]
+        return triangulate(self.points, self.edges, self.sight)
 
 
 def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_000_000) -> Cloud:
@@ -95,23 +87,37 @@ def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_0
     Raises RunError when more than ``limit`` nodes would be needed.
     """
     steps = [spacing.steps_along(curve) for curve in outline.curves]
-    total = sum(len(s) - 1 for s in steps)
     boundary = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
-    edges = np.hstack([boundary, np.roll(boundary, -1, axis=0)])
+    surfaces = _surfaces(outline, steps)
+    edges = boundary[_edges(surfaces.values())].reshape(-1, 4)
     points = advance_front(
         boundary, edges, *_strips(edges), spacing.far, spacing.table(), CANDIDATES, seed, limit
     )
     if len(points) >= limit:
         raise RunError(f"more than {limit} nodes in one body", "use larger spacings or smaller refinements")
-    points = relax(points, total, spacing)
+    points = relax(points, len(boundary), spacing)
+    return Cloud(points, spacing.at(points), surfaces)
+
+
+def _surfaces(outline: Outline, steps: list[FloatArray]) -> dict[str, Surface]:
+    """Surfaces with nodes at arc lengths ``steps``, numbered loop by loop."""
     surfaces = {}
     first = 0
-    for name, curve, s in zip(outline.names, outline.curves, steps, strict=True):
-        s = s[:-1] if curve.closed else s
-        index = (first + np.arange(len(s), dtype=np.int64)) % total
-        surfaces[name] = Surface(name, curve, index, s, curve.normals(s))
-        first += len(s) if curve.closed else len(s) - 1
-    return Cloud(points, spacing.at(points), surfaces)
+    for loop in outline.loops:
+        total = sum(len(s) - 1 for s in steps[loop])
+        passed = 0
+        for name, curve, s in zip(outline.names[loop], outline.curves[loop], steps[loop], strict=True):
+            s = s[:-1] if curve.closed else s
+            index = first + (passed + np.arange(len(s), dtype=np.int64)) % total
+            surfaces[name] = Surface(name, curve, index, s, curve.normals(s))
+            passed += len(s) - 1
+        first += total
+    return surfaces
+
+
+def _edges(surfaces: Iterable[Surface]) -> IntArray:
+    chains = [np.append(s.index, s.index[:1]) if s.curve.closed else s.index for s in surfaces]
+    return np.concatenate([np.stack([chain[:-1], chain[1:]], axis=1) for chain in chains])
 
 
 def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:

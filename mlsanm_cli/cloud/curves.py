@@ -124,10 +124,19 @@ class Arc:
 
 @dataclass(frozen=True)
 class Outline:
-    """A closed chain of named curves with the material on the left."""
+    """Closed loops of named curves with the material on the left, one loop after the other.
+
+    ``starts`` are the numbers of the curves that loops begin with.
+    """
 
     names: tuple[str, ...]
     curves: tuple[Curve, ...]
+    starts: tuple[int, ...] = (0,)
+
+    @property
+    def loops(self) -> tuple[slice, ...]:
+        """The curves of each loop."""
+        return tuple(map(slice, self.starts, (*self.starts[1:], len(self.curves))))
 
 
 def rectangle(x: tuple[float, float], y: tuple[float, float]) -> Outline:
@@ -141,6 +150,15 @@ def rectangle(x: tuple[float, float], y: tuple[float, float]) -> Outline:
 def disk(center: tuple[float, float], radius: float) -> Outline:
     """One boundary, arc, starting at the top."""
     return Outline(("arc",), (Arc(center, radius, 0.5 * math.pi, 2.0 * math.pi),))
+
+
+def annulus(center: tuple[float, float], radii: tuple[float, float]) -> Outline:
+    """A whole ring between two radii; boundaries outer and inner, starting at the top."""
+    inner, outer = (
+        Arc(center, radius, 0.5 * math.pi, turn * 2.0 * math.pi)
+        for radius, turn in zip(radii, (-1.0, 1.0), strict=True)
+    )
+    return Outline(("outer", "inner"), (outer, inner), (0, 1))
 
 
 def half_disk(center: tuple[float, float], radius: float, side: str) -> Outline:

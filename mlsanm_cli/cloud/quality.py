@@ -7,7 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+
+NEIGHBORS = 6
 
 
 @dataclass(frozen=True)
@@ -25,16 +28,33 @@ class CloudQuality:
 
 def measure(cloud: Cloud) -> CloudQuality:
     """Quality figures of a cloud."""
-    found = cKDTree(cloud.points).query(cloud.points, k=7)
-    distance, neighbour = np.asarray(found[0]), np.asarray(found[1])
-    growth = np.abs(cloud.spacing[neighbour[:, 1:]] - cloud.spacing[:, None]) / distance[:, 1:]
+    distance, neighbour = _neighbours(cloud)
+    growth = np.abs(cloud.spacing[neighbour] - cloud.spacing[:, None]) / distance
     return CloudQuality(
         nodes=len(cloud.points),
         boundary_nodes=len(cloud.boundary_nodes),
-        closest=float((distance[:, 1] / cloud.spacing).min()),
+        closest=float((distance / cloud.spacing[:, None]).min()),
         hole=_largest_hole(cloud),
         growth=float(growth.max()),
     )
+
+
+def closest_node(cloud: Cloud) -> tuple[int, float]:
+    """The node with the smallest distance to another one over the local spacing, and that figure."""
+    nearest = (_neighbours(cloud)[0] / cloud.spacing[:, None]).min(axis=1)
+    node = int(np.argmin(nearest))
+    return node, float(nearest[node])
+
+
+def _neighbours(cloud: Cloud) -> tuple[FloatArray, IntArray]:
+    """Distances and numbers (n, k) of the nearest nodes; those across a slit are infinitely far."""
+    count = min(NEIGHBORS, len(cloud.points) - 1)
+    found = cKDTree(cloud.points).query(cloud.points, k=np.arange(2, count + 2))
+    distance, neighbour = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
+    if cloud.sight is not None:
+        one = np.repeat(np.arange(len(neighbour)), count)
+        distance[cloud.sight.apart(one, neighbour.ravel()).reshape(neighbour.shape)] = np.inf
+    return distance, neighbour
 
 
 def _largest_hole(cloud: Cloud) -> float:

@@ -17,10 +17,9 @@ NODES_PER_STEP = 0.44
 def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> float:
     """Estimated number of nodes: the integrals of 1/h^2 over the region, by quadtree, and of 1/h along its
     outline; stops past ``limit``."""
-    chain = np.concatenate(
-        [curve.points(np.linspace(0.0, curve.length, 65)[:-1]) for curve in outline.curves]
-    )
-    low, high = chain.min(axis=0), chain.max(axis=0)
+    chains = [curve.points(np.linspace(0.0, curve.length, 65)) for curve in outline.curves]
+    edges = np.concatenate([np.hstack([chain[:-1], chain[1:]]) for chain in chains])
+    low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
     size = float((high - low).max())
     cells = low[None, :] + 0.5 * size
     total = 0.0
@@ -28,7 +27,7 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
         h = spacing.at(cells)
         # Fine enough when a cell holds few nodes: its spacing is then nearly even.
         fine = size <= 4.0 * h
-        inside = inside_polygon(chain, cells[fine])
+        inside = inside_polygon(edges, cells[fine])
         total += NODES_PER_SQUARE * float((size**2 / h[fine] ** 2)[inside].sum())
         if total > limit or len(cells) > 4_000_000:
             return max(total, limit)

@@ -36,11 +36,15 @@ _MAX_HEIGHT = 7.0
 
 @dataclass(frozen=True)
 class CloudBody:
-    """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), and ``scalar`` (n,) for the colour."""
+    """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), and ``scalar`` (n,) for the colour.
+
+    ``triangles`` (t, 3) fill it; without them they are guessed from the distances between the nodes.
+    """
 
     points: FloatArray
     displacement: FloatArray
     scalar: FloatArray
+    triangles: IntArray | None = None
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,10 @@ def plot_cloud(
 def _shape(body: CloudBody) -> _Shape:
     from matplotlib.tri import Triangulation
 
-    triangles = Triangulation(body.points[:, 0], body.points[:, 1]).triangles.astype(np.int64)
+    given = body.triangles
+    if given is None:
+        given = Triangulation(body.points[:, 0], body.points[:, 1]).triangles.astype(np.int64)
+    triangles = given
     sides = triangles[:, [[0, 1], [1, 2], [2, 0]]]
     vectors = body.points[sides[..., 1]] - body.points[sides[..., 0]]
     lengths = np.linalg.norm(vectors, axis=2)
@@ -108,7 +115,8 @@ def _shape(body: CloudBody) -> _Shape:
     # Circumradius = product of the sides / (4 area), compared without dividing by an area that may vanish.
     double_area = np.abs(vectors[:, 0, 0] * vectors[:, 1, 1] - vectors[:, 0, 1] * vectors[:, 1, 0])
     largest = _LARGEST_CIRCLE * spacing[triangles].max(axis=1)
-    kept = lengths.prod(axis=1) <= 2.0 * double_area * largest
+    guessed = lengths.prod(axis=1) <= 2.0 * double_area * largest
+    kept = guessed if body.triangles is None else np.ones(len(triangles), dtype=bool)
     unique, counts = np.unique(np.sort(sides[kept].reshape(-1, 2), axis=1), axis=0, return_counts=True)
     return _Shape(spacing, triangles[kept], unique[counts == 1])
 

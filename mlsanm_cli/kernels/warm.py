@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.kernels.fill import advance_front, spacing_at
+from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.kernels.stencils import mls_weights
 
 
@@ -19,3 +20,5 @@ def load_all() -> None:
     indptr, indices = np.array([0, 4], dtype=np.int64), np.arange(4, dtype=np.int64)
     center, radius = square[:1].copy(), np.array([1.5])
     mls_weights(square, indptr, indices, center, center, radius, 1, 4.0, 1, np.empty((4, 3)), np.empty(1))
+    along = np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 3.0], [3.0, 4.0]])
+    cut_lines(center, square, indices[None], indptr, indices, edges, along, np.full(4, 4.0), square, 3.0)

@@ -1,10 +1,16 @@
-"""Corners where a fully held surface meets a free one: the stress is singular there.
+"""Places with concentrated stress: corners of held and free surfaces, inward corners, notches and holes.
+
+**Corners where a fully held surface meets a free one.** The stress is singular there.
 
 Least squares in the strong form asks for second derivatives that are not square-integrable there; left
 alone, it would prefer a smooth wrong solution and lose force on the way to the clamped side. So rows are
 weighted by a power of the distance to the nearest such corner, in the manner of the weighted norms of Cox and
 Fix (Computers & Mathematics with Applications 10, 1984) and of Lee, Manteuffel and Westphal (SIAM Journal on
 Numerical Analysis 44, 2006). What is lost all the same shows in the force balance of every run.
+
+**Inward corners, notches, fillets and holes.** The stress is concentrated there, over a length as small as
+the radius; where the cloud resolves it poorly, the residuals of few nodes would bend the whole solution. The
+weight of a row is the distance plus the radius: the same residual relative to this length counts the same.
 """
 
 from __future__ import annotations
@@ -14,8 +20,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.curves import Arc
 
 POWER = 1.5
 """Corner displacements behave like distance^0.7, whose weighted second derivatives are integrable above 0.3.
@@ -26,6 +33,10 @@ weights, 0.82 with power 1, 0.93 with 1.5; at 2 the stress at the clamped side b
 
 CLOSEST = 0.5
 """Distances are never taken below this part of the node spacing."""
+
+
+SHARP = 0.3
+"""Corners that turn inward by less (radian) are as good as smooth: their displacements are nearly linear."""
 
 
 def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatArray:
@@ -42,3 +53,37 @@ def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatA
     distance = np.maximum(cKDTree(cloud.points[nodes]).query(cloud.points)[0], CLOSEST * cloud.spacing)
     factor: FloatArray = (distance / distance.max()) ** POWER
     return factor
+
+
+def inward_corners(cloud: Cloud) -> IntArray:
+    """Nodes where two surfaces meet at a sharp corner that points into the material."""
+    found = []
+    for one in cloud.surfaces.values():
+        for other in cloud.surfaces.values():
+            if not one.curve.closed and one.index[-1] == other.index[0]:
+                (x, y), (u, v) = one.normal[-1], other.normal[0]
+                if np.arctan2(x * v - y * u, x * u + y * v) < -SHARP:
+                    found.append(other.index[0])
+    return np.array(found, dtype=np.int64)
+
+
+def inward_weight(cloud: Cloud) -> FloatArray:
+    """Factor (n,) on the equilibrium and traction rows: (distance + radius) / its largest value.
+
+    The distance is that to the nearest inward corner, of radius 0, or inward arc: fillet, notch or hole.
+    Without it, a square plate with a small hole, degree 2 and 63 nodes around the hole, has a stress
+    concentration of 1.9 instead of 3, with it 2.7; a plate with a deep notch whose corners are rounded to
+    1/30 of its depth opens by 13 % of what it should (degree 4, 10 nodes per radius), with it by 99 %.
+    """
+    size = np.full(len(cloud.points), np.inf)
+    corners = inward_corners(cloud)
+    if len(corners):
+        size = np.maximum(cKDTree(cloud.points[corners]).query(cloud.points)[0], CLOSEST * cloud.spacing)
+    for surface in cloud.surfaces.values():
+        curve = surface.curve
+        if isinstance(curve, Arc) and curve.sweep < 0.0:
+            away = cloud.points - curve.points(curve.closest(cloud.points))
+            size = np.minimum(size, np.hypot(away[:, 0], away[:, 1]) + curve.radius)
+    if np.isinf(size).all():
+        return np.ones(len(cloud.points))
+    return np.asarray(size / size.max())

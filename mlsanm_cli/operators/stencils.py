@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.sight import Sight
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import mls_weights
 from mlsanm_cli.operators.settings import MlsSettings
@@ -47,9 +48,16 @@ class Stencils:
 
 
 def build_stencils(
-    points: FloatArray, tree: cKDTree, targets: FloatArray, order: int, settings: MlsSettings
+    points: FloatArray,
+    tree: cKDTree,
+    targets: FloatArray,
+    order: int,
+    settings: MlsSettings,
+    sight: Sight | None = None,
 ) -> Stencils:
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
+
+    ``sight`` keeps stencils from reaching across the body's slits.
 
     Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; the derivatives are those of the
     local polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose
@@ -68,7 +76,7 @@ def build_stencils(
     worst, enlarged = 1.0, 0
     while len(pending):
         size = min(size, len(points))
-        indices, weights, ratio = _fit(points, tree, targets[pending], size, order, settings)
+        indices, weights, ratio = _fit(points, tree, targets[pending], size, order, settings, sight)
         sound = ratio >= settings.rank_tolerance
         parts.append((pending[sound], indices[sound], weights[sound]))
         worst = float(min(worst, ratio[sound].min(initial=1.0)))
@@ -86,10 +94,19 @@ def build_stencils(
 
 
 def _fit(
-    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, order: int, settings: MlsSettings
+    points: FloatArray,
+    tree: cKDTree,
+    targets: FloatArray,
+    size: int,
+    order: int,
+    settings: MlsSettings,
+    sight: Sight | None,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Neighbours (e, size), weights (e, size, kinds) and diagonal ratios (e,) of one stencil size."""
     distance, indices = _nearest(tree, targets, size, len(points))
+    if sight is not None:
+        asked = np.flatnonzero(sight.near(targets, distance[:, -1]))
+        distance[asked], indices[asked] = _seen(sight, tree, targets[asked], size, len(points))
     weights = np.empty((len(targets) * size, (order + 1) * (order + 2) // 2))
     ratio = np.empty(len(targets))
     indptr = np.arange(len(targets) + 1, dtype=np.int64) * size
@@ -113,6 +130,31 @@ def _nearest(tree: cKDTree, targets: FloatArray, size: int, nodes: int) -> tuple
         distance[tied] = np.take_along_axis(distance[tied], order, axis=1)
         indices[tied] = np.take_along_axis(indices[tied], order, axis=1)
     return distance[:, :size].copy(), indices[:, :size].copy()
+
+
+def _seen(
+    sight: Sight, tree: cKDTree, targets: FloatArray, size: int, nodes: int
+) -> tuple[FloatArray, IntArray]:
+    """Distances and numbers (e, size) of the nearest nodes on each target's own side of the slits."""
+    distance, indices = np.empty((len(targets), size)), np.empty((len(targets), size), dtype=np.int64)
+    pending, asked = np.arange(len(targets)), size
+    while len(pending):
+        far, numbers = _nearest(tree, targets[pending], asked, nodes)
+        seen = ~sight.cut(targets[pending], numbers)
+        enough = seen.sum(axis=1) >= size
+        # Stable: nodes that are seen come first, still ordered by distance.
+        first = np.argsort(~seen[enough], axis=1, kind="stable")[:, :size]
+        distance[pending[enough]] = np.take_along_axis(far[enough], first, axis=1)
+        indices[pending[enough]] = np.take_along_axis(numbers[enough], first, axis=1)
+        pending = pending[~enough]
+        if len(pending) and asked == nodes:
+            x, y = targets[pending[0]]
+            raise NumericalError(
+                f"fewer than {size} nodes can be seen from ({x:.6g}, {y:.6g}) past the slits of the body",
+                "make the spacing smaller there",
+            )
+        asked = min(2 * asked, nodes)
+    return distance, indices
 
 
 def _merge(

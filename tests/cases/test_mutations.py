@@ -15,7 +15,6 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics import body as mechanics
-from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from tests.app.scenes import Quiet
 
@@ -76,15 +75,13 @@ def test_stencils_across_bodies(
 ) -> None:
     seen: list[FloatArray] = []
 
-    def faulty(
-        points: FloatArray, tree: cKDTree, targets: FloatArray, order: int, settings: MlsSettings
-    ) -> Stencils:
+    def faulty(points: FloatArray, tree: cKDTree, targets: FloatArray, order: int, *rest: Any) -> Stencils:
         """At virtual nodes, neighbours from the body that was built first, under its numbers."""
         seen.append(points)
         first = seen[0]
         if order > 0 or len(first) == len(points):
-            return build_stencils(points, tree, targets, order, settings)
-        taken = build_stencils(first, cKDTree(first), targets, order, settings)
+            return build_stencils(points, tree, targets, order, *rest)
+        taken = build_stencils(first, cKDTree(first), targets, order, *rest)
         return replace(taken, indices=taken.indices % len(points), nodes=len(points))
 
     monkeypatch.setattr(mechanics, "build_stencils", faulty)

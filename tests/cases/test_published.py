@@ -13,6 +13,7 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.reference.hertz import HertzLine
+from mlsanm_cli.reference.kirsch import KirschHole
 from mlsanm_cli.reference.lame import LameRing
 from tests.app.scenes import Quiet
 
@@ -148,3 +149,29 @@ def test_lame(tmp_path: Path) -> None:
     # Without contact: one solve for the one load, nothing else.
     assert summary["condensation_solves"] == 1
     assert summary["contact_unknowns"] == 0
+
+
+@pytest.mark.parametrize(
+    ("degree", "nodes", "overrides", "bar"),
+    [
+        (4, 3700, (), 0.005),
+        (2, 3700, (), 0.01),
+        (2, 11000, ("body.plate.refine.0.spacing=0.0125", "body.plate.refine.0.growth=0.08"), 0.005),
+    ],
+)
+def test_kirsch(degree: int, nodes: int, overrides: tuple[str, ...], bar: float, tmp_path: Path) -> None:
+    # The plate's edges raise the stress at the hole: 3.0036 times the tension (degree 6, and 2.9998 for a
+    # plate four times as large).
+    summary, data = solve("kirsch", tmp_path / "kirsch", f"mls.degree={degree}", *overrides)
+    assert summary["nodes"] <= nodes
+    assert not summary["warnings"]
+    points, stress = data.bodies["plate"].points, data.states[-1].bodies["plate"]["stress"]
+    r = np.hypot(points[:, 0], points[:, 1])
+    rim = r <= 1.0 + 1e-9
+    assert abs(stress[rim, 0].max() / 300.0 - 1.0) <= bar
+    difference = (stress - KirschHole(1.0, 100.0).stress(points)) / 100.0
+    assert np.abs(difference[rim]).max() <= 3.5 * bar
+    ligament = (np.abs(points[:, 0]) < 0.5) & (np.abs(points[:, 1]) < 10.0)
+    assert ligament.sum() > 100
+    assert np.abs(difference[ligament]).max() <= 3.5 * bar
+    assert np.abs(difference).max() <= 3.5 * bar

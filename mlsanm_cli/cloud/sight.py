@@ -1,0 +1,186 @@
+"""Slits: places where the outline faces itself across a void, near in space and far along the outline.
+
+Nodes on the two faces of a slit are no neighbours, however near they are: the displacement may jump from one
+to the other. A chord over a hollow of the outline or past a re-entrant corner does no harm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.kernels.sight import cut_lines
+
+DETOUR = 3.0
+"""A void is a slit where the way along the outline from face to face is so many times its width.
+
+A notch is a slit where it is deeper than wide, a wedge where it opens by less than about 40 degrees.
+"""
+REACH = 12.0
+"""Slits wider than this many spacings are wider than any stencil."""
+INWARD = 1e-3
+"""Points on the outline are looked at from this part of an edge's length inside."""
+OPENING = 0.3
+"""Faces of slits are moved apart by twice this part of an edge's length for their triangulation."""
+FLAT = 1e-12
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What the nodes ``points`` (n, 2) of a body with slits see of each other.
+
+    ``edges`` (e, 2) are the outline's chords as pairs of nodes, ``normals`` (e, 2) their outward normals,
+    ``along`` (e, 2) distances along the outline at their ends, ``loop`` (e,) lengths of their loops; edges
+    ``slits`` face another one across a slit.
+    """
+
+    points: FloatArray
+    edges: IntArray
+    normals: FloatArray
+    along: FloatArray
+    loop: FloatArray
+    slits: IntArray
+
+    def near(self, targets: FloatArray, radius: FloatArray) -> BoolArray:
+        """Which circles of ``radius`` (t,) about ``targets`` (t, 2) reach a slit."""
+        distance = cKDTree(self._middles[self.slits]).query(targets)[0]
+        return np.asarray(distance <= radius + self._longest)
+
+    def cut(self, targets: FloatArray, numbers: IntArray) -> BoolArray:
+        """Which of the nodes ``numbers`` (t, k) cannot be seen from ``targets`` (t, 2) across a slit."""
+        span = self.points[numbers] - targets[:, None]
+        reach = np.sqrt((span**2).sum(axis=2).max(axis=1)) + self._longest
+        start, near = _neighbours(self._tree, targets, reach)
+        return cut_lines(
+            self._inward(targets),
+            self._ends,
+            numbers,
+            start,
+            near,
+            self._chords,
+            self.along,
+            self.loop,
+            self.normals,
+            DETOUR,
+        )
+
+    def apart(self, one: IntArray, other: IntArray) -> BoolArray:
+        """Which pairs of nodes ``one``, ``other`` (p,) do not see each other."""
+        apart = np.zeros(len(one), dtype=bool)
+        span = self.points[other] - self.points[one]
+        asked = np.flatnonzero(self.near(self.points[one], np.sqrt((span**2).sum(axis=1))))
+        if len(asked):
+            apart[asked] = self.cut(self.points[one[asked]], other[asked, None])[:, 0]
+        return apart
+
+    @cached_property
+    def _chords(self) -> FloatArray:
+        return np.ascontiguousarray(self.points[self.edges].reshape(-1, 4))
+
+    @cached_property
+    def _middles(self) -> FloatArray:
+        middles: FloatArray = 0.5 * (self._chords[:, :2] + self._chords[:, 2:])
+        return middles
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self._middles)
+
+    @cached_property
+    def _longest(self) -> float:
+        return float((self.along[:, 1] - self.along[:, 0]).max())
+
+    @cached_property
+    def _corners(self) -> FloatArray:
+        """Outward directions (n, 2) at the boundary nodes, between the normals of the edges there."""
+        total = np.zeros_like(self.points)
+        for end in (0, 1):
+            total[self.edges[:, end]] += self.normals
+        size = np.sqrt((total**2).sum(axis=1, keepdims=True))
+        return np.asarray(total / np.where(size > 0.0, size, 1.0))
+
+    @cached_property
+    def opened(self) -> FloatArray:
+        """The nodes (n, 2) with the faces of slits moved apart: their edges are then Delaunay edges."""
+        return self._drawn_in(OPENING, self.slits)
+
+    @cached_property
+    def _ends(self) -> FloatArray:
+        """The nodes, those of the boundary a little inside."""
+        return self._drawn_in(INWARD, np.arange(len(self.edges)))
+
+    def _drawn_in(self, part: float, which: IntArray) -> FloatArray:
+        """The nodes, those of some edges moved inward by a part of the edge's length."""
+        points = self.points.copy()
+        for end in (0, 1):
+            node = self.edges[which, end]
+            step = part * (self.along[which, 1] - self.along[which, 0])
+            points[node] = self.points[node] - step[:, None] * self._corners[node]
+        return points
+
+    def _inward(self, targets: FloatArray) -> FloatArray:
+        """The targets, those on the outline or beyond one of its chords a little inside."""
+        start, near = _neighbours(self._tree, targets, np.full(len(targets), 1.01 * self._longest))
+        row = np.repeat(np.arange(len(targets)), np.diff(start))
+        a, step = self._chords[near, :2], self._chords[near, 2:] - self._chords[near, :2]
+        part = np.clip(((targets[row] - a) * step).sum(axis=1) / (step**2).sum(axis=1), 0.0, 1.0)
+        foot = a + part[:, None] * step
+        distance = np.sqrt(((targets[row] - foot) ** 2).sum(axis=1))
+        order = np.lexsort((distance, row))
+        chosen = order[np.flatnonzero(np.diff(row[order], prepend=-1))]
+        depth = INWARD * np.sqrt((step[chosen] ** 2).sum(axis=1))
+        outside = ~inside_polygon(self._chords, targets[row[chosen]])
+        chosen, depth = (x[(distance[chosen] < depth) | outside] for x in (chosen, depth))
+        first, last = (self._corners[self.edges[near[chosen], end]] for end in (0, 1))
+        outward = (1.0 - part[chosen, None]) * first + part[chosen, None] * last
+        inward = targets.copy()
+        inward[row[chosen]] = foot[chosen] - depth[:, None] * outward
+        return inward
+
+
+def look(points: FloatArray, edges: IntArray) -> Sight | None:
+    """What the nodes ``points`` (n, 2) inside the loops of ``edges`` (e, 2) see; None without slits."""
+    step = points[edges[:, 1]] - points[edges[:, 0]]
+    length = np.sqrt((step**2).sum(axis=1))
+    begins = np.flatnonzero(np.append(True, edges[1:, 0] != edges[:-1, 1]))
+    if len(begins) == 1:
+        following = np.roll(step, -1, axis=0)
+        turn = step[:, 0] * following[:, 1] - step[:, 1] * following[:, 0]
+        if (turn >= -FLAT * length * np.roll(length, -1)).all():
+            return None  # a convex outline has no void to face itself across
+    number = np.repeat(np.arange(len(begins)), np.diff(np.append(begins, len(edges))))
+    end = np.cumsum(length)
+    along = np.stack([end - length, end], axis=1) - (end - length)[begins][number][:, None]
+    loop = np.add.reduceat(length, begins)[number]
+    normals = np.stack([step[:, 1], -step[:, 0]], axis=1) / length[:, None]
+    slits = _slits(0.5 * (points[edges[:, 0]] + points[edges[:, 1]]), normals, along, loop, number)
+    return Sight(points, edges, normals, along, loop, slits) if len(slits) else None
+
+
+def _slits(
+    middles: FloatArray, normals: FloatArray, along: FloatArray, loop: FloatArray, number: IntArray
+) -> IntArray:
+    """Numbers of the edges that face another one across a narrow void."""
+    start, other = _neighbours(cKDTree(middles), middles, REACH * (along[:, 1] - along[:, 0]))
+    one = np.repeat(np.arange(len(middles)), np.diff(start))
+    across = middles[other] - middles[one]
+    out, back = (across * normals[one]).sum(axis=1), -(across * normals[other]).sum(axis=1)
+    facing = (out > 0.0) & (back > 0.0) & ((normals[one] * normals[other]).sum(axis=1) < 0.0)
+    one, other, width = one[facing], other[facing], np.maximum(out, back)[facing]
+    at = along.mean(axis=1)
+    way = np.abs(at[one] - at[other])
+    way = np.where(number[one] == number[other], np.minimum(way, loop[one] - way), np.inf)
+    narrow = way > DETOUR * width
+    return np.unique(np.concatenate([one[narrow], other[narrow]]))
+
+
+def _neighbours(tree: cKDTree, targets: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+    """Points of a tree within ``radius`` (t,) of ``targets`` (t, 2), in compressed rows."""
+    found = tree.query_ball_point(targets, radius)
+    start = np.concatenate([[0], np.cumsum([len(one) for one in found])]).astype(np.int64)
+    return start, np.concatenate([np.zeros(0, dtype=np.int64), *map(np.array, found)]).astype(np.int64)

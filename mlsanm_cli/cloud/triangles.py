@@ -1,0 +1,36 @@
+"""Triangles of the nodes that fill a body: for pictures, figures and checks, never for the solution."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import Delaunay
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.sight import Sight
+
+FLAT = 1e-9
+
+
+def triangulate(points: FloatArray, edges: IntArray, sight: Sight | None) -> IntArray:
+    """Delaunay triangles (t, 3), counter-clockwise, of ``points`` (n, 2) inside loops of ``edges`` (e, 2).
+
+    ``sight`` keeps them from reaching across slits.
+    """
+    placed = points if sight is None else sight.opened
+    triangles = np.asarray(Delaunay(placed).simplices, dtype=np.int64)
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]
+    # Only a triangle of three boundary nodes can lie outside, across a hollow or flat along a curve.
+    on_boundary = np.zeros(len(points), dtype=bool)
+    on_boundary[edges] = True
+    outside = np.abs(twice) <= FLAT * ((b - a) ** 2).sum(axis=1)
+    doubtful = np.flatnonzero(on_boundary[triangles].all(axis=1) & ~outside)
+    centers = points[triangles[doubtful]].mean(axis=1)
+    outside[doubtful] = ~inside_polygon(points[edges].reshape(-1, 4), centers)
+    inner: IntArray = triangles[~outside]
+    if sight is not None:
+        ends = np.roll(inner, -1, axis=1)
+        inner = inner[~np.any([sight.apart(inner[:, side], ends[:, side]) for side in range(3)], axis=0)]
+    return inner

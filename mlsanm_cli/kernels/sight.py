@@ -1,0 +1,80 @@
+"""Which straight lines between two points of a body leave it through a slit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.kernels.jit import kernel
+
+
+@kernel
+def cut_lines(
+    starts: FloatArray,
+    ends: FloatArray,
+    numbers: IntArray,
+    edge_start: IntArray,
+    edge_numbers: IntArray,
+    edges: FloatArray,
+    along: FloatArray,
+    loop: FloatArray,
+    normals: FloatArray,
+    ratio: float,
+) -> BoolArray:
+    """Whether the lines from ``starts`` (t, 2) to ``ends[numbers]``, ``numbers`` (t, k), cross a slit (t, k).
+
+    ``edges`` (e, 4) are the outline's chords; those with ``edge_numbers[edge_start[i] : edge_start[i + 1]]``
+    can meet the lines from start i. ``along`` (e, 2) are distances along the outline at both ends of an edge,
+    ``loop`` (e,) the length of the whole loop, ``normals`` (e, 2) its outward ones. All points lie inside, so
+    that a line leaves and enters in turn; the void between is a slit where the way along the outline from one
+    place to the other is longer than ``ratio`` times its width: across, between edges that face each other,
+    along the line between others.
+    """
+    cut = np.zeros(numbers.shape, np.bool_)
+    most = 0
+    for i in range(starts.shape[0]):
+        most = max(most, edge_start[i + 1] - edge_start[i])
+    place = np.empty(most)
+    way = np.empty(most)
+    edge = np.empty(most, np.int64)
+    for i in range(starts.shape[0]):
+        x, y = starts[i, 0], starts[i, 1]
+        for k in range(numbers.shape[1]):
+            dx = ends[numbers[i, k], 0] - x
+            dy = ends[numbers[i, k], 1] - y
+            found = 0
+            for m in range(edge_start[i], edge_start[i + 1]):
+                e = edge_numbers[m]
+                ax, ay = edges[e, 0] - x, edges[e, 1] - y
+                bx, by = edges[e, 2] - x, edges[e, 3] - y
+                first = dx * ay - dy * ax
+                last = dx * by - dy * bx
+                if (first > 0.0) == (last > 0.0):
+                    continue
+                part = first / (first - last)
+                hit_x = ax + part * (bx - ax)
+                hit_y = ay + part * (by - ay)
+                t = (hit_x * dx + hit_y * dy) / (dx * dx + dy * dy)
+                if not 0.0 < t < 1.0:
+                    continue
+                # Keep the crossings in order along the line.
+                at = found
+                while at > 0 and place[at - 1] > t:
+                    place[at] = place[at - 1]
+                    way[at] = way[at - 1]
+                    edge[at] = edge[at - 1]
+                    at -= 1
+                place[at] = t
+                way[at] = along[e, 0] + part * (along[e, 1] - along[e, 0])
+                edge[at] = e
+                found += 1
+            for m in range(0, found - 1, 2):
+                one, other = normals[edge[m]], normals[edge[m + 1]]
+                apart = abs(way[m + 1] - way[m])
+                apart = min(apart, loop[edge[m]] - apart)
+                width = np.sqrt(dx * dx + dy * dy)
+                if one[0] * other[0] + one[1] * other[1] < 0.0:
+                    width = max(abs(dx * one[0] + dy * one[1]), abs(dx * other[0] + dy * other[1]))
+                if apart > ratio * width * (place[m + 1] - place[m]):
+                    cut[i, k] = True
+    return cut

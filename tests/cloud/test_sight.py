@@ -1,0 +1,161 @@
+"""Slits: found where they are and nowhere else; the kernel against a slow twin."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.quality import measure
+from mlsanm_cli.cloud.sight import DETOUR, Sight
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+
+
+def chain(*points: tuple[float, float]) -> Outline:
+    """A polygon."""
+    sides = tuple(Segment(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True))
+    return Outline(tuple(f"side{k}" for k in range(len(sides))), sides)
+
+
+def notched(width: float, tip: float = 0.0, between: float | None = None) -> Outline:
+    """A square of side 2 with a notch from the top down to its middle; ``tip`` is its width there.
+
+    ``between`` puts one more corner on the right face, so that its nodes do not stand opposite the left ones.
+    """
+    half = 0.5 * width
+    extra = [] if between is None else [(0.5 * tip + between * 0.5 * (width - tip), between)]
+    bottom = [(0.0, 0.0)] if tip == 0.0 else [(0.5 * tip, 0.0), (-0.5 * tip, 0.0)]
+    return chain(
+        (-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (half, 1.0), *extra, *bottom, (-half, 1.0), (-1.0, 1.0)
+    )
+
+
+def sight_of(cloud: Cloud) -> Sight:
+    assert cloud.sight is not None
+    return cloud.sight
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [
+        rectangle((0.0, 2.0), (0.0, 1.0)),
+        disk((0.0, 0.0), 1.0),
+        half_disk((0.0, 0.0), 1.0, "upper"),
+        annulus((0.0, 0.0), (0.2, 1.0)),
+        annulus((0.0, 0.0), (0.9, 1.0)),
+        sector((0.0, 0.0), (0.5, 1.0), (0.0, 3.0)),
+        chain((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)),
+        notched(1.0),
+        notched(1.2, 1.2),
+    ],
+)
+def test_bodies_without_slits(outline: Outline) -> None:
+    assert build_cloud(outline, Spacing(0.1), 0).sight is None
+
+
+@pytest.mark.parametrize("width", [1e-6, 0.01, 0.05, 0.3])
+@pytest.mark.parametrize("between", [None, 0.37])
+def test_neighbours_across_a_notch_do_not_see_each_other(width: float, between: float | None) -> None:
+    cloud = build_cloud(notched(width, between=between), Spacing(0.1), 0)
+    x, y = cloud.points.T
+    sight = sight_of(cloud)
+    # The faces of the notch belong to their own sides.
+    names = list(cloud.surfaces)
+    right, left = cloud.surfaces["side3"].index, cloud.surfaces[names[-3]].index
+    side = np.sign(x)
+    side[right], side[left] = 1.0, -1.0
+    one, other = (k.ravel() for k in np.meshgrid(np.flatnonzero(y > 0.2), np.flatnonzero(y > 0.2)))
+    near = (np.hypot(x[one] - x[other], y[one] - y[other]) < 0.6) & (one != other)
+    one, other = one[near], other[near]
+    above = y[one] + y[other] > 1.9  # lines along the top
+    opposite = side[one] * side[other] < 0.0
+    assert sight.apart(one, other)[opposite].all()
+    assert not sight.apart(one, other)[~opposite & ~above].any()
+    # Around the bottom of the notch, far from its faces, everything is seen.
+    low = np.flatnonzero((y < -0.05) & (np.abs(x) < 0.5))
+    a, b = (k.ravel() for k in np.meshgrid(low, low))
+    assert not sight.apart(a[a != b], b[a != b]).any()
+
+
+def test_quality_and_triangles_do_not_reach_across() -> None:
+    for gap in (1e-4, 0.02):
+        for between in (None, 0.37):
+            cloud = build_cloud(notched(gap, between=between), Spacing(0.1), 0)
+            assert measure(cloud).closest > 0.7
+            assert measure(cloud).hole < 1.3
+            a, b, c = (cloud.points[cloud.triangles[:, k]] for k in range(3))
+            area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+            assert area.min() > 0.0
+            assert area.sum() == pytest.approx(4.0 - 0.5 * gap, rel=1e-9)
+
+
+def test_targets_on_a_face_belong_to_their_side() -> None:
+    cloud = build_cloud(notched(0.002), Spacing(0.1, (Zone.around((0.0, 0.0), 0.02, 0.05, 0.2),)), 0)
+    names = list(cloud.surfaces)
+    faces = [cloud.surfaces["side3"], cloud.surfaces[names[-3]]]
+    for face, sign in zip(faces, (1.0, -1.0), strict=True):
+        s = np.linspace(0.25, 0.8, 37) * face.curve.length
+        targets = face.curve.points(s)
+        middle = np.flatnonzero(
+            (np.abs(cloud.points[:, 0]) > 0.03) & (np.abs(cloud.points[:, 1] - 0.5) < 0.3)
+        )
+        numbers = np.tile(middle, (len(targets), 1))
+        cut = sight_of(cloud).cut(targets, numbers)
+        assert (cut == (sign * cloud.points[numbers][:, :, 0] < 0.0)).all()
+
+
+def test_chords_over_a_hollow_are_no_reason() -> None:
+    # A slit elsewhere in the body; around the small hole and the inner arc everything sees everything.
+    slit = sector((0.0, 0.0), (0.3, 1.0), (0.0, math.radians(359.0)))
+    cloud = build_cloud(slit, Spacing(0.05), 0)
+    inner = cloud.surfaces["inner"].index[10:20]
+    a, b = (k.ravel() for k in np.meshgrid(inner, inner))
+    assert not sight_of(cloud).apart(a[a != b], b[a != b]).any()
+    start, end = (cloud.surfaces[name].index[1:-1] for name in ("start", "end"))
+    a, b = (k.ravel() for k in np.meshgrid(start, end))
+    assert sight_of(cloud).apart(a, b).all()
+    # Nor does the mouth of the slit in the inner arc let anything through.
+    inner = cloud.surfaces["inner"].index
+    assert sight_of(cloud).apart(inner[:4], inner[-4:]).all()
+
+
+def slow_cut(sight: Sight, target: FloatArray, node: int) -> bool:
+    """Crossings of one line with every edge, in order, two by two."""
+    end = sight._ends[node]
+    found = []
+    for (a, b), (s0, s1), loop in zip(sight.points[sight.edges], sight.along, sight.loop, strict=True):
+        matrix = np.stack([end - target, a - b], axis=1)
+        if np.linalg.det(matrix) == 0.0:
+            continue
+        t, f = np.linalg.solve(matrix, a - target)
+        if 0.0 < t < 1.0 and 0.0 <= f < 1.0:
+            normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
+            found.append((t, s0 + f * (s1 - s0), loop, normal))
+    found.sort(key=lambda one: one[0])
+    for (t, s, loop, n), (u, r, _, m) in zip(found[::2], found[1::2], strict=False):
+        way = min(abs(s - r), loop - abs(s - r))
+        width = max(abs((end - target) @ n), abs((end - target) @ m))
+        if n @ m >= 0.0:
+            width = float(np.hypot(*(end - target)))
+        if way > DETOUR * (u - t) * width:
+            return True
+    return False
+
+
+@pytest.mark.parametrize(("width", "tip"), [(0.01, 0.0), (0.3, 0.0), (0.2, 0.15), (0.5, 0.05)])
+def test_kernel_against_its_slow_twin(width: float, tip: float) -> None:
+    cloud = build_cloud(notched(width, tip), Spacing(0.35), 0)
+    assert cloud.sight is not None
+    inside = np.arange(len(cloud.boundary_nodes), len(cloud.points))
+    targets = cloud.points[inside]
+    numbers = np.tile(np.arange(len(cloud.boundary_nodes)), (len(inside), 1))
+    cut = cloud.sight.cut(targets, numbers)
+    expected: BoolArray = np.array(
+        [[slow_cut(cloud.sight, t, n) for n in row] for t, row in zip(targets, numbers, strict=True)]
+    )
+    assert np.array_equal(cut, expected)
+    assert cut.any()

@@ -1,0 +1,175 @@
+"""Slits, thin parts, nodes too close, notches: what a stencil must not do, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, rectangle, sector
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.corners import inward_corners, inward_weight
+from tests.mechanics.bodies import STEEL, boundary_values, build, with_body_force
+
+OPEN = sector((0.0, 0.0), (0.5, 1.5), (0.0, math.radians(359.5)))
+
+
+class Winding:
+    """u = (t, t^2/2), t the angle from 0 to 2 pi: it jumps across the positive x axis."""
+
+    def polar(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Angle (n,), its gradient (n, 2) and second derivatives xx, yy, xy (n, 3)."""
+        x, y = at.T
+        r2 = x**2 + y**2
+        angle = np.mod(np.arctan2(y, x) + 1e-9, 2.0 * np.pi)
+        second = np.stack([2.0 * x * y, -2.0 * x * y, y**2 - x**2], axis=1) / (r2**2)[:, None]
+        return angle, np.stack([-y, x], axis=1) / r2[:, None], second
+
+    def displacement(self, at: FloatArray) -> FloatArray:
+        angle = self.polar(at)[0]
+        return np.stack([angle, 0.5 * angle**2], axis=1)
+
+    def stress(self, at: FloatArray) -> FloatArray:
+        t, (tx, ty) = self.polar(at)[0], self.polar(at)[1].T
+        return np.stack([tx, t * ty, ty + t * tx], axis=1) @ STEEL.stiffness
+
+    def force(self, at: FloatArray) -> FloatArray:
+        t, (tx, ty), (xx, yy, xy) = self.polar(at)[0], self.polar(at)[1].T, self.polar(at)[2].T
+        c = STEEL.stiffness
+        by_x = np.stack([xx, tx * ty + t * xy, xy + tx * tx + t * xx], axis=1) @ c
+        by_y = np.stack([xy, ty * ty + t * yy, yy + ty * tx + t * xy], axis=1) @ c
+        return -np.stack([by_x[:, 0] + by_y[:, 2], by_x[:, 2] + by_y[:, 1]], axis=1)
+
+
+def winding_error(cloud: Cloud, degree: int) -> tuple[ElasticBody, FloatArray, float]:
+    """Body, computed displacements (n, 2), largest relative error."""
+    exact = Winding()
+    body = build(cloud, {"outer": (True, True)}, degree)
+    source = boundary_values(body, exact.displacement, exact.stress)
+    source = with_body_force(body, source, exact.force(cloud.points))
+    u = body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)
+    expected = exact.displacement(cloud.points)
+    return body, u, float(np.abs(u - expected).max() / np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("degree", "bar"), [(2, 0.03), (4, 3e-4), (6, 3e-4)])
+def test_a_solution_may_jump_across_a_slit(degree: int, bar: float) -> None:
+    body, u, error = winding_error(build_cloud(OPEN, Spacing(0.06), 0), degree)
+    assert error <= bar
+    # Values between the nodes of the two faces, half a degree apart: each has its own.
+    for name in ("start", "end"):
+        curve = body.model.cloud.surfaces[name].curve
+        at = curve.points(np.linspace(0.1, 0.9, 29) * curve.length)
+        value = np.stack([row @ u.ravel() for row in body.model.values_at(at)], axis=1)
+        assert np.abs(value - Winding().displacement(at)).max() <= 3.0 * bar * 20.0
+
+
+def test_without_sight_the_same_body_would_be_glued(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Cloud, "sight", None)
+    assert winding_error(build_cloud(OPEN, Spacing(0.06), 0), 4)[2] > 0.5
+
+
+def bar(thickness: float) -> Cloud:
+    """A bar of length 12 with spacing 1."""
+    return build_cloud(rectangle((0.0, 12.0), (0.0, thickness)), Spacing(1.0), 0)
+
+
+def bent(at: FloatArray) -> FloatArray:
+    """Displacements (n, 2) under a pure moment, of degree 2."""
+    x, y = at.T
+    c = STEEL.stiffness
+    return np.stack([0.01 * x * y, -0.005 * (x**2 + c[0, 1] / c[1, 1] * y**2)], axis=1)
+
+
+def bending_stress(at: FloatArray) -> FloatArray:
+    """Its stresses (n, 3)."""
+    c = STEEL.stiffness
+    return np.outer(0.01 * at[:, 1], [c[0, 0] - c[0, 1] ** 2 / c[1, 1], 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("degree", "refused", "enough"),
+    [(2, (0.1, 1.0, 1.5), (2.0, 3.0)), (4, (1.0, 2.5, 3.0), (4.0,)), (6, (3.0, 4.0), (6.0,))],
+)
+def test_thin_parts_are_carried_or_refused(
+    degree: int, refused: tuple[float, ...], enough: tuple[float, ...]
+) -> None:
+    for thickness in refused:
+        with pytest.raises(NumericalError, match=r"nodes around \(.*\) cannot carry polynomials of degree"):
+            build(bar(thickness), {}, degree, held_nodes=((0, 0), (0, 1), (1, 1)))
+    for thickness in enough:
+        # The stencils carry their whole polynomial space there: bending by moments is solved exactly.
+        body = build(bar(thickness), {"left": (True, True)}, degree)
+        source = boundary_values(body, bent, bending_stress)
+        u = body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)
+        assert np.abs(u - bent(body.model.cloud.points)).max() <= 1e-8
+
+
+def wedge(angle: float) -> Outline:
+    """A triangle with a sharp tip at the origin."""
+    y = 2.0 * math.tan(angle)
+    a, b, c = (0.0, 0.0), (2.0, -y), (2.0, y)
+    return Outline(("low", "back", "up"), (Segment(a, b), Segment(b, c), Segment(c, a)))
+
+
+def test_nodes_too_close_are_refused_with_their_place() -> None:
+    cloud = build_cloud(wedge(0.004), Spacing(0.1), 0)
+    with pytest.raises(NumericalError, match=r"body body: two nodes near \(0\.\d+, .*are only 0\.0"):
+        build(cloud, {"back": (True, True)})
+    sound = build_cloud(wedge(0.4), Spacing(0.1), 0)
+    assert build(sound, {"back": (True, True)}).model.stencils.worst_ratio > 0.0
+
+
+def test_inward_corners_and_arcs_lower_the_weights_around_them() -> None:
+    points = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
+    sides = tuple(Segment(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True))
+    angle = build_cloud(Outline(tuple("abcdef"), sides), Spacing(0.1), 0)
+    (corner,) = inward_corners(angle)
+    assert angle.points[corner] == pytest.approx([1.0, 1.0])
+    weight = inward_weight(angle)
+    distance = np.hypot(*(angle.points - 1.0).T)
+    assert weight.max() == 1.0
+    far = distance > 0.1
+    assert weight[far] == pytest.approx(distance[far] / distance.max())
+    ring = build_cloud(annulus((0.0, 0.0), (0.5, 1.0)), Spacing(0.1), 0)
+    assert not len(inward_corners(ring))
+    assert inward_weight(ring) == pytest.approx(np.hypot(*ring.points.T))
+    for plain in (rectangle((0.0, 1.0), (0.0, 1.0)), wedge(0.4)):
+        assert (inward_weight(build_cloud(plain, Spacing(0.1), 0)) == 1.0).all()
+
+
+def notched() -> Outline:
+    """A plate 10 wide with a notch 3 deep and 2 wide, its corners rounded to a tenth."""
+    p = [(0.0, -8.0), (10.0, -8.0), (10.0, 8.0), (0.0, 8.0), (0.0, 1.0)]
+    upper = Arc((2.9, 0.9), 0.1, 0.5 * math.pi, -0.5 * math.pi)
+    lower = Arc((2.9, -0.9), 0.1, 0.0, -0.5 * math.pi)
+    curves: list[Curve] = [Segment(a, b) for a, b in pairwise(p)]
+    curves += [Segment((0.0, 1.0), (2.9, 1.0)), upper, Segment((3.0, 0.9), (3.0, -0.9)), lower]
+    curves += [Segment((2.9, -1.0), (0.0, -1.0)), Segment((0.0, -1.0), p[0])]
+    names = ("bottom", "right", "top", "left", "upper", "round", "end", "round2", "lower", "left2")
+    return Outline(names, tuple(curves))
+
+
+def test_a_notched_plate_opens() -> None:
+    outline = notched()
+    openings = []
+    for fine, degree in ((0.02, 4), (0.01, 4), (0.01, 2)):
+        zones = tuple(Zone(outline.curves[k], fine, 0.0, 0.12) for k in (5, 7))
+        cloud = build_cloud(outline, Spacing(0.5, zones), 0)
+        first = int(cloud.surfaces["bottom"].index[0])
+        body = build(cloud, {"bottom": (False, True)}, degree, held_nodes=((first, 0),))
+        pull = np.tile([0.0, 1.0], (len(cloud.surfaces["top"].index), 1))
+        u = body.system.solve(sparse.csc_array(body.source("top", pull, held=False)[:, None])).reshape(-1, 2)
+        upper, lower = cloud.surfaces["upper"].index[0], cloud.surfaces["lower"].index[-1]
+        openings.append(float(u[upper, 1] - u[lower, 1]))
+    # 33.2 is what degree 4 comes to on finer clouds; without the weights near the notch it is 5 here.
+    assert 210.0 * openings[1] == pytest.approx(33.2, rel=0.01)
+    assert 210.0 * openings[0] == pytest.approx(33.2, rel=0.1)
+    assert 210.0 * openings[2] == pytest.approx(33.2, rel=0.25)
