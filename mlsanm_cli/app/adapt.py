@@ -9,10 +9,11 @@ bodies get the same zones, so that their spacings stay matched. Nothing of it co
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from mlsanm_cli.app.accuracy import Accuracy, assess_accuracy
 from mlsanm_cli.app.build import Built, complete, place
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
@@ -39,6 +40,7 @@ class Pass:
     peak_pressure: float
     half_width: float
     change: float | None
+    error_estimate: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class Adapted:
 
     prepared: Prepared
     built: Built
+    accuracy: Accuracy
     passes: tuple[Pass, ...]
 
     @property
@@ -62,8 +65,8 @@ class Adapted:
 
 def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Adapted:
     """Complete the scene, and refine it as often as the case asks or until nothing changes any more."""
-    built = complete(case, prepared, clock, console)
-    history = [_figures(built, None)]
+    built, accuracy = _solved(case, prepared, clock, console)
+    history = [_figures(built, accuracy, None)]
     for number in range(1, case.adapt.passes + 1):
         patches = tuple(found_patches(built))
         if not any(_is_coarse(patch) for patch in patches):
@@ -71,8 +74,8 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Ada
             break
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch))
         prepared = place(case, clock, console, zones)
-        built = complete(case, prepared, clock, console)
-        history.append(_figures(built, history[-1]))
+        built, accuracy = _solved(case, prepared, clock, console)
+        history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
         console.note(
             f"pass {number}: {now.nodes} nodes, peak pressure {now.peak_pressure:.6g}, "
@@ -80,7 +83,14 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Ada
         )
         if now.change is not None and now.change <= TOLERANCE:
             break
-    return Adapted(prepared, built, tuple(history))
+    return Adapted(prepared, built, accuracy, tuple(history))
+
+
+def _solved(case: Case, prepared: Prepared, clock: Clock, console: Console) -> tuple[Built, Accuracy]:
+    built = complete(case, prepared, clock, console)
+    with clock.phase("estimate"):
+        console.phase("estimating errors")
+        return built, assess_accuracy(built)
 
 
 def found_patches(built: Built) -> Iterator[Patch]:
@@ -110,7 +120,7 @@ def _patch_zones(patch: Patch) -> Iterator[Zone]:
         yield Zone.around((float(edge[0]), float(edge[1])), finest, 2.0 * float(unsure), GROWTH)
 
 
-def _figures(built: Built, before: Pass | None) -> Pass:
+def _figures(built: Built, accuracy: Accuracy, before: Pass | None) -> Pass:
     """Largest peak pressure and half-width over the contacts and stages."""
     peak = width = 0.0
     for state in built.ends:
@@ -123,4 +133,4 @@ def _figures(built: Built, before: Pass | None) -> Pass:
     if before is not None:
         pairs = ((peak, before.peak_pressure), (width, before.half_width))
         change = max(abs(new - old) / old if old else float(new != old) for new, old in pairs)
-    return Pass(nodes, peak, width, change)
+    return Pass(nodes, peak, width, change, accuracy.figures(built))
