@@ -29,24 +29,34 @@ from mlsanm_cli.mechanics.defect import Defect, defect_of
 class Accuracy:
     """Estimated errors of ``state``, the exact one at the end of the path.
 
-    ``displacement`` is the root mean square over all nodes, relative; ``pressure`` maps contacts to relative
-    L2 norms; None where no estimate can be given. ``defects`` are the bodies' own, none for other degrees
-    than those that an estimate is known for.
+    ``displacement`` is the root mean square over all nodes, relative. ``from_bulk`` and ``from_contact`` map
+    contacts to relative L2 norms of what the bodies' errors and the contact's own spacing do to the pressure.
+    None where no estimate can be given. ``defects`` are the bodies' own, none for other degrees than those
+    that an estimate is known for. ``largest`` is the largest displacement.
     """
 
     displacement: float | None
-    pressure: Mapping[str, float | None]
+    from_bulk: Mapping[str, float | None]
+    from_contact: Mapping[str, float | None]
     state: ExactState
+    largest: float
     defects: Mapping[str, Defect]
 
     def figures(self, built: Built, state: State | None = None) -> dict[str, Any]:
         """As summary.json tells them, of ``state`` where its pressures may lie away from the exact ones."""
-        pressure = dict(self.pressure)
-        if state is not None:
-            for pairing in built.condensed.pairings:
-                away = _distance(built, pairing, self.state, state.pressure)
-                pressure[pairing.name] = _together(pressure[pairing.name], away)
+        pressure = {}
+        for pairing in built.condensed.pairings:
+            away = _distance(built, pairing, self.state, state.pressure) if state is not None else 0.0
+            pressure[pairing.name] = _together(
+                self.from_bulk[pairing.name], self.from_contact[pairing.name], away
+            )
         return {"displacement": self.displacement, "pressure": pressure}
+
+    @property
+    def bulk_leads(self) -> bool:
+        """Whether the bodies' errors are what limits the result, in one contact at least if there is any."""
+        pairs = [(self.from_bulk[name], self.from_contact[name]) for name in self.from_bulk]
+        return not pairs or any(bulk is not None and own is not None and bulk > own for bulk, own in pairs)
 
 
 def assess_accuracy(built: Built) -> Accuracy:
@@ -55,25 +65,24 @@ def assess_accuracy(built: Built) -> Accuracy:
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
     unknowns = (state.factors, state.motion, state.pressure)
     solved = {name: condensed.displacement(scene, name, *unknowns)[0] for name in scene.bodies}
+    largest = max(float(np.hypot(*u.T).max()) for u in solved.values())
     untold: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
     try:
         defects = {name: defect_of(body, solved[name]) for name, body in scene.bodies.items()}
     except NumericalError:  # the clouds are too small for the next degree
         defects = {}
     if not defects:
-        return Accuracy(None, untold, state, {})
+        return Accuracy(None, untold, untold, state, largest, {})
     change = {name: defect.correction(scene.bodies[name]) for name, defect in defects.items()}
     try:
         corrected = corrected_state(condensed, scene, state, change)
         halved = halved_pressure(condensed, state) if condensed.pairings else state.pressure
     except NumericalError:  # what was changed but a little has no contact state at all
-        return Accuracy(None, untold, state, defects)
-    pressure = {
-        pairing.name: _together(
-            _distance(built, pairing, state, corrected.pressure), _distance(built, pairing, state, halved)
-        )
-        for pairing in condensed.pairings
-    }
+        return Accuracy(None, untold, untold, state, largest, defects)
+    from_bulk, from_contact = (
+        {pairing.name: _distance(built, pairing, state, pressure) for pairing in condensed.pairings}
+        for pressure in (corrected.pressure, halved)
+    )
     moved = np.concatenate(
         [0.0 * state.factors, corrected.motion - state.motion, corrected.pressure - state.pressure]
     )
@@ -83,7 +92,7 @@ def assess_accuracy(built: Built) -> Accuracy:
         error += float(((change[name] + body.system.solve(source, corrections=0)[:, 0]) ** 2).sum())
         size += float((solved[name] ** 2).sum())
     displacement = float(np.sqrt(error / size)) if size > 0.0 else None
-    return Accuracy(displacement, pressure, state, defects)
+    return Accuracy(displacement, from_bulk, from_contact, state, largest, defects)
 
 
 def _distance(built: Built, pairing: Pairing, state: ExactState, pressure: FloatArray) -> float | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from mlsanm_cli.case.model import Body, Case
 from mlsanm_cli.case.shapes import HalfDisk, Rectangle, Sector
@@ -48,7 +47,6 @@ def clouds(case: Case, zones: tuple[Zone, ...] = ()) -> dict[str, Cloud]:
     """Node clouds of all bodies, refined in ``zones`` beyond what the case says."""
     placed = {}
     for body in case.body:
-        spacing = spacing_of(body)
-        finer = replace(spacing, zones=(*spacing.zones, *zones))
-        placed[body.name] = build_cloud(outline_of(body), finer, body.seed)
+        spacing = spacing_of(body).with_zones(zones)
+        placed[body.name] = build_cloud(outline_of(body), spacing, body.seed)
     return placed
