@@ -24,6 +24,9 @@ from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Defect, defect_of
 
+ROUND_OFF = 1e-9
+"""Estimates below this tell of round-off only."""
+
 
 @dataclass(frozen=True)
 class Accuracy:
@@ -55,6 +58,8 @@ class Accuracy:
     @property
     def bulk_leads(self) -> bool:
         """Whether the bodies' errors are what limits the result, in one contact at least if there is any."""
+        if self.displacement is None or self.displacement <= ROUND_OFF:
+            return False
         pairs = [(self.from_bulk[name], self.from_contact[name]) for name in self.from_bulk]
         return not pairs or any(bulk is not None and own is not None and bulk > own for bulk, own in pairs)
 

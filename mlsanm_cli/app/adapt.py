@@ -89,8 +89,9 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Ada
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
         console.note(
-            f"pass {number}: {now.nodes} nodes, peak pressure {now.peak_pressure:.6g}, half-width "
-            f"{now.half_width:.6g}, largest displacement {now.largest_displacement:.6g}, change {now.change:.2g}"
+            f"pass {number}: {now.nodes} nodes, peak pressure {now.peak_pressure:.6g}, "
+            f"half-width {now.half_width:.6g}, largest displacement {now.largest_displacement:.6g}, "
+            f"change {now.change:.2g}"
         )
         if now.change is not None and now.change <= TOLERANCE:
             break
@@ -126,9 +127,11 @@ def _patch_zones(patch: Patch) -> Iterator[Zone]:
     middle = (float(patch.middle[0]), float(patch.middle[1]))
     reach = patch.half_width + 2.0 * float(patch.uncertainty.max())
     yield Zone.around(middle, patch.half_width / ACROSS, reach, GROWTH)
-    for edge, unsure in zip(patch.edges, patch.uncertainty, strict=True):
+    for edge, unsure, apart in zip(patch.edges, patch.uncertainty, patch.apart, strict=True):
         finest = max(patch.half_width / AT_EDGE, float(unsure) / FINER)
-        yield Zone.around((float(edge[0]), float(edge[1])), finest, 2.0 * float(unsure), GROWTH)
+        # The zone must reach the other surface too, which closed a gap there.
+        radius = max(2.0 * float(unsure), 1.5 * float(apart))
+        yield Zone.around((float(edge[0]), float(edge[1])), finest, radius, GROWTH)
 
 
 def _figures(built: Built, accuracy: Accuracy, before: Pass | None) -> Pass:
