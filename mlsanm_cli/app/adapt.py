@@ -1,21 +1,25 @@
-"""``[adapt] passes``: solve, refine both clouds where contact begins and ends, solve again.
+"""``[adapt] passes``: solve, refine where contact begins and ends and where fits are poor, solve again.
 
 What limits a pressure profile is the position of the contact's edges, known to half a spacing, and then the
 spacing under the contact. Every pass asks for ``ACROSS`` spacings over the half-width of each patch found and
 refines around its edges, within twice the distance in which an edge is known to lie, up to ``AT_EDGE``
 spacings per half-width. Zones of an earlier pass give way to those of the next, which knows better. Both
-bodies get the same zones, so that their spacings stay matched. Nothing of it comes from the case.
+bodies get the same zones, so that their spacings stay matched. Where the error estimate says that the bodies
+themselves limit the result, and in every scene without contact, the bulk is refined by its residual, and
+these zones stay. Nothing of it comes from the case.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from mlsanm_cli.app.accuracy import Accuracy, assess_accuracy
 from mlsanm_cli.app.build import Built, complete, place
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.residual import residual_zones
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.spacing import Zone
@@ -28,17 +32,20 @@ FINER = 8.0
 """An edge zone is at most so many times finer than what the edge was found with."""
 GROWTH = 0.12
 TOLERANCE = 2e-4
-"""Passes end when neither the peak pressure nor the half-width changed by more, relatively."""
+"""Passes end when nothing that :class:`Pass` compares changed by more, relatively."""
 
 
 @dataclass(frozen=True)
 class Pass:
-    """Figures after one pass; ``change`` is the largest relative change of peak pressure and half-width."""
+    """Figures after one pass; ``change`` is the largest relative change of peak pressure and half-width, or
+    of the largest displacement where nothing is pressed."""
 
     nodes: int
     peak_pressure: float
     half_width: float
+    largest_displacement: float
     change: float | None
+    error_estimate: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,7 @@ class Adapted:
 
     prepared: Prepared
     built: Built
+    accuracy: Accuracy
     passes: tuple[Pass, ...]
 
     @property
@@ -62,25 +70,39 @@ class Adapted:
 
 def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Adapted:
     """Complete the scene, and refine it as often as the case asks or until nothing changes any more."""
-    built = complete(case, prepared, clock, console)
-    history = [_figures(built, None)]
+    built, accuracy = _solved(case, prepared, clock, console)
+    history = [_figures(built, accuracy, None)]
+    bulk: tuple[Zone, ...] = ()
     for number in range(1, case.adapt.passes + 1):
         patches = tuple(found_patches(built))
-        if not any(_is_coarse(patch) for patch in patches):
-            console.note(f"refinement ends before pass {number}: the clouds are fine enough at every edge")
-            break
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch))
-        prepared = place(case, clock, console, zones)
-        built = complete(case, prepared, clock, console)
-        history.append(_figures(built, history[-1]))
+        # Nodes in the bulk are wasted as long as it is the contact's own zones that are too coarse.
+        more: tuple[Zone, ...] = ()
+        if accuracy.bulk_leads:
+            more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk))
+        if not more and not any(_is_coarse(patch) for patch in patches):
+            console.note(f"refinement ends before pass {number}: the clouds are fine enough everywhere")
+            break
+        bulk = (*bulk, *more)
+        prepared = place(case, clock, console, (*zones, *bulk))
+        built, accuracy = _solved(case, prepared, clock, console)
+        history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
         console.note(
             f"pass {number}: {now.nodes} nodes, peak pressure {now.peak_pressure:.6g}, "
-            f"half-width {now.half_width:.6g}, change {now.change:.2g}"
+            f"half-width {now.half_width:.6g}, largest displacement {now.largest_displacement:.6g}, "
+            f"change {now.change:.2g}"
         )
         if now.change is not None and now.change <= TOLERANCE:
             break
-    return Adapted(prepared, built, tuple(history))
+    return Adapted(prepared, built, accuracy, tuple(history))
+
+
+def _solved(case: Case, prepared: Prepared, clock: Clock, console: Console) -> tuple[Built, Accuracy]:
+    built = complete(case, prepared, clock, console)
+    with clock.phase("estimate"):
+        console.phase("estimating errors")
+        return built, assess_accuracy(built)
 
 
 def found_patches(built: Built) -> Iterator[Patch]:
@@ -105,12 +127,14 @@ def _patch_zones(patch: Patch) -> Iterator[Zone]:
     middle = (float(patch.middle[0]), float(patch.middle[1]))
     reach = patch.half_width + 2.0 * float(patch.uncertainty.max())
     yield Zone.around(middle, patch.half_width / ACROSS, reach, GROWTH)
-    for edge, unsure in zip(patch.edges, patch.uncertainty, strict=True):
+    for edge, unsure, apart in zip(patch.edges, patch.uncertainty, patch.apart, strict=True):
         finest = max(patch.half_width / AT_EDGE, float(unsure) / FINER)
-        yield Zone.around((float(edge[0]), float(edge[1])), finest, 2.0 * float(unsure), GROWTH)
+        # The zone must reach the other surface too, which closed a gap there.
+        radius = max(2.0 * float(unsure), 1.5 * float(apart))
+        yield Zone.around((float(edge[0]), float(edge[1])), finest, radius, GROWTH)
 
 
-def _figures(built: Built, before: Pass | None) -> Pass:
+def _figures(built: Built, accuracy: Accuracy, before: Pass | None) -> Pass:
     """Largest peak pressure and half-width over the contacts and stages."""
     peak = width = 0.0
     for state in built.ends:
@@ -121,6 +145,8 @@ def _figures(built: Built, before: Pass | None) -> Pass:
     nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
     change = None
     if before is not None:
-        pairs = ((peak, before.peak_pressure), (width, before.half_width))
+        pairs = [(peak, before.peak_pressure), (width, before.half_width)]
+        if peak == 0.0:
+            pairs = [(accuracy.largest, before.largest_displacement)]
         change = max(abs(new - old) / old if old else float(new != old) for new, old in pairs)
-    return Pass(nodes, peak, width, change)
+    return Pass(nodes, peak, width, accuracy.largest, change, accuracy.figures(built))

@@ -7,7 +7,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-PHASES = ("start", "jit", "cloud", "operators", "factorization", "condensation", "continuation", "output")
+PHASES = (
+    *("start", "jit", "cloud", "operators", "factorization", "condensation"),
+    *("estimate", "continuation", "output"),
+)
 
 
 class Clock:

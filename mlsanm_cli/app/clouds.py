@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import accumulate
 
 from mlsanm_cli.case.chains import Piece, Side
@@ -62,7 +61,6 @@ def clouds(case: Case, zones: tuple[Zone, ...] = ()) -> dict[str, Cloud]:
     """Node clouds of all bodies, refined in ``zones`` beyond what the case says."""
     placed = {}
     for body in case.body:
-        spacing = spacing_of(body)
-        finer = replace(spacing, zones=(*spacing.zones, *zones))
-        placed[body.name] = build_cloud(outline_of(body), finer, body.seed)
+        spacing = spacing_of(body).with_zones(zones)
+        placed[body.name] = build_cloud(outline_of(body), spacing, body.seed)
     return placed

@@ -56,9 +56,10 @@ def summarise(
     summary["contacts"] = {}
     summary["residual"] = recorder.residual
     summary["linear_residual"] = recorder.linear_residual
-    if built is not None and state is not None:
+    if built is not None and adapted is not None and state is not None:
         verdict = force_balance(built, state)
         summary["contacts"] = {p.name: _contact(built, p.name, state) for p in built.condensed.pairings}
+        summary["error_estimate"] = adapted.accuracy.figures(built, state)
         summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
         summary["force_balance"] = verdict.force_balance
         summary["force_balance_bodies"] = dict(verdict.bodies)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,10 @@ class Spacing:
     def at(self, points: FloatArray) -> FloatArray:
         """Spacing (n,) at ``points`` (n, 2)."""
         return spacing_at(self.far, self.table(), np.ascontiguousarray(points))
+
+    def with_zones(self, zones: tuple[Zone, ...]) -> Spacing:
+        """The same with further zones."""
+        return replace(self, zones=(*self.zones, *zones))
 
     @property
     def finest(self) -> float:

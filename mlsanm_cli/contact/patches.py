@@ -16,7 +16,7 @@ class Patch:
 
     An end of the patch that is an end of the surface is no edge: it does not move with the load. ``spacing``
     is the node spacing in the middle, ``uncertainty`` (0 to 2,) the distance between the last closed and the
-    first open node at each edge.
+    first open node at each edge, ``apart`` (0 to 2,) how far the surfaces were from each other there.
     """
 
     middle: FloatArray
@@ -24,6 +24,7 @@ class Patch:
     spacing: float
     edges: FloatArray
     uncertainty: FloatArray
+    apart: FloatArray
 
 
 def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:
@@ -52,6 +53,7 @@ def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:
                 spacing=float(spacing[nearest]),
                 edges=_on_slave(pairing, np.array(edges)),
                 uncertainty=np.array(uncertainty),
+                apart=np.interp(edges, arc, pairing.gap[pairing.candidate]),
             )
         )
     return patches

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,33 @@ from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.patches import contact_patches
 from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.reference.lame import LameRing
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
+
+RING = """
+format = 1
+[model]
+plane = "strain"
+[material.steel]
+E = 210e3
+nu = 0.3
+[[body]]
+name = "ring"
+material = "steel"
+spacing = 0.4
+shape = { kind = "sector", center = [0.0, 0.0], radii = [1.0, 4.0], angles = [0.0, 90.0] }
+[[support]]
+boundary = "ring.start"
+uy = 0.0
+[[support]]
+boundary = "ring.end"
+ux = 0.0
+[[load]]
+name = "inside"
+boundary = "ring.inner"
+kind = "pressure"
+pressure = 100.0
+"""
 
 
 def line(arc: FloatArray) -> Pairing:
@@ -89,7 +116,42 @@ def test_nothing_to_refine(tmp_path: Path) -> None:
     again = solve(PATCH, tmp_path / "again", "adapt.passes=2")
     assert "adapt" not in again
     assert again["nodes"] == plain["nodes"]
-    assert "adapt" not in solve(BAR, tmp_path / "bar", "adapt.passes=2")
+    # A uniform stress: nothing left to improve.
+    bar = solve(BAR, tmp_path / "bar", "adapt.passes=2")
+    assert "adapt" not in bar
+    assert bar["error_estimate"]["displacement"] <= 1e-11
+
+
+def ring_error(directory: Path, *settings: str) -> tuple[int, float]:
+    """Nodes, and the relative error of the displacements of a thick ring under inner pressure."""
+    summary = solve(RING, directory, *settings)
+    assert summary["status"] == "done"
+    data = read_run(directory)
+    points = data.bodies["ring"].points
+    found = data.states[-1].bodies["ring"]["displacement"]
+    r = np.hypot(points[:, 0], points[:, 1])
+    ring = LameRing(1.0, 4.0, 100.0, 210e3 / (1.0 - 0.3**2), 0.3 / 0.7)
+    expected = points * (ring.displacement(r) / r)[:, None]
+    return summary["nodes"], float(np.linalg.norm(found - expected) / np.linalg.norm(expected))
+
+
+def test_without_contact_nodes_go_where_the_fits_are_poor(tmp_path: Path) -> None:
+    nodes, error = ring_error(tmp_path / "adapted", "adapt.passes=3")
+    even_nodes, even_error = ring_error(tmp_path / "even", "body.ring.spacing=0.07")
+    assert nodes <= 0.6 * even_nodes
+    assert error <= even_error
+
+
+def test_singular_corners_do_not_eat_the_nodes(tmp_path: Path) -> None:
+    clamped = BAR.replace("ux = 0.0", "ux = 0.0\nuy = 0.0", 1).replace(
+        '[[support]]\nboundary = "bar.bottom"\nuy = 0.0\n', ""
+    )
+    passes = solve(clamped, tmp_path / "bar", "body.bar.spacing=0.1", "adapt.passes=3")["adapt"]
+    assert len(passes) == 4
+    for before, after in itertools.pairwise(passes):
+        assert after["nodes"] <= 2.6 * before["nodes"]
+        assert after["change"] is not None
+    assert passes[-1]["error_estimate"]["displacement"] < passes[0]["error_estimate"]["displacement"]
 
 
 def test_an_overlap_is_judged_by_the_spacing_of_the_case(tmp_path: Path) -> None:

@@ -1,0 +1,89 @@
+"""What errors of the gaps and of the surfaces' own spacing do to the exact contact pressures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg as linalg
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.linear_map import LinearMap
+from mlsanm_cli.contact.observers import gap_rows, reaction_rows
+from mlsanm_cli.mechanics.scene import Scene
+
+
+def corrected_state(
+    condensed: Condensed, scene: Scene, state: ExactState, correction: Mapping[str, FloatArray]
+) -> ExactState:
+    """The exact state once ``correction`` (2n,) per body is added to the displacements.
+
+    It changes the gaps, and what platens carry whose force comes from the stress field. Raises NumericalError
+    where the changed contact has no solution.
+    """
+    paired = sum(len(pairing.position) for pairing in condensed.pairings)
+    gaps = np.zeros(paired)
+    for name, body in scene.bodies.items():
+        gaps += gap_rows(body, name, condensed.pairings) @ correction[name]
+    candidate = np.concatenate([np.zeros(0, dtype=bool), *(p.candidate for p in condensed.pairings)])
+    lack = np.zeros(len(condensed.balance.constant))
+    for row, (platen, motion) in enumerate(scene.unknown_motions):
+        if not motion.alone:
+            rows = reaction_rows(scene.bodies[platen.body], platen.surface, platen.center)
+            lack[row] = (rows @ correction[platen.body])[motion.component]
+    changed = replace(
+        condensed,
+        gap=_shifted(condensed.gap, gaps[candidate]),
+        balance=_shifted(condensed.balance, lack),
+    )
+    return solve_exact(changed, state.factors, state.active)
+
+
+def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
+    """Pressures (m,) from every second candidate alone, those between joined linearly: the mean of the two
+    ways to choose them.
+
+    Their difference to the full solution measures what spacing and edges cost. In the mean of both ways most
+    of the chance is gone by which an edge lies close to a node or far from it. Raises NumericalError where
+    the thinned contact has no solution.
+    """
+    total = np.zeros(len(condensed.weight))
+    for first in (0, 1):
+        kept, joined = [], []
+        for pairing in condensed.pairings:
+            span, arc = condensed.spans[pairing.name], pairing.arc[pairing.candidate]
+            own = np.arange(first if len(arc) > 1 else 0, len(arc), 2)
+            kept.append(span.start + own)
+            joined.append(np.stack([np.interp(arc, arc[own], unit) for unit in np.eye(len(own))], axis=1))
+        rows, join = np.concatenate(kept), linalg.block_diag(*joined)
+        thin = replace(
+            condensed,
+            weight=join.T @ condensed.weight,
+            spans=_spans(condensed, [len(own) for own in kept]),
+            gap=_joined(condensed.gap.take(rows), join),
+            balance=_joined(condensed.balance, join),
+        )
+        total += join @ solve_exact(thin, state.factors, state.active[rows]).pressure
+    return 0.5 * total
+
+
+def l2(arc: FloatArray, values: FloatArray) -> float:
+    """Norm over the surface of nodal ``values`` (m,) at ``arc`` (m,), joined linearly."""
+    a, b = values[:-1], values[1:]
+    return float(np.sqrt((np.diff(arc) * (a * a + a * b + b * b) / 3.0).sum()))
+
+
+def _shifted(linear: LinearMap, change: FloatArray) -> LinearMap:
+    return replace(linear, constant=linear.constant + change)
+
+
+def _joined(linear: LinearMap, join: FloatArray) -> LinearMap:
+    return replace(linear, pressure=linear.pressure @ join)
+
+
+def _spans(condensed: Condensed, counts: list[int]) -> dict[str, slice]:
+    ends = np.cumsum([0, *counts])
+    return {p.name: slice(int(ends[i]), int(ends[i + 1])) for i, p in enumerate(condensed.pairings)}

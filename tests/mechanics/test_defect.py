@@ -1,0 +1,55 @@
+"""What fits of the next degree find beyond the body's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.defect import defect_of
+from mlsanm_cli.operators.least_squares import LeastSquares
+from tests.mechanics.bodies import build, jittered_square
+
+HELD = {"left": (True, True)}
+
+
+def polynomial(points: FloatArray, degree: int) -> FloatArray:
+    x, y = points.T
+    return np.stack([x**degree - x * y ** (degree - 1), y**degree + x ** (degree - 1) * y], axis=1)
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+def test_no_defect_where_the_fits_are_exact(degree: int) -> None:
+    body = build(jittered_square(12), HELD, degree)
+    defect = defect_of(body, polynomial(body.model.cloud.points, degree))
+    assert np.abs(defect.stress).max() <= 1e-9 * 210.0
+    assert np.abs(defect.source).max() <= 1e-6 * 210.0
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+def test_source_is_the_difference_of_both_degrees_rows(degree: int) -> None:
+    cloud = jittered_square(14)
+    body, better = (build(cloud, HELD, one, held_nodes=((9, 1),)) for one in (degree, degree + 1))
+    u = np.random.default_rng(3).normal(size=(len(cloud.points), 2))
+    defect = defect_of(body, u)
+    assert isinstance(body.system, LeastSquares)
+    assert isinstance(better.system, LeastSquares)
+    old, new = (system.rows @ u.ravel() / system.weight for system in (body.system, better.system))
+    np.testing.assert_allclose(defect.source, old - new, atol=1e-9 * np.abs(old).max())
+    stress = better.model.stress(u) - body.model.stress(u)
+    np.testing.assert_allclose(defect.stress, stress, atol=1e-9 * np.abs(stress).max())
+
+
+def test_held_rows_have_no_defect() -> None:
+    body = build(jittered_square(12), HELD)
+    source = defect_of(body, polynomial(body.model.cloud.points, 3)).source
+    for component in (0, 1):
+        assert not source[body.condition_rows("left", component)].any()
+        assert source[body.condition_rows("right", component)].any()
+
+
+def test_other_degrees_are_refused() -> None:
+    body = build(jittered_square(12), HELD, 5)
+    with pytest.raises(NumericalError, match="degree 5"):
+        defect_of(body, np.zeros((len(body.model.cloud.points), 2)))
