@@ -12,8 +12,9 @@ lowered. The square schemes choose among the rows
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,9 +47,9 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from mlsanm_cli.operators.system import LinearSystem
 
-LOCKING = 8.0
-"""Ratio of Lame's constants, lambda over mu, above which equilibrium is written for nearly incompressible
-materials (Poisson's ratio 0.444 in plane strain); it costs two and a half times the fill of the factor."""
+MORE_NEIGHBORS = 1.3
+"""Nearly incompressible materials get larger stencils: with the usual ones errors scattered by a factor of 13
+over the clouds of one graded scene, with these by 3, and halved."""
 
 COINCIDENT = 0.02
 """Nodes closer than this part of the spacing are refused: only their difference tells them apart.
@@ -93,6 +94,8 @@ class BodyModel:
         ghosts.
         """
         _refuse_coincident(name, cloud)
+        if material.nearly_incompressible and settings.neighbors is None:
+            settings = replace(settings, neighbors=math.ceil(MORE_NEIGHBORS * settings.stencil_size))
         ghosts, nodes = np.zeros(0, dtype=np.int64), cloud.points
         if settings.scheme == "ghost":
             if cloud.sight is not None:
@@ -134,9 +137,9 @@ class BodyModel:
         c = self.material.stiffness
         if self.settings.degree == 1:
             return nested_equilibrium_rows(self.stencils, self._stress_stencils, c, component)
-        bulk = self.material.bulk_part
-        if bulk[XX, XX] <= LOCKING * c[XY, XY]:
+        if not self.material.nearly_incompressible:
             return equilibrium_rows(self.stencils, c, component)
+        bulk = self.material.bulk_part
         pressure = nested_equilibrium_rows(self.stencils, self._stress_stencils, bulk, component)
         return sparse.csr_array(equilibrium_rows(self.stencils, c - bulk, component) + pressure)
 

@@ -8,6 +8,10 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 
+LOCKING = 8.0
+"""Ratio of Lame's constants, lambda over mu, above which equilibrium is written for nearly incompressible
+materials (Poisson's ratio 0.444 in plane strain); it costs two and a half times the fill of the factor."""
+
 
 @dataclass(frozen=True)
 class PlaneMaterial:
@@ -18,6 +22,11 @@ class PlaneMaterial:
     stiffness: FloatArray
     out_of_plane: float
     contact_modulus: float
+
+    @property
+    def nearly_incompressible(self) -> bool:
+        """Whether equilibrium by second derivatives would lock."""
+        return bool(self.stiffness[0, 1] > LOCKING * self.stiffness[2, 2])
 
     @property
     def bulk_part(self) -> FloatArray:
