@@ -142,6 +142,14 @@ def test_without_contact_nodes_go_where_the_fits_are_poor(tmp_path: Path) -> Non
     assert error <= even_error
 
 
+def test_the_ghost_scheme_refines_too(tmp_path: Path) -> None:
+    ghost = 'mls.scheme="ghost"'
+    _, before = ring_error(tmp_path / "before", ghost, "body.ring.spacing=0.2")
+    nodes, after = ring_error(tmp_path / "after", ghost, "body.ring.spacing=0.2", "adapt.passes=1")
+    assert nodes <= 900
+    assert after <= 0.5 * before
+
+
 def test_singular_corners_do_not_eat_the_nodes(tmp_path: Path) -> None:
     clamped = BAR.replace("ux = 0.0", "ux = 0.0\nuy = 0.0", 1).replace(
         '[[support]]\nboundary = "bar.bottom"\nuy = 0.0\n', ""
