@@ -76,9 +76,17 @@ class Cloud:
     def triangles(self) -> IntArray:
         """Delaunay triangles (t, 3) of the nodes that lie inside the body, counter-clockwise.
 
-        For figures about a cloud and for checks of a result, never for the solution.
+        For figures about a cloud, checks of a result and the nodes' areas; no function is defined on them.
         """
         return triangulate(self.points, self.edges, self.sight)
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """Area (n,) a node stands for: a third of each of its triangles."""
+        a, b, c = (self.points[self.triangles[:, corner]] for corner in range(3))
+        twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        shares = np.repeat(twice / 6.0, 3)
+        return np.asarray(np.bincount(self.triangles.ravel(), shares, len(self.points)), dtype=np.float64)
 
 
 def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_000_000) -> Cloud:

@@ -38,6 +38,7 @@ from mlsanm_cli.mechanics.elasticity import (
     von_mises,
 )
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
+from mlsanm_cli.mechanics.force_sums import force_sums
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.operators import least_squares, square
@@ -236,7 +237,8 @@ def assemble(
         system = square.factorise(rows, choice, model.nodes, solver)
     else:
         weight = _row_weights(cloud, held, held_nodes, table.modulus)
-        system = least_squares.factorise(rows, weight, model.nodes, solver)
+        sums = force_sums(cloud, held, held_nodes, first_row, table.total, c)
+        system = least_squares.factorise(rows, weight, model.nodes, solver, sums)
     return ElasticBody(model, held, first_row, table.total, system)
 
 

@@ -25,7 +25,7 @@ def bulk_stability(body: ElasticBody) -> float:
     subspace iteration with the factor at hand (Golub and Van Loan, Matrix Computations, section 8.2); their
     start is fixed.
     """
-    model, system = body.model, body.system
+    model, system = body.model, body.system.plain
     count = len(model.cloud.points)
     # Ghosts carry no displacement of the body.
     measure = np.zeros((model.unknowns, 1))

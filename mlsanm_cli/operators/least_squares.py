@@ -1,57 +1,130 @@
-"""Weighted linear least squares through the normal equations, with corrected semi-normal steps.
+"""Weighted linear least squares through the normal equations, with steps on the rows themselves.
 
-For rows M u = b with row weights w, the solution minimises |diag(w) (M u - b)|. The Cholesky factor of the
-normal equations alone loses half the digits; a step r = b - M u, N du = M^T r on the rows themselves (Bjorck
-1987, doi:10.1016/0024-3795(87)90101-7) gives them back.
+For rows M u = b with row weights w, the solution minimises |diag(w) (M u - b)|^2 + |Q (M u - b)|^2, where the
+rows of Q, few and dense, are weighted sums of the rows. The Cholesky factor of the first part's normal
+equations is corrected for the second (Woodbury's formula: Golub and Van Loan, Matrix Computations, section
+2.1). It alone loses half the digits. Residuals of the rows, not of the normal equations, give them back
+(Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here as conjugate gradients (Bjorck 1996,
+doi:10.1137/1.9781611971484, section 7.4) with the factor for preconditioner: the first step is the corrected
+semi-normal step, and bodies that are almost incompressible get there in a few more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg as linalg
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-from mlsanm_cli.operators.refinement import missing, refine
+from mlsanm_cli.operators.refinement import MOST, PRECISE, Progress
+
+TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Factorised least-squares problem: ``rows`` (r, n) already multiplied by ``weight`` (r,)."""
+    """Factorised least-squares problem: ``rows`` (r, n) already multiplied by ``weight`` (r,).
+
+    ``sums`` (k, r) are those of the rows in their physical units, ``images`` (k, n) what they make of them.
+    """
 
     rows: sparse.csr_array
     weight: FloatArray
+    sums: FloatArray
+    images: FloatArray
     factor: Factor
 
-    def solve(self, sources: sparse.csc_array) -> FloatArray:
+    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
-        weighted = sparse.csr_array(sources * self.weight[:, None])
-        first = self.factor.solve((self.rows.T @ weighted).toarray())
-        return refine(first, self._update(weighted.toarray()))
+        lack = self.scaled(sources)
+        solution = self.factor.solve(self._gather(lack))
+        lack -= self._apply(solution)
+        progress = Progress.of(solution, tolerance)
+        step, before = np.zeros_like(solution), np.ones(solution.shape[1])
+        for _ in range(MOST):
+            gradient = self._gather(lack)
+            wanted = self.factor.solve(gradient)
+            now = (gradient * wanted).sum(axis=0)
+            step = wanted + now / before * step
+            image = self._apply(step)
+            length = now / np.maximum((image**2).sum(axis=0), TINY)
+            solution += length * step
+            lack -= length * image
+            before = np.where(now > 0.0, now, np.inf)
+            progress = progress.after(length * step, solution)
+            if progress.finished:
+                break
+        return solution
 
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
         """What one more corrected semi-normal step would change of a ``solution`` (n, 1), relatively."""
-        return missing(solution, self._update(self.scaled(source)))
+        change = self.factor.solve(self._gather(self.scaled(source) - self._apply(solution)))
+        size = float(np.linalg.norm(solution))
+        return float(np.linalg.norm(change)) / (size if size > 0.0 else 1.0)
 
-    def _update(self, weighted: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        return lambda solution: self.factor.solve(self.rows.T @ (weighted - self.rows @ solution))
+    @property
+    def plain(self) -> LeastSquares:
+        """The same problem without its sums."""
+        if not isinstance(self.factor, UpdatedFactor):
+            return self
+        return replace(self, sums=self.sums[:0], images=self.images[:0], factor=self.factor.factor)
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
-        """(M^T M)^-1 times ``vectors`` (n, c)."""
+        """The inverse of the normal equations times ``vectors`` (n, c)."""
         return self.factor.solve(vectors)
 
     def scaled(self, sources: sparse.csc_array) -> FloatArray:
-        """Right-hand sides (r, c) multiplied by the weights."""
-        return np.asarray((sources * self.weight[:, None]).toarray())
+        """Right-hand sides (r, c) multiplied by the weights, and below them their sums (k, c)."""
+        weighted = (sources * self.weight[:, None]).toarray()
+        return np.concatenate([weighted, np.asarray(self.sums @ sources)])
+
+    def _apply(self, solution: FloatArray) -> FloatArray:
+        """Weighted rows and sums (r + k, c) of ``solution`` (n, c)."""
+        return np.concatenate([self.rows @ solution, self.images @ solution])
+
+    def _gather(self, scaled: FloatArray) -> FloatArray:
+        """The right-hand side (n, c) of the normal equations."""
+        count = self.rows.shape[0]
+        return np.asarray(self.rows.T @ scaled[:count] + self.images.T @ scaled[count:])
+
+
+@dataclass(frozen=True)
+class UpdatedFactor:
+    """Factor of N + B^T B from one of N: ``images`` B (k, n), ``solved`` N^-1 B^T (n, k), ``small`` the
+    Cholesky factor of 1 + B N^-1 B^T."""
+
+    factor: Factor
+    images: FloatArray
+    solved: FloatArray
+    small: tuple[FloatArray, bool]
+
+    def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
+        """Solution for (n,) or (n, c) right-hand sides."""
+        first = self.factor.solve(rhs, transposed)
+        return np.asarray(first - self.solved @ linalg.cho_solve(self.small, self.images @ first))
 
 
 def factorise(
-    rows: sparse.csr_array, weight: FloatArray, points: FloatArray, solver: DirectSolver
+    rows: sparse.csr_array,
+    weight: FloatArray,
+    points: FloatArray,
+    solver: DirectSolver,
+    sums: FloatArray | None = None,
 ) -> LeastSquares:
-    """Set up and factorise the normal equations of ``rows`` (r, n), weighted by ``weight`` (r,)."""
+    """Set up and factorise the normal equations of ``rows`` (r, n), weighted by ``weight`` (r,), and of the
+    ``sums`` (k, r) of them, if any."""
     weighted = sparse.csr_array(rows.multiply(weight[:, None]))
     normal = sparse.csc_array(weighted.T @ weighted)
-    return LeastSquares(weighted, weight, solver.factor(normal, solver.analyse(normal, points)))
+    factor: Factor = solver.factor(normal, solver.analyse(normal, points))
+    if sums is None:
+        sums = np.zeros((0, rows.shape[0]))
+    images = np.asarray((rows.T @ sums.T).T)
+    if len(sums):
+        solved = factor.solve(np.ascontiguousarray(images.T))
+        small = images @ solved
+        cholesky = linalg.cho_factor(np.eye(len(sums)) + 0.5 * (small + small.T))
+        factor = UpdatedFactor(factor, images, solved, cholesky)
+    return LeastSquares(weighted, weight, sums, images, factor)

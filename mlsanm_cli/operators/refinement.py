@@ -1,43 +1,65 @@
-"""Iterative refinement of the solutions of a factorised system (Higham 2002, doi:10.1137/1.9780898718027)."""
+"""When the refinement of the solutions of a factorised system is done, and the plain way to do it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 
-TOLERANCE = 1e-8
-"""Refinement ends when the next update is foreseen to change no solution by more, relatively.
+PRECISE = 1e-12
+"""Refinement ends when the next update is foreseen to change no solution by more, relatively."""
+QUICK = 1e-8
+"""The same for many solutions of which only functionals are wanted.
 
 On graded clouds round-off in the residual moves solutions by 1e-9 to 2e-8 in every update, for ever.
 """
-MOST = 12
+MOST = 15
 STALLED = 0.5
 """An update this large a part of the one before it brings nothing any more."""
 
 
-def refine(solution: FloatArray, update: Callable[[FloatArray], FloatArray]) -> FloatArray:
+@dataclass(frozen=True)
+class Progress:
+    """How far several solutions have come: sizes (c,) of their last updates, and which are ``done`` (c,)."""
+
+    last: FloatArray
+    done: BoolArray
+    tolerance: float
+
+    @classmethod
+    def of(cls, solution: FloatArray, tolerance: float) -> Progress:
+        """At the first ``solution`` (n, c)."""
+        return cls(np.linalg.norm(solution, axis=0), np.zeros(solution.shape[1], dtype=bool), tolerance)
+
+    def after(self, update: FloatArray, solution: FloatArray) -> Progress:
+        """After one more ``update`` (n, c), which led to ``solution`` (n, c)."""
+        change = np.linalg.norm(update, axis=0)
+        small = change**2 <= self.tolerance * self.last * np.linalg.norm(solution, axis=0)
+        stalled = change >= STALLED * self.last
+        return Progress(change, self.done | small | stalled, self.tolerance)
+
+    @property
+    def finished(self) -> bool:
+        """Whether no solution gains any more."""
+        return bool(self.done.all())
+
+
+def refine(
+    solution: FloatArray, update: Callable[[FloatArray], FloatArray], tolerance: float = PRECISE
+) -> FloatArray:
     """``solution`` (n, c) after as many updates as it takes: at least one, as the factor is inexact.
 
-    ``update`` gives what the factor thinks is missing. Where the updates do not shrink, they end too;
-    :func:`missing` tells that.
+    ``update`` gives what the factor thinks is missing (Higham 2002, doi:10.1137/1.9780898718027). Where the
+    updates do not shrink, they end too; the next one's size tells that.
     """
-    before = np.linalg.norm(solution, axis=0)
+    progress = Progress.of(solution, tolerance)
     for _ in range(MOST):
         step = update(solution)
         solution = solution + step
-        change = np.linalg.norm(step, axis=0)
-        small = change**2 <= TOLERANCE * before * np.linalg.norm(solution, axis=0)
-        if (small | (change >= STALLED * before)).all():
+        progress = progress.after(step, solution)
+        if progress.finished:
             break
-        before = change
     return solution
-
-
-def missing(solution: FloatArray, update: Callable[[FloatArray], FloatArray]) -> float:
-    """What one more update would change, relative to the ``solution`` (n, c); the worst column counts."""
-    change = np.linalg.norm(update(solution), axis=0)
-    size = np.linalg.norm(solution, axis=0)
-    return float((change / np.where(size > 0.0, size, 1.0)).max(initial=0.0))

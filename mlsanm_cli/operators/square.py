@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-from mlsanm_cli.operators.refinement import missing, refine
+from mlsanm_cli.operators.refinement import PRECISE, refine
 
 
 @dataclass(frozen=True)
@@ -21,17 +21,24 @@ class Square:
     choice: sparse.csr_array
     factor: Factor
 
-    def solve(self, sources: sparse.csc_array) -> FloatArray:
+    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
         rhs = self.scaled(sources)
-        return refine(self.factor.solve(rhs), self._update(rhs))
+        return refine(self.factor.solve(rhs), self._update(rhs), tolerance)
 
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
         """What one more step of refinement would change of a ``solution`` (n, 1), relatively."""
-        return missing(solution, self._update(self.scaled(source)))
+        size = float(np.linalg.norm(solution))
+        change = float(np.linalg.norm(self._update(self.scaled(source))(solution)))
+        return change / (size if size > 0.0 else 1.0)
 
     def _update(self, rhs: FloatArray) -> Callable[[FloatArray], FloatArray]:
         return lambda solution: self.factor.solve(rhs - self.matrix @ solution)
+
+    @property
+    def plain(self) -> Square:
+        """The same equations: there are no others."""
+        return self
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
         """(K^T K)^-1 times ``vectors`` (n, c)."""

@@ -8,6 +8,7 @@ from typing import Protocol
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.operators.refinement import PRECISE, QUICK
 
 BLOCK = 64
 
@@ -15,8 +16,8 @@ BLOCK = 64
 class LinearSystem(Protocol):
     """Factorised equations for n unknowns, with right-hand sides in the physical units of r rows."""
 
-    def solve(self, sources: sparse.csc_array) -> FloatArray:
-        """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined until that changes nothing."""
+    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+        """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
         ...
 
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
@@ -25,6 +26,11 @@ class LinearSystem(Protocol):
         The residual itself tells little: nearly incompressible materials have rows so large that a useless
         solution leaves one at round-off.
         """
+        ...
+
+    @property
+    def plain(self) -> LinearSystem:
+        """The equations of the nodes alone, without sums of them."""
         ...
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
@@ -40,4 +46,4 @@ def solve_blocks(system: LinearSystem, sources: sparse.csc_array) -> Iterator[tu
     """Solutions a block of columns at a time, so that no dense (n, c) array is kept."""
     for first in range(0, sources.shape[1], BLOCK):
         columns = slice(first, min(first + BLOCK, sources.shape[1]))
-        yield columns, system.solve(sources[:, columns])
+        yield columns, system.solve(sources[:, columns], QUICK)
