@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.paths import PathStep, State
+from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.coulomb import SLIP, STICK
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.profile import half_width
 from mlsanm_cli.io.records import ContactRecord, StepRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
 
-OPEN, SLIP = 0, 2
+PRESSED = 1e-9
+"""Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +70,28 @@ def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecor
     """One contact in one state. Without friction there is no traction, and slip is not computed (nan)."""
     span = built.condensed.spans[pairing.name]
     count = span.stop - span.start
+    traction, slip, work = np.zeros(count), np.full(count, np.nan), 0.0
+    if pairing.name in built.condensed.tangential:
+        own = built.condensed.tangential[pairing.name]
+        traction, slip = state.traction[own], state.slip[own]
+        work = float(built.condensed.weight[span] @ state.work[own])
     return ContactRecord(
         pressure=state.pressure[span],
-        traction=np.zeros(count),
+        traction=traction,
         gap=state.gap[span],
-        slip=np.full(count, np.nan),
-        status=np.where(state.closed[span], SLIP, OPEN).astype(np.int8),
+        slip=slip,
+        status=state.status[span],
+        dissipated_work=work,
     )
+
+
+def cone_ratio(built: Built, contact: str, state: State) -> float:
+    """Largest of |t| / (mu p) over the pressed nodes of a contact with friction."""
+    pressure = state.pressure[built.condensed.spans[contact]]
+    own = built.condensed.tangential[contact]
+    pressed = pressure > PRESSED * pressure.max(initial=0.0)
+    limit = built.condensed.friction[own][pressed] * pressure[pressed]
+    return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
 
 
 def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
@@ -118,10 +135,10 @@ def contact_summary(built: Built, pairing: Pairing, state: State) -> dict[str, A
         "peak_pressure": float(record.pressure.max(initial=0.0)),
         "half_width": half_width(slave_arc(pairing), record.pressure),
         "force": force.tolist(),
-        "stick_nodes": 0,
+        "stick_nodes": int((record.status == STICK).sum()),
         "slip_nodes": int((record.status == SLIP).sum()),
         "min_gap": float(record.gap.min()),
-        "max_cone_ratio": None,
+        "dissipated_work": record.dissipated_work,
     }
 
 

@@ -1,12 +1,15 @@
 """The contact problem condensed on its own unknowns.
 
-The bulk is linear, so with the load factors f, the candidates' pressures p and the unknown platen motions q::
+The bulk is linear, so with the load factors f, the candidates' pressures p, the tractions t of contacts with
+friction, and the unknown platen motions q::
 
-    gap     h = h0 + H f + C q + A p
-    balance 0 = B f + G q + F p           (one row per unknown motion)
+    gap     h = h0 + H f + C q + A_nn p + A_nt t
+    slip    s = S f + D q + A_tn p + A_tt t
+    balance 0 = B f + G q + F_n p + F_t t           (one row per unknown motion)
 
-A is the compliance. Each body is factorised once; every column costs one block solve, of which only the
-functionals needed are kept.
+p acts on the slave along the master's outward normal, t along the tangent, the normal turned by -90 degrees;
+s is the slip of the slave relative to the master along it. The matrices A are the compliance. Each body is
+factorised once; every column costs one block solve, of which only the functionals needed are kept.
 """
 
 from __future__ import annotations
@@ -17,10 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.balance import Forces, body_imbalance, platen_balance, reported_forces
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
-from mlsanm_cli.contact.observers import gap_rows, reaction_rows
+from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.scene import Scene
@@ -31,18 +34,25 @@ class Condensed:
     """All that the contact laws need to know.
 
     ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their
-    surface lengths. ``gap`` maps to the candidates' gaps (m,), ``watched`` to the gaps of paired nodes that
-    are no candidates, ``balance`` to what the platens lack (k,). ``forces`` maps each load and support to its
-    force (2,) on its body, ``contact_forces`` each contact to its force (2,) on the slave; ``imbalance``
-    holds the sum of forces on each body (2 per body). ``stability`` is the smallest over the largest
-    eigenvalue of sym(W A), W the weights: a discretisation whose compliance is not positive cannot be
-    trusted. ``solves`` counts columns.
+    surface lengths. ``tangential[contact]`` are the places of a contact with friction among the tractions
+    (n,); ``rubbing`` (n,) are the numbers of these nodes among the pressures, ``friction`` (n,) their
+    coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip`` to the slips (n,), ``watched`` to the
+    gaps of paired nodes that are no candidates, ``balance`` to what the platens lack (k,).
+
+    ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
+    its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body).
+    ``stability`` is the smallest over the largest eigenvalue of sym(W A), W the weights: a discretisation
+    whose compliance is not positive cannot be trusted. ``solves`` counts columns.
     """
 
     pairings: tuple[Pairing, ...]
     spans: Mapping[str, slice]
     weight: FloatArray
+    tangential: Mapping[str, slice]
+    rubbing: IntArray
+    friction: FloatArray
     gap: LinearMap
+    slip: LinearMap
     watched: LinearMap
     balance: LinearMap
     forces: Mapping[str, LinearMap]
@@ -53,9 +63,9 @@ class Condensed:
     stability: float | None
     solves: int
 
-    def touched(self, f: FloatArray, q: FloatArray, p: FloatArray) -> dict[str, BoolArray]:
+    def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
         """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""
-        overlap = self.watched(f, q, p) < 0.0
+        overlap = self.watched(f, q, p, t) < 0.0
         masks, first = {}, 0
         for pairing in self.pairings:
             left_out = np.flatnonzero(~pairing.candidate)
@@ -66,7 +76,7 @@ class Condensed:
         return masks
 
     def displacement(
-        self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray
+        self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> tuple[FloatArray, float]:
         """Nodal displacements (n, 2) of a body in one state, and the relative residual of its normal
         equations.
@@ -74,7 +84,7 @@ class Condensed:
         One back-substitution; none where there is no contact, since ``solutions`` (2n, loads + motions) of so
         few columns are kept.
         """
-        unknowns = np.concatenate([f, q, p])
+        unknowns = np.concatenate([f, q, p, t])
         source = sparse.csc_array((self.sources[body] @ unknowns)[:, None])
         system = scene.bodies[body].system
         if body in self.solutions:
@@ -86,26 +96,26 @@ class Condensed:
 
 def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     """Condense the scene on the candidates of ``pairings``."""
-    counts = [int(pairing.candidate.sum()) for pairing in pairings]
-    columns = Columns(len(scene.loads), len(scene.unknown_motions), sum(counts))
-    ends = np.cumsum([0, *counts])
-    spans = {
-        pair.name: slice(int(a), int(b)) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)
-    }
+    rough = tuple(pairing for pairing in pairings if pairing.friction)
+    spans, tangential = _spans(pairings), _spans(rough)
+    columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
     held = [(name, surface) for name, body in scene.bodies.items() for surface in body.held]
 
     paired = sum(len(pairing.position) for pairing in pairings)
-    observed = np.zeros((paired + 3 * len(held), columns.total))
+    sliding = sum(len(pairing.position) for pairing in rough)
+    ends = np.cumsum([paired, sliding])
+    observed = np.zeros((ends[-1] + 3 * len(held), columns.total))
     sources, solutions = {}, {}
     solves = 0
     for name, body in scene.bodies.items():
-        sources[name] = body_sources(scene, name, pairings, spans, columns)
+        sources[name] = body_sources(scene, name, pairings, columns)
         empty = sparse.csr_array((3, 2 * len(body.model.cloud.points)))
         reactions = [
             reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else empty
             for owner, surface in held
         ]
-        rows = sparse.csr_array(sparse.vstack([gap_rows(body, name, pairings), *reactions], format="csr"))
+        relative = [gap_rows(body, name, pairings), slip_rows(body, name, rough)]
+        rows = sparse.csr_array(sparse.vstack([*relative, *reactions], format="csr"))
         used = np.flatnonzero(np.diff(sources[name].indptr))
         kept = np.zeros((rows.shape[1], columns.total if not pairings else 0))
         for block, solution in body.system.solve_blocks(sources[name][:, used]):
@@ -116,31 +126,63 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
             solutions[name] = kept
         solves += len(used)
 
-    candidate = np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
-    gap = columns.split(observed[:paired], np.concatenate([[], *(pairing.gap for pairing in pairings)]))
+    gaps, slips, reacting = np.split(observed, ends)
+    candidate = _candidates(pairings)
+    gap = columns.split(gaps, np.concatenate([[], *(pairing.gap for pairing in pairings)]))
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
     forces = Forces(
         scene,
         pairings,
         spans,
+        tangential,
         columns,
-        {where: columns.split(observed[paired + 3 * i : paired + 3 * i + 3]) for i, where in enumerate(held)},
+        {where: columns.split(reacting[3 * i : 3 * i + 3]) for i, where in enumerate(held)},
     )
+    gap, watched = gap.take(candidate), gap.take(~candidate)
+    slip = columns.split(slips).take(_candidates(rough))
+    rubbing = _numbers([spans[pairing.name] for pairing in rough])
     return Condensed(
         pairings=pairings,
         spans=spans,
         weight=weight,
-        gap=gap.take(candidate),
-        watched=gap.take(~candidate),
+        tangential=tangential,
+        rubbing=rubbing,
+        friction=np.concatenate([[], *(np.full(int(p.candidate.sum()), p.friction) for p in rough)]),
+        gap=gap,
+        slip=slip,
+        watched=watched,
         balance=platen_balance(forces),
         forces=reported_forces(forces),
         contact_forces={pairing.name: forces.contact(pairing).take(slice(0, 2)) for pairing in pairings},
         imbalance=body_imbalance(forces),
         sources=sources,
         solutions=solutions,
-        stability=stability_certificate(weight, gap.take(candidate).pressure),
+        stability=_stability(weight, gap, slip, rubbing),
         solves=solves,
     )
+
+
+def _count(pairings: tuple[Pairing, ...]) -> int:
+    return sum(int(pairing.candidate.sum()) for pairing in pairings)
+
+
+def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:
+    return np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
+
+
+def _numbers(spans: list[slice]) -> IntArray:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(s.start, s.stop) for s in spans)])
+
+
+def _spans(pairings: tuple[Pairing, ...]) -> dict[str, slice]:
+    """Places of every contact's candidates when they are counted through all of ``pairings``."""
+    ends = np.cumsum([0, *(int(pairing.candidate.sum()) for pairing in pairings)]).tolist()
+    return {pair.name: slice(a, b) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)}
+
+
+def _stability(weight: FloatArray, gap: LinearMap, slip: LinearMap, rubbing: IntArray) -> float | None:
+    compliance = np.block([[gap.pressure, gap.traction], [slip.pressure, slip.traction]])
+    return stability_certificate(np.concatenate([weight, weight[rubbing]]), compliance)
 
 
 def stability_certificate(weight: FloatArray, compliance: FloatArray) -> float | None:

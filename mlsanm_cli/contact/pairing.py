@@ -26,7 +26,7 @@ class Pairing:
 
     ``position`` (w,) counts along the slave surface, ``partner`` (w, 2) are the virtual nodes on the master,
     ``normal`` (w, 2) the master's outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,)
-    marks the nodes that can touch; the others are only watched.
+    marks the nodes that can touch; the others are only watched. ``friction`` is Coulomb's coefficient.
     """
 
     name: str
@@ -40,6 +40,12 @@ class Pairing:
     gap: FloatArray
     spacing: FloatArray
     candidate: BoolArray
+    friction: float = 0.0
+
+    @property
+    def tangent(self) -> FloatArray:
+        """The normals turned by -90 degrees (w, 2): slip and friction of the slave are counted along them."""
+        return turned(self.normal)
 
     @property
     def arc(self) -> FloatArray:
@@ -67,6 +73,11 @@ class Pairing:
         return float(max(self.gap[fine].max(), self.gap.min()))
 
 
+def turned(normal: FloatArray) -> FloatArray:
+    """Vectors (n, 2) turned by -90 degrees: (x, y) becomes (y, -x)."""
+    return np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+
+
 def pair_surfaces(
     name: str,
     slave_body: str,
@@ -75,6 +86,7 @@ def pair_surfaces(
     master_body: str,
     master_cloud: Cloud,
     master: Surface,
+    friction: float = 0.0,
 ) -> Pairing:
     """Closest points on the master's exact curve for every slave node that faces it.
 
@@ -102,6 +114,7 @@ def pair_surfaces(
         gap=gap,
         spacing=spacing[position],
         candidate=np.ones(len(position), dtype=bool),
+        friction=friction,
     )
 
 

@@ -6,7 +6,7 @@ Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
     /case/{raw, resolved}   TOML text
     /bodies/<b>/points      (n, 2)   with boundary/{index, normal, name}
     /path/<column>          (S+1,)   with factors/<load> (S+1,) and resultants/<load or support> (S+1, 2)
-    /contacts/<c>/...       (m,) geometry and (S+1, m) history
+    /contacts/<c>/...       (m,) geometry, (S+1, m) and (S+1,) history
     /series/<step>/...      whatever reproduces the step
     /fields/<k>/<b>/...     saved states, /fields/position (K,)
 
@@ -28,7 +28,14 @@ from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
 from mlsanm_cli.io.columns import Column
-from mlsanm_cli.io.records import CONTACT_COLUMNS, FORMAT, PATH_COLUMNS, ContactRecord, StepRecord
+from mlsanm_cli.io.records import (
+    CONTACT_COLUMNS,
+    CONTACT_TOTALS,
+    FORMAT,
+    PATH_COLUMNS,
+    ContactRecord,
+    StepRecord,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -130,6 +137,8 @@ class RunFile:
                 group[key] = _floats(array)
             for key, dtype in CONTACT_COLUMNS.items():
                 self._add_column(group, f"contacts/{name}/{key}", key, (count,), dtype)
+            for key, dtype in CONTACT_TOTALS.items():
+                self._add_column(group, f"contacts/{name}/{key}", key, (), dtype)
         self._contacts.append(name)
 
     def start_path(self, loads: Sequence[str], resultants: Sequence[str]) -> None:
@@ -164,7 +173,9 @@ class RunFile:
         values |= {f"factors/{name}": value for name, value in step.factors.items()}
         values |= {f"resultants/{name}": value for name, value in step.resultants.items()}
         for name, record in step.contacts.items():
-            values |= {f"contacts/{name}/{key}": getattr(record, key) for key in CONTACT_COLUMNS}
+            values |= {
+                f"contacts/{name}/{key}": getattr(record, key) for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)
+            }
         rows = {key: self._columns[key].checked(value) for key, value in values.items()}
         with self._storing():
             for key, row in rows.items():

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.records import CONTACT_COLUMNS, FORMAT, PATH_COLUMNS
+from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_COLUMNS
 from mlsanm_cli.io.run_dir import RUN_FILE
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class PathData:
 
 @dataclass(frozen=True)
 class ContactData:
-    """One contact: slave nodes (m, 2), normal (m, 2), arc_length, weight (m,); history (S+1, m)."""
+    """One contact: slave nodes (m, 2), normal (m, 2), arc_length, weight (m,); history (S+1, m) or (S+1,)."""
 
     points: FloatArray
     normal: FloatArray
@@ -73,6 +73,7 @@ class ContactData:
     gap: FloatArray
     slip: FloatArray
     status: NDArray[np.int8]
+    dissipated_work: FloatArray
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData]]:
     A run killed inside a flush leaves some datasets one row longer than others.
     """
     groups = dict(_items(root, "contacts"))
-    histories = [group[key] for group in groups.values() for key in CONTACT_COLUMNS]
+    histories = [group[key] for group in groups.values() for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)]
     path: dict[str, Any] = {key: np.empty(0, dtype) for key, dtype in PATH_COLUMNS.items()}
     path |= {"factors": {}, "resultants": {}}
     rows = 0
@@ -173,7 +174,7 @@ def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData]]:
     contacts = {
         name: ContactData(
             **{key: group[key][...] for key in geometry},
-            **{key: group[key][:rows] for key in CONTACT_COLUMNS},
+            **{key: group[key][:rows] for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)},
         )
         for name, group in groups.items()
     }

@@ -1,0 +1,144 @@
+"""The load path of the smooth contact law, followed by the asymptotic numerical method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.states import PathStep, State, wanted_positions
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
+from mlsanm_cli.contact.scales import regularize
+from mlsanm_cli.continuation import AnmOptions, Branch, Step, correct, follow
+from mlsanm_cli.errors import NumericalError
+
+BRANCH_HINT = (
+    'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
+)
+
+
+def anm_path(built: Built) -> Iterator[PathStep]:
+    """The hyperbolic law followed by power series; wanted states come from the series of their step."""
+    wanted = wanted_positions(built)
+    law = regularize(built.condensed, built.ends, built.case.contact[0].regularization.eta)
+    solver = built.case.solver
+    options = AnmOptions(
+        order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=solver.max_steps
+    )
+    x = _start_point(built, law)
+    for stage in range(len(built.case.stage)):
+        problem = HyperbolicContact(built.condensed, law, built.stages[stage], built.stages[stage + 1])
+        if stage == 0:
+            corrected = correct(problem, x, 0.0, options)
+            x = corrected.x
+            start = _regularized_state(problem, x, 0.0, stage, corrected.residual)
+            yield PathStep(
+                start,
+                (start,) if 0.0 in wanted else (),
+                factorizations=corrected.factorizations,
+                solves=corrected.solves,
+            )
+        if not problem.change.any():
+            state = _regularized_state(problem, x, 1.0, stage, float(np.abs(problem.residual(x, 1.0)).max()))
+            yield PathStep(state, tuple(replace(state, position=p) for p in wanted if stage < p <= stage + 1))
+            continue
+        follower = follow(problem, x, 0.0, 1.0, options)
+        before = 0.0
+        for step in follower.steps():
+            if step.lam == 1.0:
+                step = _sharpened(problem, step)
+            x = step.x
+            end = _regularized_state(problem, x, step.lam, stage, step.residual)
+            saved = [p for p in wanted if stage + before < p <= stage + step.lam]
+            yield _path_step(problem, step, end, stage, tuple(saved))
+            before = step.lam
+        outcome = follower.outcome
+        if not outcome.reached:
+            raise NumericalError(
+                f"the path stopped at position {stage + outcome.lam:.6g}: "
+                f"{outcome.reason.value} ({outcome.message})",
+                "raise solver.max_steps" if outcome.reason.value == "max steps" else BRANCH_HINT,
+            )
+
+
+def _sharpened(problem: HyperbolicContact, step: Step) -> Step:
+    """The step with one more Newton update at its end, where users compare figures to the last digit.
+
+    The path itself is only followed to its tolerance, and where its steps end depends on round-off.
+    """
+    try:
+        tangent = problem.tangent(step.x, step.lam)
+    except np.linalg.LinAlgError:  # a fold at the very target: the step's own end keeps the tolerance
+        return step
+    x = step.x + tangent.solve(-problem.residual(step.x, step.lam))
+    residual = float(np.abs(problem.residual(x, step.lam)).max())
+    step = replace(step, factorizations=step.factorizations + 1, solves=step.solves + 1)
+    if residual < step.residual and problem.admissible(x, step.lam):
+        step = replace(step, x=x, residual=residual)
+    return step
+
+
+def _start_point(built: Built, law: Regularization) -> FloatArray:
+    """Open gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
+    gap = np.maximum(built.condensed.gap.constant, 0.1 * law.gap)
+    pressure = law.eta * (law.delta / gap - 1.0)
+    return np.concatenate([pressure, gap, np.zeros(len(law.motion))])
+
+
+def _path_step(
+    problem: HyperbolicContact, step: Step, end: State, stage: int, wanted: tuple[float, ...]
+) -> PathStep:
+    saved = []
+    for position in wanted:
+        if position == end.position:
+            saved.append(end)
+            continue
+        x, lam = step.branch.evaluate(step.branch.parameter_at(position - stage))
+        residual = float(np.abs(problem.residual(x, lam)).max())
+        # The position asked for, not the one a last bit away that the series was evaluated at.
+        saved.append(replace(_regularized_state(problem, x, lam, stage, residual), position=position))
+    return PathStep(
+        state=end,
+        saved=tuple(saved),
+        length=step.arc_length,
+        order=step.order,
+        factorizations=step.factorizations,
+        solves=step.solves,
+        series=_series(problem, step.branch, stage),
+        series_attributes={"length": step.branch.length, "stage": stage},
+    )
+
+
+def _series(problem: HyperbolicContact, branch: Branch, stage: int) -> dict[str, FloatArray]:
+    """Coefficients over the path parameter a, 0 <= a <= length; with ``denominator`` the Pade form holds."""
+    pressure, gap, motion = problem.split(branch.x)
+    position = branch.lam.copy()
+    position[0] += stage
+    arrays = {"position": position, "pressure": pressure, "gap": gap, "motion": motion}
+    return arrays if branch.denominator is None else {**arrays, "denominator": branch.denominator}
+
+
+def _regularized_state(
+    problem: HyperbolicContact, x: FloatArray, lam: float, stage: int, residual: float
+) -> State:
+    pressure, gap, motion = problem.split(x)
+    law = problem.law
+    # A node counts as closed where its pressure, in units of the scene, has outgrown its gap.
+    closed = pressure / law.pressure > gap / law.gap
+    nothing = np.zeros(0)
+    status = np.where(closed, 2, 0).astype(np.int8)
+    return State(
+        stage + lam,
+        problem.factors(lam),
+        pressure,
+        gap,
+        motion,
+        nothing,
+        nothing,
+        nothing,
+        status,
+        residual,
+    )
