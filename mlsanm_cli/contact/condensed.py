@@ -157,7 +157,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         imbalance=body_imbalance(forces),
         sources=sources,
         solutions=solutions,
-        stability=_stability(weight, gap, slip, rubbing),
+        stability=_stability(weight, gap, slip, rubbing, spans),
         solves=solves,
     )
 
@@ -180,9 +180,30 @@ def _spans(pairings: tuple[Pairing, ...]) -> dict[str, slice]:
     return {pair.name: slice(a, b) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)}
 
 
-def _stability(weight: FloatArray, gap: LinearMap, slip: LinearMap, rubbing: IntArray) -> float | None:
+def _stability(
+    weight: FloatArray,
+    gap: LinearMap,
+    slip: LinearMap,
+    rubbing: IntArray,
+    spans: Mapping[str, slice],
+) -> float | None:
+    """The certificate of the pressures, and with friction the lower one of pressures and tractions.
+
+    For the latter the outermost nodes of every contact are left out: the master receives half of their
+    tractions only, which tangential compliances, with their weak resistance to short waves, do not forgive.
+    """
+    normal = stability_certificate(weight, gap.pressure)
+    if normal is None or not len(rubbing):
+        return normal
     compliance = np.block([[gap.pressure, gap.traction], [slip.pressure, slip.traction]])
-    return stability_certificate(np.concatenate([weight, weight[rubbing]]), compliance)
+    inner = np.ones(len(weight), dtype=bool)
+    for span in spans.values():
+        inner[[span.start, span.stop - 1]] = False
+    kept = np.concatenate([inner, inner[rubbing]])
+    whole = stability_certificate(
+        np.concatenate([weight, weight[rubbing]])[kept], compliance[np.ix_(kept, kept)]
+    )
+    return normal if whole is None else min(normal, whole)
 
 
 def stability_certificate(weight: FloatArray, compliance: FloatArray) -> float | None:
