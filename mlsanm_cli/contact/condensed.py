@@ -25,6 +25,7 @@ from mlsanm_cli.contact.balance import Forces, body_imbalance, platen_balance, r
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows
 from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.short_waves import short_wave_compliance
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.scene import Scene
 
@@ -140,6 +141,9 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     )
     gap, watched = gap.take(candidate), gap.take(~candidate)
     slip = columns.split(slips).take(_candidates(rough))
+    for pairing in rough:
+        own = tangential[pairing.name]
+        slip.traction[own, own] += short_wave_compliance(pairing, _softness(scene, pairing))
     rubbing = _numbers([spans[pairing.name] for pairing in rough])
     return Condensed(
         pairings=pairings,
@@ -160,6 +164,12 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         stability=_stability(weight, gap, slip, rubbing, spans),
         solves=solves,
     )
+
+
+def _softness(scene: Scene, pairing: Pairing) -> float:
+    """1/E* of the two bodies of a contact."""
+    bodies = (pairing.slave_body, pairing.master_body)
+    return sum(1.0 / scene.bodies[body].model.material.contact_modulus for body in bodies)
 
 
 def _count(pairings: tuple[Pairing, ...]) -> int:
@@ -189,8 +199,8 @@ def _stability(
 ) -> float | None:
     """The certificate of the pressures, and with friction the lower one of pressures and tractions.
 
-    For the latter the outermost nodes of every contact are left out: the master receives half of their
-    tractions only, which tangential compliances, with their weak resistance to short waves, do not forgive.
+    For the latter the outermost nodes of every contact are left out, of whose tractions the master receives
+    only half: on the surfaces of a wedge their coupling with the pressures outweighed their own compliance.
     """
     normal = stability_certificate(weight, gap.pressure)
     if normal is None or not len(rubbing):

@@ -164,17 +164,29 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     own = np.interp(s[rows], arc, pairing.spacing[pairing.candidate])
     # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
     reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[pairing.master.index[rows]])
-    first, last = _window(arc, s[rows], reach)
+    fit = surface_fit(arc, pairing.slave.weight[chosen], s[rows], reach).tocoo()
+    inner, columns = fit.coords
+    return sparse.csr_array((fit.data, (rows[inner], columns)), shape=(len(points), len(arc)))
+
+
+def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
+    """Values at arc lengths ``s`` (r,) of local linear fits to nodal values (m,) at ``arc``: weights (r, m).
+
+    ``weight`` (m,) are the nodes' surface lengths, ``reach`` (r,) the windows' half-widths. Linear functions
+    are reproduced.
+    """
+    first, last = _window(arc, s, reach)
     count = last - first
     start = np.cumsum(count) - count
     columns = np.repeat(first - start, count) + np.arange(count.sum())
-    offset = (arc[columns] - np.repeat(s[rows], count)) / np.repeat(reach, count)
-    weight = np.exp(-2.0 * WINDOW_SHARPNESS * offset**2) * pairing.slave.weight[chosen][columns]
-    s0, s1, s2 = (np.repeat(np.add.reduceat(weight * offset**k, start), count) for k in range(3))
+    offset = (arc[columns] - np.repeat(s, count)) / np.repeat(reach, count)
+    share = np.exp(-2.0 * WINDOW_SHARPNESS * offset**2) * weight[columns]
+    s0, s1, s2 = (np.repeat(np.add.reduceat(share * offset**k, start), count) for k in range(3))
     # A window with a single node can only carry its constant.
     slope = s0 * s2 - s1**2 > 1e-12 * s0**2
-    weight = np.where(slope, weight * (s2 - s1 * offset) / np.where(slope, s0 * s2 - s1**2, 1.0), weight / s0)
-    return sparse.csr_array((weight, (np.repeat(rows, count), columns)), shape=(len(points), len(arc)))
+    share = np.where(slope, share * (s2 - s1 * offset) / np.where(slope, s0 * s2 - s1**2, 1.0), share / s0)
+    rows = np.repeat(np.arange(len(s)), count)
+    return sparse.csr_array((share, (rows, columns)), shape=(len(s), len(arc)))
 
 
 def _window(arc: FloatArray, s: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray]:
