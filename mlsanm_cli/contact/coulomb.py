@@ -168,22 +168,33 @@ def find_sets(
 def _exchange(
     condensed: Condensed, sets: Sets, watch: Watch, values: Values, slipped: FloatArray
 ) -> tuple[Sets, BoolArray]:
-    """The sets with every node that breaks its rule exchanged, and which nodes (m,) these are."""
+    """The sets with every node that breaks its rule exchanged, and which nodes (m,) these are.
+
+    A node that closes, or slips with friction, is judged by the pressure and traction that its own compliance
+    asks for to undo its overlap and its slip.
+    """
     rub = condensed.rubbing
+    own_normal, own_tangential = np.diagonal(condensed.gap.pressure), np.diagonal(condensed.slip.traction)
     p, t = values.pressure, values.traction
     force = ROUND_OFF * max(float(np.abs(p).max(initial=0.0)), float(np.abs(t).max(initial=0.0)))
     opening = sets.closed & watch.opening & (p < -force)
     closing = ~sets.closed & watch.closing & (values.gap < -ROUND_OFF * np.abs(values.gap).max(initial=0.0))
     closed = (sets.closed & ~opening) | closing
+    asked = np.where(sets.stuck, t, t - slipped / own_tangential)
+    limit = condensed.friction * np.where(closing, p - values.gap / own_normal, p)[rub]
+    side = np.where(watch.side == 0.0, np.sign(asked), watch.side)
+    over = side * asked - limit
     still = closed[rub] & sets.closed[rub]
-    side = np.where(watch.side == 0.0, np.sign(t), watch.side)
-    slips = still & sets.stuck & watch.slipping & (side * t - condensed.friction * p[rub] > force)
+    slips = still & sets.stuck & watch.slipping & (over > force)
     with_friction = sets.sense * slipped > ROUND_OFF * np.abs(slipped).max(initial=0.0)
-    sticks = (still & with_friction) | closing[rub]
-    stuck = (sets.stuck & still & ~slips) | sticks
-    sense = np.where(slips, side, np.where(sticks | ~closed[rub], 0.0, sets.sense))
+    turns = still & with_friction & ((over <= 0.0) | (side == sets.sense))
+    reverses = still & with_friction & ~turns
+    holds = closing[rub] & (over <= 0.0)
+    rubs = closing[rub] & ~holds
+    stuck = (sets.stuck & still & ~slips) | turns | holds
+    sense = np.where(slips | reverses | rubs, side, np.where(turns | ~closed[rub] | holds, 0.0, sets.sense))
     wrong = opening | closing
-    wrong[rub] |= slips | sticks
+    wrong[rub] |= slips | turns | reverses
     return Sets(closed, stuck, sense), wrong
 
 
