@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.rubbing_path import rubbing_path
 from mlsanm_cli.app.series_path import anm_path
 from mlsanm_cli.app.states import PathStep, State, factors_at, stops, wanted_positions
 from mlsanm_cli.arrays import BoolArray
@@ -23,9 +24,10 @@ def path_of(built: Built) -> Iterator[PathStep]:
     """The path of the scene by the method its contact law asks for."""
     if not built.case.contact:
         return linear_path(built)
-    if built.case.contact[0].regularization.law != "exact":
-        return anm_path(built)
-    return friction_path(built) if len(built.condensed.rubbing) else exact_path(built)
+    smooth, rough = built.case.contact[0].regularization.law != "exact", bool(len(built.condensed.rubbing))
+    if smooth:
+        return rubbing_path(built) if rough else anm_path(built)
+    return friction_path(built) if rough else exact_path(built)
 
 
 def linear_path(built: Built) -> Iterator[PathStep]:

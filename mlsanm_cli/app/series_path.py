@@ -12,7 +12,16 @@ from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
 from mlsanm_cli.contact.scales import regularize
-from mlsanm_cli.continuation import AnmOptions, Branch, Step, correct, follow
+from mlsanm_cli.continuation import (
+    AnmOptions,
+    Branch,
+    Outcome,
+    Problem,
+    Step,
+    StopReason,
+    correct,
+    follow,
+)
 from mlsanm_cli.errors import NumericalError
 
 BRANCH_HINT = (
@@ -24,10 +33,7 @@ def anm_path(built: Built) -> Iterator[PathStep]:
     """The hyperbolic law followed by power series; wanted states come from the series of their step."""
     wanted = wanted_positions(built)
     law = regularize(built.condensed, built.ends, built.case.contact[0].regularization.eta)
-    solver = built.case.solver
-    options = AnmOptions(
-        order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=solver.max_steps
-    )
+    options = anm_options(built)
     x = _start_point(built, law)
     for stage in range(len(built.case.stage)):
         problem = HyperbolicContact(built.condensed, law, built.stages[stage], built.stages[stage + 1])
@@ -49,22 +55,37 @@ def anm_path(built: Built) -> Iterator[PathStep]:
         before = 0.0
         for step in follower.steps():
             if step.lam == 1.0:
-                step = _sharpened(problem, step)
+                step = sharpened(problem, step)
             x = step.x
             end = _regularized_state(problem, x, step.lam, stage, step.residual)
-            saved = [p for p in wanted if stage + before < p <= stage + step.lam]
-            yield _path_step(problem, step, end, stage, tuple(saved))
+            places = [p for p in wanted if stage + before < p <= stage + step.lam]
+            saved = [
+                _regularized_state(problem, x_at, lam, stage, residual)
+                for x_at, lam, residual in states_in(problem, step, stage, places)
+            ]
+            yield path_step(step, end, stage, at(places, saved, end), _series(problem, step.branch, stage))
             before = step.lam
-        outcome = follower.outcome
-        if not outcome.reached:
-            raise NumericalError(
-                f"the path stopped at position {stage + outcome.lam:.6g}: "
-                f"{outcome.reason.value} ({outcome.message})",
-                "raise solver.max_steps" if outcome.reason.value == "max steps" else BRANCH_HINT,
-            )
+        if not follower.outcome.reached:
+            raise stopped(stage, follower.outcome)
 
 
-def _sharpened(problem: HyperbolicContact, step: Step) -> Step:
+def anm_options(built: Built) -> AnmOptions:
+    """The case's options of the series."""
+    solver = built.case.solver
+    return AnmOptions(
+        order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=solver.max_steps
+    )
+
+
+def stopped(stage: int, outcome: Outcome) -> NumericalError:
+    """What to say of a path that did not reach the end of its stage."""
+    return NumericalError(
+        f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value} ({outcome.message})",
+        "raise solver.max_steps" if outcome.reason is StopReason.MAX_STEPS else BRANCH_HINT,
+    )
+
+
+def sharpened(problem: Problem, step: Step) -> Step:
     """The step with one more Newton update at its end, where users compare figures to the last digit.
 
     The path itself is only followed to its tolerance, and where its steps end depends on round-off.
@@ -88,26 +109,35 @@ def _start_point(built: Built, law: Regularization) -> FloatArray:
     return np.concatenate([pressure, gap, np.zeros(len(law.motion))])
 
 
-def _path_step(
-    problem: HyperbolicContact, step: Step, end: State, stage: int, wanted: tuple[float, ...]
+def states_in(
+    problem: Problem, step: Step, stage: int, places: list[float]
+) -> Iterator[tuple[FloatArray, float, float]]:
+    """Unknowns, fraction and residual at positions ``places`` within a step, from its series."""
+    for position in places:
+        x, lam = step.branch.evaluate(step.branch.parameter_at(min(position - stage, step.lam)))
+        yield x, lam, float(np.abs(problem.residual(x, lam)).max())
+
+
+def at(places: list[float], states: list[State], end: State) -> tuple[State, ...]:
+    """The states with the positions asked for, not the ones a last bit away that the series had."""
+    return tuple(
+        end if position == end.position else replace(state, position=position)
+        for position, state in zip(places, states, strict=True)
+    )
+
+
+def path_step(
+    step: Step, end: State, stage: int, saved: tuple[State, ...], series: dict[str, FloatArray]
 ) -> PathStep:
-    saved = []
-    for position in wanted:
-        if position == end.position:
-            saved.append(end)
-            continue
-        x, lam = step.branch.evaluate(step.branch.parameter_at(position - stage))
-        residual = float(np.abs(problem.residual(x, lam)).max())
-        # The position asked for, not the one a last bit away that the series was evaluated at.
-        saved.append(replace(_regularized_state(problem, x, lam, stage, residual), position=position))
+    """A finished step as the recorder takes it."""
     return PathStep(
         state=end,
-        saved=tuple(saved),
+        saved=saved,
         length=step.arc_length,
         order=step.order,
         factorizations=step.factorizations,
         solves=step.solves,
-        series=_series(problem, step.branch, stage),
+        series=series,
         series_attributes={"length": step.branch.length, "stage": stage},
     )
 

@@ -72,10 +72,12 @@ class Support(Section):
 
 
 class Regularization(Section):
-    """The contact law: hyperbolic with the small pressure ``eta`` (relative), or exact."""
+    """The contact law: hyperbolic with the small pressure ``eta`` and the small slip ``stick`` (relative), or
+    exact."""
 
     law: Literal["hyperbolic", "exact"] = "hyperbolic"
     eta: Positive = 1e-4
+    stick: Positive = 1e-3
 
 
 class Contact(Section):

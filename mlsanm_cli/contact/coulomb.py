@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,25 +138,27 @@ class SetSystem:
         return Values(pressure, traction, motion, gap, slip)
 
 
+System = TypeVar("System")
+
+
 def find_sets(
     condensed: Condensed,
     first: Sets,
     watch: Watch,
-    evaluate: Callable[[SetSystem], tuple[Values, FloatArray]],
-) -> tuple[Sets, SetSystem, Values, int]:
+    solve: Callable[[Sets], tuple[System, Values, FloatArray]],
+) -> tuple[Sets, System, Values, int]:
     """Sets that obey every watched rule, their system and values, and how many systems it took.
 
-    ``evaluate`` gives the values that the rules are about and the slips (n,) of the slipping nodes whose sign
-    must be against friction. Raises NoStateError.
+    ``solve`` gives the system of some sets, the values that the rules are about, and the slips (n,) whose
+    signs must be against friction; SingularSystemError where there are none. Raises NoStateError.
     """
     sets, seen, one_by_one = first, set(), False
     limit = 60 + 6 * len(first.closed)
     for count in range(1, limit + 1):
         try:
-            system = SetSystem(condensed, sets)
+            system, values, slipped = solve(sets)
         except SingularSystemError:
             raise NoStateError(sliding=bool(sets.closed.any() and not sets.stuck.any())) from None
-        values, slipped = evaluate(system)
         better, wrong = _exchange(condensed, sets, watch, values, slipped)
         if not wrong.any():
             return sets, system, values, count
@@ -257,11 +260,12 @@ def increment(condensed: Condensed, state: CoulombState, factors: FloatArray) ->
     both = np.ones(len(condensed.weight), dtype=bool)
     watch = Watch(both, both, both[condensed.rubbing], np.zeros(len(before)))
 
-    def evaluate(system: SetSystem) -> tuple[Values, FloatArray]:
+    def solve(sets: Sets) -> tuple[SetSystem, Values, FloatArray]:
+        system = SetSystem(condensed, sets)
         values = system.state(factors, before)
-        return values, values.slip - before
+        return system, values, values.slip - before
 
-    sets, _, values, count = find_sets(condensed, Sets(closed, stuck, sense), watch, evaluate)
+    sets, _, values, count = find_sets(condensed, Sets(closed, stuck, sense), watch, solve)
     return state.moved(factors, values, sets, np.where(sets.stuck, before, values.slip)), count
 
 

@@ -92,7 +92,7 @@ def follow(
                 pending.pop(0)
             yield Event(fraction, state, solves, jumped=touching)
             continue
-        if _slides_freely(condensed, sets):
+        if slides_freely(condensed, sets):
             raise SlidingError(fraction)
         # A node that comes to rest does so where it is now.
         anchor = np.where(sets.stuck & ~state.sets.stuck, state.values.slip, state.anchor)
@@ -133,11 +133,12 @@ def _rates(
     watch = Watch(bare, v.gap <= length, grazing | near[1.0] | near[-1.0] | (before.sense != 0.0), side)
     watch.side[before.sense != 0.0] = np.where(grazing, 0.0, before.sense)[before.sense != 0.0]
 
-    def evaluate(system: SetSystem) -> tuple[Values, FloatArray]:
+    def solve(sets: Sets) -> tuple[SetSystem, Values, FloatArray]:
+        system = SetSystem(condensed, sets)
         rates = system.rate(change)
-        return rates, rates.slip
+        return system, rates, rates.slip
 
-    return find_sets(condensed, before, watch, evaluate)
+    return find_sets(condensed, before, watch, solve)
 
 
 def _next_event(condensed: Condensed, state: CoulombState, sets: Sets, rates: Values) -> float:
@@ -180,7 +181,7 @@ def _jump(
     raise failure
 
 
-def _slides_freely(condensed: Condensed, sets: Sets) -> bool:
+def slides_freely(condensed: Condensed, sets: Sets) -> bool:
     """Whether a platen that a force pushes along a contact is held by nothing there."""
     if sets.stuck.any() or not (sets.sense != 0.0).any():
         return False

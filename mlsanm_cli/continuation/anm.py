@@ -8,7 +8,7 @@ tangent and the load factor is an unknown like the others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -52,8 +52,9 @@ class AnmFollower:
         lam_end: float,
         options: AnmOptions | None = None,
         previous: Branch | None = None,
+        barrier: Callable[[Branch], float] | None = None,
     ) -> None:
-        self._problem, self._options = problem, options or AnmOptions()
+        self._problem, self._options, self._barrier = problem, options or AnmOptions(), barrier
         self._lam_end, self._previous = float(lam_end), previous
         self._metric = Metric(problem.scale)
         self._gauge = Gauge(problem, self._metric, self._lam_end, self._options)
@@ -125,6 +126,11 @@ class AnmFollower:
             if self._steps == self._options.max_steps:
                 raise _Stop(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
             branch = self._branch(here, direction, unit)
+            if self._barrier is not None:
+                limit = self._barrier(branch)
+                if limit < branch.length:
+                    yield self._record(*self._cut(here, branch.shortened(limit)), unit)
+                    raise _Stop(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._arrive(here, branch)
             yield self._record(branch, end, unit)
             if ahead is None:
@@ -139,10 +145,13 @@ class AnmFollower:
 
     def _direction(self) -> tuple[tuple[FloatArray, float], float]:
         """Return the direction in which to leave the start point, and a guess of the step's length."""
+        direction, unit = None, 1.0
         if self._previous is not None:
-            return self._onward(self._previous)
-        sign = self._options.direction or np.sign(self._lam_end - self._lam)
-        return (np.zeros(self._problem.size), float(sign)), 1.0
+            direction, unit = self._onward(self._previous)
+        if direction is None or self._options.direction:
+            sign = self._options.direction or np.sign(self._lam_end - self._lam)
+            direction = np.zeros(self._problem.size), float(sign)
+        return direction, unit
 
     def _onward(self, branch: Branch) -> tuple[tuple[FloatArray, float], float]:
         """Return the same for the step that follows a piece of path."""
@@ -191,6 +200,15 @@ class AnmFollower:
                 failure = _Stop(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}")
             length *= _RETREAT
         raise failure
+
+    def _cut(self, here: Station, piece: Branch) -> tuple[Branch, Correction]:
+        """Return a piece that ends at the barrier, and its end, corrected: what follows has another series,
+        whose length this one's residual would not suit."""
+        end = self._corrected(here, piece.evaluate(piece.length), None)
+        if end is None:
+            place = f"near load factor {piece.load_factor(piece.length):.9g}"
+            raise _Stop(StopReason.CORRECTION_FAILED, f"the state at an event did not converge {place}")
+        return piece, end
 
     def _finish(self, here: Station, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
         """Correct the end of the last step, which lies exactly at the load factor asked for."""
@@ -248,6 +266,7 @@ def follow(
     lam_end: float,
     options: AnmOptions | None = None,
     previous: Branch | None = None,
+    barrier: Callable[[Branch], float] | None = None,
 ) -> AnmFollower:
     """Return the follower of the path R(x, lam) = 0 from (x0, lam0) to the load factor ``lam_end``.
 
@@ -258,8 +277,9 @@ def follow(
     lam_end : the path ends where the load factor first takes this value, going along the path
     previous : the piece of path that led to the start point; the path goes on in its direction with its
         length of step, exactly as if it had not been interrupted
+    barrier : tells how far along a piece of path the problem holds; the path ends there with the reason EVENT
     """
-    return AnmFollower(problem, x0, lam0, lam_end, options, previous)
+    return AnmFollower(problem, x0, lam0, lam_end, options, previous, barrier)
 
 
 def _power_of_two(length: float) -> float:
