@@ -25,7 +25,7 @@ from mlsanm_cli.contact.balance import Forces, body_imbalance, platen_balance, r
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows
 from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.contact.short_waves import short_wave_compliance
+from mlsanm_cli.contact.short_waves import resolved_slip
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.scene import Scene
 
@@ -141,9 +141,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     )
     gap, watched = gap.take(candidate), gap.take(~candidate)
     slip = columns.split(slips).take(_candidates(rough))
-    for pairing in rough:
-        own = tangential[pairing.name]
-        slip.traction[own, own] += short_wave_compliance(pairing, _softness(scene, pairing))
+    slip = resolved_slip(slip, rough, tangential, {p.name: _softness(scene, p) for p in rough})
     rubbing = _numbers([spans[pairing.name] for pairing in rough])
     return Condensed(
         pairings=pairings,

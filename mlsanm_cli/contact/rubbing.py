@@ -3,9 +3,9 @@
 The hyperbola (p + eta) h = eta delta stands for the normal contact. Friction acts where p is above a small
 threshold p_0. A sticking node is held where it came to rest by an asperity of softness c, s + c t = anchor; a
 slipping one carries t = d mu (p - p_0) with the sense d = +-1; an open one nothing. So no traction leaves
-Coulomb's cone, whatever the history, and none jumps where a node opens or closes. The sets change where p_0 or
-a friction limit is reached, or where a slipping node comes to rest: between these events the equations are
-smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
+Coulomb's cone, whatever the history, and none jumps where a node opens or closes. The sets change where p_0
+or a friction limit is reached, or where a slipping node comes to rest: between these events the equations
+are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
 
     r1 = (p + eta) h - eta delta
     r2 = h - gap(f, q, p, t)
