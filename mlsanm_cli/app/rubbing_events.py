@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coulomb import Sets, Values, Watch, find_sets
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.rubbing import RubbingContact
@@ -117,6 +118,16 @@ class Barrier:
         return hits
 
 
+def _expected(condensed: Condensed, before: Sets, hits: Hits) -> Sets:
+    """The sets that an event most likely leads to; closing nodes wait for the rates to tell how."""
+    closed, rub = before.closed.copy(), condensed.rubbing
+    opens = hits.bare & closed[rub]
+    closed[rub[opens]] = False
+    stuck = (before.stuck | hits.rested) & ~opens & (hits.limit == 0.0)
+    sense = np.where(hits.rested | opens, 0.0, np.where(hits.limit != 0.0, hits.limit, before.sense))
+    return Sets(closed, stuck, sense)
+
+
 def continued(
     problem: RubbingContact, x: FloatArray, lam: float, hits: Hits
 ) -> tuple[RubbingContact, FloatArray, int]:
@@ -147,8 +158,7 @@ def continued(
             raise SingularSystemError from error
         return system, rates, slipped
 
-    rested = Sets(before.closed, before.stuck | hits.rested, np.where(hits.rested, 0.0, before.sense))
-    _, system, _, count = find_sets(c, rested, watch, solve)
+    _, system, _, count = find_sets(c, _expected(c, before, hits), watch, solve)
     p, _, _, t = system.split(x)
     free = ~system.sets.stuck
     t[free] = (system.drag * system.pressed(p))[free]

@@ -77,7 +77,7 @@ class Regularization(Section):
 
     law: Literal["hyperbolic", "exact"] = "hyperbolic"
     eta: Positive = 1e-4
-    stick: Positive = 1e-3
+    stick: Positive = 1e-4
 
 
 class Contact(Section):

@@ -16,7 +16,9 @@ WIDEST = 10.0
 """The law's length of a node lies between the scene's elastic gap and this many times it."""
 
 
-PRESSED = 3.0
+WITH_FRICTION = 0.3
+"""The law's length over that of scenes without friction, whose tractions remember how nodes have closed."""
+PRESSED = 10.0
 """Friction begins where the pressure is above so many times the hyperbolic law's eta."""
 
 
@@ -39,10 +41,11 @@ def regularize(
         )
     elastic = max(float(np.abs(condensed.gap.pressure @ state.pressure).max()) for state in states)
     gap = 0.1 * elastic
-    delta = np.empty(len(condensed.weight))
-    for pairing in condensed.pairings:
-        initial = pairing.gap[pairing.candidate]
-        delta[condensed.spans[pairing.name]] = np.clip(initial - initial.min(), gap, WIDEST * gap)
+    delta = np.full(len(condensed.weight), WITH_FRICTION * gap)
+    if not len(condensed.rubbing):
+        for pairing in condensed.pairings:
+            initial = pairing.gap[pairing.candidate]
+            delta[condensed.spans[pairing.name]] = np.clip(initial - initial.min(), gap, WIDEST * gap)
     forces = [
         np.abs(condensed.balance.pressure) @ np.abs(state.pressure)
         + np.abs(condensed.balance.traction) @ np.abs(state.traction)

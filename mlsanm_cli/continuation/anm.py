@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct, correct_end, residual_norm
-from mlsanm_cli.continuation.expansion import Metric, Station, expand, station
+from mlsanm_cli.continuation.expansion import Metric, Series, Station, expand, station
 from mlsanm_cli.continuation.options import AnmOptions
 from mlsanm_cli.continuation.path import Outcome, Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
@@ -29,6 +29,8 @@ _STEEP = 1e7
 _LEVEL = 1e-3
 # The direction at the end of a step is taken between this part of its length and the end.
 _BEFORE = 0.98
+# Events mostly come so soon that a series of this order reaches them.
+_EARLY = 8
 # Shortest step that the size of the next one is guessed from.
 _SHORT = 1e-6
 
@@ -125,12 +127,12 @@ class AnmFollower:
         while not self._stopped:
             if self._steps == self._options.max_steps:
                 raise _Stop(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
-            branch = self._branch(here, direction, unit)
-            if self._barrier is not None:
-                limit = self._barrier(branch)
-                if limit < branch.length:
-                    yield self._record(*self._cut(here, branch.shortened(limit)), unit)
-                    raise _Stop(StopReason.EVENT, f"after {self._steps} steps")
+            begun, cut = self._early(here, direction, unit)
+            branch = cut or self._branch(here, direction, unit, begun)
+            limit = branch.length if self._barrier is None or cut else self._barrier(branch)
+            if cut or limit < branch.length:
+                yield self._record(*self._cut(here, branch.shortened(limit)), unit)
+                raise _Stop(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._arrive(here, branch)
             yield self._record(branch, end, unit)
             if ahead is None:
@@ -158,12 +160,35 @@ class AnmFollower:
         direction = branch.x[1], float(branch.lam[1])
         return direction, _power_of_two(branch.length * self._metric.norm(*direction))
 
-    def _branch(self, here: Station, direction: tuple[FloatArray, float], unit: float) -> Branch:
-        """Return the longest good piece of path that begins at ``here``."""
+    def _early(
+        self, here: Station, direction: tuple[FloatArray, float], unit: float
+    ) -> tuple[Series | None, Branch | None]:
+        """Return a series of low order and, if it is good up to an event, the piece that ends there."""
+        if self._barrier is None or self._options.order <= _EARLY:
+            return None, None
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            series = expand(self._problem, self._metric, here, _EARLY, direction, unit)
+            self._effort.solves += _EARLY
+            piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
+            crossing = piece.first_crossing(self._lam_end)
+            piece = piece if crossing is None else piece.shortened(crossing)
+            limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
+            if limit < piece.length and self._gauge.good(piece, limit):
+                return None, piece.shortened(limit)
+        return series, None
+
+    def _branch(
+        self,
+        here: Station,
+        direction: tuple[FloatArray, float],
+        unit: float,
+        begun: Series | None,
+    ) -> Branch:
+        """Return the longest good piece of path that begins at ``here``; ``begun`` are its first orders."""
         order = self._options.order
         with np.errstate(over="ignore", invalid="ignore"):
-            series = expand(self._problem, self._metric, here, order, direction, unit)
-        self._effort.solves += order
+            series = expand(self._problem, self._metric, here, order, direction, unit, begun)
+        self._effort.solves += order - (begun.lam.size - 1 if begun else 0)
         branch = self._gauge.branch(series)
         shortest = self._options.min_length / unit
         if branch.length > shortest or branch.first_crossing(self._lam_end) is not None:

@@ -62,7 +62,7 @@ class Gauge:
 
         The piece ends at the latest where it first reaches ``lam_end``.
         """
-        guess = self._first_guess(series)
+        guess = self.first_guess(series)
         rational = self._rational(series, guess) if self.options.pade and guess > 0.0 else None
         if rational is not None and rational.length > _CLEAR_GAIN * guess:
             return rational
@@ -72,7 +72,13 @@ class Gauge:
             return rational
         return taylor
 
-    def _first_guess(self, series: Series) -> float:
+    def good(self, branch: Branch, a: float) -> bool:
+        """Tell whether the residual keeps the tolerance at ``a`` and inside."""
+        limit = _LIMIT * self.options.tolerance
+        return all(self.error(branch, part * a) <= limit for part in (1.0, *_INSIDE))
+
+    def first_guess(self, series: Series) -> float:
+        """Return the classical range of a power series."""
         weight = np.sqrt(self.metric.weight)
         first, last = (max(np.abs(weight * series.x[k]).max(), abs(series.lam[k])) for k in (1, -1))
         order = series.lam.size - 1
