@@ -81,9 +81,9 @@ class Barrier:
         sign = np.where(problem.sets.closed[c.rubbing], 1.0, -1.0)
         held = self._stuck
         limit, friction = c.friction[held] * pressure[:, held], t[:, held] / problem.law.pressure
-        slip = q @ c.slip.motion.T + p @ c.slip.pressure.T + t @ c.slip.traction.T + problem.law.creep * t
-        slip += np.outer(load, c.slip.load @ problem.change)
-        rates = -(slip * problem.sets.sense)[:, self._sliding] / problem.law.slip
+        base, rows = problem.base, problem.m + self._sliding
+        slip = np.hstack([p, t, q]) @ base.matrix[rows].T + np.outer(load, base.load[rows] @ problem.change)
+        rates = -slip * problem.sets.sense[self._sliding]
         return np.hstack([pressure * sign, limit - friction, limit + friction]), rates
 
     def _root(
@@ -151,7 +151,7 @@ def continued(
 
     def solve(sets: Sets) -> tuple[RubbingContact, Values, FloatArray]:
         anchor = np.where(sets.stuck & ~before.stuck, now, problem.anchor)
-        system = RubbingContact(c, problem.law, problem.start, problem.start + problem.change, sets, anchor)
+        system = RubbingContact(problem.base, problem.start, problem.start + problem.change, sets, anchor)
         try:
             rates, slipped = system.rates(x, lam)
         except np.linalg.LinAlgError as error:

@@ -14,7 +14,7 @@ from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.coulomb import OPEN, SLIP, STICK, NoStateError, Sets
 from mlsanm_cli.contact.history import SlidingError, slides_freely
-from mlsanm_cli.contact.rubbing import RubbingContact
+from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
 from mlsanm_cli.contact.scales import regularize
 from mlsanm_cli.continuation import AnmOptions, Branch, Step, StopReason, correct, follow
 from mlsanm_cli.errors import NumericalError
@@ -44,7 +44,7 @@ def rubbing_path(built: Built) -> Iterator[PathStep]:
     yield PathStep(start, (start,) if 0.0 in wanted else ())
     for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
         problem = point.problem
-        staged = RubbingContact(problem.condensed, problem.law, begin, end, problem.sets, problem.anchor)
+        staged = RubbingContact(problem.base, begin, end, problem.sets, problem.anchor)
         walk = _Walk(replace(point, problem=staged, lam=0.0), stage, wanted, options)
         try:
             yield from walk.steps()
@@ -85,7 +85,8 @@ def _first(built: Built, options: AnmOptions) -> _Point:
         pressed[c.rubbing] = pressure[c.rubbing] > 0.0
         stuck = pressed[c.rubbing]
         law = replace(law, threshold=np.where(stuck, np.minimum(full, 0.5 * pressure[c.rubbing]), full))
-        problem = RubbingContact(c, law, begin, begin, Sets(pressed, stuck, nothing), anchor)
+        base = Rubbing.of(c, law)
+        problem = RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor)
         x = correct(problem, x, 0.0, options).x
         pressure, _, _, traction = problem.split(x)
         if (np.abs(traction) <= FREE * c.friction * np.maximum(pressure[c.rubbing], 0.0))[stuck].all():

@@ -15,6 +15,8 @@ are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.linalg as linalg
 
@@ -24,50 +26,70 @@ from mlsanm_cli.contact.coulomb import Sets, Values
 from mlsanm_cli.contact.hyperbolic import Regularization
 
 
+@dataclass(frozen=True, eq=False)
+class Rubbing:
+    """What the problems of a path share: gaps, slips less the asperities', and balances, each dimensionless,
+    as ``constant`` (r,) + ``load`` (r, L) f + ``matrix`` (r, r) (p, t, q), r = m + n + k."""
+
+    condensed: Condensed
+    law: Regularization
+    constant: FloatArray
+    load: FloatArray
+    matrix: FloatArray
+
+    @classmethod
+    def of(cls, condensed: Condensed, law: Regularization) -> Rubbing:
+        """The shared part for one condensed scene and law."""
+        m, n = len(condensed.weight), len(condensed.rubbing)
+        maps = (condensed.gap, condensed.slip, condensed.balance)
+        scale = np.concatenate([np.full(m, law.gap), np.full(n, law.slip), law.force])
+        matrix = np.vstack([np.hstack([one.pressure, one.traction, one.motion]) for one in maps])
+        softened = np.arange(m, m + n)
+        matrix[softened, softened] += law.creep
+        return cls(
+            condensed,
+            law,
+            np.concatenate([one.constant for one in maps]) / scale,
+            np.vstack([one.load for one in maps]) / scale[:, None],
+            matrix / scale[:, None],
+        )
+
+
 class RubbingTangent:
     """Factorised tangent; gaps and the tractions of nodes that do not stick are eliminated."""
 
     def __init__(self, problem: RubbingContact, x: FloatArray) -> None:
         self._problem = problem
-        law = problem.law
+        law, m = problem.law, problem.m
         p, h, _, _ = problem.split(x)
-        m, k, stuck = problem.m, problem.k, problem.stuck
-        self._stress = p + law.eta
-        r = m + len(stuck)
-        matrix = np.empty((r + k, r + k), order="F")
-        matrix[:m, :m], matrix[:m, m:r], matrix[:m, r:] = problem.gap_blocks
-        matrix[:m] *= self._stress[:, None] / (law.pressure * law.gap)
+        self._stress = (p + law.eta) / law.pressure
+        matrix = problem.reduced.copy()
+        matrix[:m] *= self._stress[:, None]
         matrix[np.arange(m), np.arange(m)] += h / (law.pressure * law.gap)
-        matrix[m:r, :m], matrix[m:r, m:r], matrix[m:r, r:] = problem.slip_blocks
-        matrix[m:r] /= law.slip
-        matrix[r:, :m], matrix[r:, m:r], matrix[r:, r:] = problem.balance_blocks
-        matrix[r:] /= law.force[:, None]
-        self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix, overwrite_a=1)
+        # LAPACK takes columns: the transpose is factorised where it is.
+        self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix.T, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError("singular tangent of the contact problem")
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (2m + k + n,)."""
-        problem, law, c = self._problem, self._problem.law, self._problem.condensed
-        m, k, stuck = problem.m, problem.k, problem.stuck
+        problem, law, base = self._problem, self._problem.law, self._problem.base
+        m, n, stuck = problem.m, problem.n, problem.stuck
         one, two, three, four = problem.split(rhs)
+        held = four[stuck]
         known = four * problem.limit
         known[stuck] = 0.0
-        shift = two * law.gap + c.gap.traction @ known
-        reduced = np.concatenate(
-            [
-                one - self._stress * shift / (law.pressure * law.gap),
-                four[stuck] - (c.slip.traction[stuck] @ known) / law.slip,
-                three - (c.balance.traction @ known) / law.force,
-            ]
-        )
-        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
-        p, held, q = solution[:m], solution[m : len(solution) - k], solution[len(solution) - k :]
-        t = known + problem.drag * p[c.rubbing]
-        t[stuck] = held
-        h = two * law.gap + c.gap.pressure @ p + c.gap.traction @ t
-        if k:
-            h += c.gap.motion @ q
+        if known.any():
+            by_known = base.matrix[:, m : m + n] @ known
+            two = two + by_known[:m]
+            held = held - by_known[m + stuck]
+            three = three - by_known[m + n :]
+        reduced = np.concatenate([one - self._stress * two, held, three])
+        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, trans=1, overwrite_b=1)
+        p, q = solution[:m], solution[m + len(stuck) :]
+        t = known + problem.drag * p[problem.condensed.rubbing]
+        t[stuck] = solution[m : m + len(stuck)]
+        h = (two + problem.reduced[:m] @ solution) * law.gap
         return np.concatenate([p, h, q, t])
 
 
@@ -78,17 +100,12 @@ class RubbingContact:
     """
 
     def __init__(
-        self,
-        condensed: Condensed,
-        law: Regularization,
-        start: FloatArray,
-        end: FloatArray,
-        sets: Sets,
-        anchor: FloatArray,
+        self, base: Rubbing, start: FloatArray, end: FloatArray, sets: Sets, anchor: FloatArray
     ) -> None:
-        self.condensed, self.law, self.start, self.change = condensed, law, start, end - start
-        self.sets, self.anchor = sets, anchor
-        self.m, self.k, self.n = (len(v) for v in (condensed.weight, law.motion, condensed.rubbing))
+        condensed, law = base.condensed, base.law
+        self.base, self.condensed, self.law = base, condensed, law
+        self.start, self.change, self.sets, self.anchor = start, end - start, sets, anchor
+        self.m, self.k, self.n = len(condensed.weight), len(law.motion), len(condensed.rubbing)
         self.size = 2 * self.m + self.k + self.n
         self.limit = condensed.friction * law.pressure
         self.stuck = np.flatnonzero(sets.stuck)
@@ -96,32 +113,26 @@ class RubbingContact:
         self.scale = np.concatenate(
             [np.full(self.m, law.pressure), np.full(self.m, law.gap), law.motion, self.limit]
         )
-        gap, slip, balance = condensed.gap, condensed.slip, condensed.balance
-        self.gap_blocks = self._blocks(gap.pressure, gap.traction, gap.motion)
-        held = self.stuck
-        self.slip_blocks = self._blocks(slip.pressure[held], slip.traction[held], slip.motion[held])
-        self.slip_blocks[1][np.arange(len(held)), np.arange(len(held))] += law.creep[held]
-        self.balance_blocks = self._blocks(balance.pressure, balance.traction, balance.motion)
+        self.reduced = self._reduced()
+        moved = base.load @ self.change
         rubbed = np.zeros(self.n)
-        rubbed[held] = (slip.load @ self.change)[held] / law.slip
+        rubbed[self.stuck] = moved[self.m + self.stuck]
         self._load_derivative = np.concatenate(
-            [
-                np.zeros(self.m),
-                -(gap.load @ self.change) / law.gap,
-                (balance.load @ self.change) / law.force,
-                rubbed,
-            ]
+            [np.zeros(self.m), -moved[: self.m], moved[self.m + self.n :], rubbed]
         )
         self._ready: tuple[FloatArray, RubbingTangent] | None = None
 
-    def _blocks(
-        self, pressure: FloatArray, traction: FloatArray, motion: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Columns of pressures, of sticking nodes' tractions and of motions; slipping nodes' go with p."""
-        columns = pressure.copy()
+    def _reduced(self) -> FloatArray:
+        """Rows of gaps, sticking nodes' slips and balances over pressures, their tractions and motions.
+
+        The tractions of slipping nodes go with their pressures.
+        """
+        m, n, matrix = self.m, self.n, self.base.matrix
+        kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(matrix))])
+        reduced: FloatArray = matrix[np.ix_(kept, kept)]
         rubbing = np.flatnonzero(self.drag)
-        columns[:, self.condensed.rubbing[rubbing]] += traction[:, rubbing] * self.drag[rubbing]
-        return columns, traction[:, self.stuck].copy(), motion
+        reduced[:, self.condensed.rubbing[rubbing]] += matrix[np.ix_(kept, m + rubbing)] * self.drag[rubbing]
+        return reduced
 
     def factors(self, lam: float) -> FloatArray:
         """Load factors (L,) at path parameter ``lam``."""
@@ -139,14 +150,12 @@ class RubbingContact:
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         """Dimensionless residual (2m + k + n,)."""
         p, h, q, t = self.split(x)
-        f, law, c = self.factors(lam), self.law, self.condensed
+        m, n, law, base = self.m, self.n, self.law, self.base
+        linear = base.constant + base.load @ self.factors(lam) + base.matrix @ np.concatenate([p, t, q])
         hyperbola = ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap)
         rub = (t - self.drag * self.pressed(p)) / self.limit
-        slip = c.slip(f, q, p, t) + law.creep * t - self.anchor
-        rub[self.stuck] = slip[self.stuck] / law.slip
-        return np.concatenate(
-            [hyperbola, (h - c.gap(f, q, p, t)) / law.gap, c.balance(f, q, p, t) / law.force, rub]
-        )
+        rub[self.stuck] = linear[m + self.stuck] - self.anchor[self.stuck] / law.slip
+        return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m + n :], rub])
 
     def tangent(self, x: FloatArray, lam: float) -> RubbingTangent:
         """Factorised derivative by x; numpy's LinAlgError where it is singular."""
@@ -179,10 +188,11 @@ class RubbingContact:
         """
         slope = -self.tangent(x, lam).solve(self._load_derivative)
         p, _, q, t = self.split(slope)
-        c = self.condensed
-        slip = c.slip.load @ self.change + c.slip.motion @ q + c.slip.pressure @ p + c.slip.traction @ t
-        gap = np.where(self.sets.closed, 0.0, -p * np.diagonal(c.gap.pressure))
-        return Values(np.where(self.sets.closed, p, 0.0), t, q, gap, slip), slip + self.law.creep * t
+        base, rows = self.base, slice(self.m, self.m + self.n)
+        slipped = base.load[rows] @ self.change + base.matrix[rows] @ np.concatenate([p, t, q])
+        gap = np.where(self.sets.closed, 0.0, -p * np.diagonal(self.condensed.gap.pressure))
+        values = Values(np.where(self.sets.closed, p, 0.0), t, q, gap, slipped * self.law.slip)
+        return values, slipped * self.law.slip
 
     def yielded(self, x: FloatArray, lam: float) -> FloatArray:
         """Slips less what the asperities' softness explains, s + c t (n,)."""

@@ -30,7 +30,7 @@ _LEVEL = 1e-3
 # The direction at the end of a step is taken between this part of its length and the end.
 _BEFORE = 0.98
 # Events mostly come so soon that a series of this order reaches them.
-_EARLY = 8
+_EARLY = 10
 # Shortest step that the size of the next one is guessed from.
 _SHORT = 1e-6
 
