@@ -18,8 +18,10 @@ SAMPLES = 25
 """A piece of path is looked at in so many places."""
 NEAR = 1e-9
 """A condition is at its limit where it is this close to it, relative to the reference pressure."""
-SLACK = 1e-12
+SLACK = 1e-11
 """What begins at its limit may go past it by this much before it counts."""
+SMALL = 1e-6
+"""Friction limits below this part of the reference pressure are not told apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +57,7 @@ class Barrier:
         values, rates = self._conditions(piece)
         grid = np.linspace(0.0, piece.length, SAMPLES)
         levels = np.hstack([piece.weights(grid) @ values, piece.derivative_weights(grid) @ rates])
-        scale = np.ones(levels.shape[1])
-        scale[values.shape[1] :] = np.abs(levels[:, values.shape[1] :]).max(initial=1e-300)
+        scale = self._scales(levels[:, values.shape[1] :], values[0])
         slack = np.where(levels[0] <= NEAR * scale, np.maximum(-levels[0], 0.0) + SLACK * scale, 0.0)
         past = (levels[1:] + slack < 0.0).any(axis=1)
         if not past.any():
@@ -85,6 +86,13 @@ class Barrier:
         slip = np.hstack([p, t, q]) @ base.matrix[rows].T + np.outer(load, base.load[rows] @ problem.change)
         rates = -slip * problem.sets.sense[self._sliding]
         return np.hstack([pressure * sign, limit - friction, limit + friction]), rates
+
+    def _scales(self, rates: FloatArray, first: FloatArray) -> FloatArray:
+        """What the conditions are small against: pressures of the scene, every node's own limit, rates."""
+        n, held = self._problem.n, len(self._stuck)
+        limit = np.maximum(0.5 * (first[n : n + held] + first[n + held :]), SMALL)
+        largest = np.full(rates.shape[1], np.abs(rates).max(initial=0.0) + np.finfo(float).tiny)
+        return np.concatenate([np.ones(n), limit, limit, largest])
 
     def _root(
         self,
@@ -162,4 +170,10 @@ def continued(
     p, _, _, t = system.split(x)
     free = ~system.sets.stuck
     t[free] = (system.drag * system.pressed(p))[free]
+    limit = c.friction * np.maximum(system.pressed(p), 0.0)
+    beyond = system.sets.stuck & (np.abs(t) > limit)
+    if beyond.any():
+        # By as little as a state's residual, which a node under little pressure may not keep.
+        t[beyond] = np.copysign(limit, t)[beyond]
+        system.anchor[beyond] = system.yielded(x, lam)[beyond]
     return system, x, count

@@ -82,9 +82,10 @@ def _first(built: Built, options: AnmOptions) -> _Point:
     anchor, full = nothing, law.threshold
     for _ in range(OPENINGS):
         pressed = np.zeros(len(pressure), dtype=bool)
-        pressed[c.rubbing] = pressure[c.rubbing] > 0.0
+        pressed[c.rubbing] = pressure[c.rubbing] > -FREE * law.eta
         stuck = pressed[c.rubbing]
-        law = replace(law, threshold=np.where(stuck, np.minimum(full, 0.5 * pressure[c.rubbing]), full))
+        own = 0.5 * np.maximum(pressure[c.rubbing], 0.0)
+        law = replace(law, threshold=np.where(stuck, np.minimum(full, own), full))
         base = Rubbing.of(c, law)
         problem = RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor)
         x = correct(problem, x, 0.0, options).x

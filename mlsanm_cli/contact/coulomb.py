@@ -158,7 +158,11 @@ def find_sets(
         try:
             system, values, slipped = solve(sets)
         except SingularSystemError:
-            raise NoStateError(sliding=bool(sets.closed.any() and not sets.stuck.any())) from None
+            if one_by_one:
+                raise NoStateError(sliding=bool(sets.closed.any() and not sets.stuck.any())) from None
+            # Too many exchanges at once have freed what friction holds.
+            sets, one_by_one = first, True
+            continue
         better, wrong = _exchange(condensed, sets, watch, values, slipped)
         if not wrong.any():
             return sets, system, values, count
@@ -288,8 +292,9 @@ def residual(condensed: Condensed, state: CoulombState) -> float:
     gap, slip, lack = condensed.gap(*arguments), condensed.slip(*arguments), condensed.balance(*arguments)
     balance = condensed.balance
     force = np.abs(balance.load @ state.factors) + np.abs(balance.pressure) @ np.abs(v.pressure)
-    force += np.abs(balance.traction) @ np.abs(v.traction)
-    cone = np.abs(v.traction) - condensed.friction * v.pressure[condensed.rubbing]
+    limit = condensed.friction * v.pressure[condensed.rubbing]
+    force += np.abs(balance.traction) @ limit
+    cone = np.abs(v.traction) - limit
     parts = (
         np.abs(gap[sets.closed]).max(initial=0.0) / elastic,
         max(0.0, -gap[~sets.closed].min(initial=0.0)) / elastic,

@@ -84,9 +84,12 @@ def follow(
             if standing > 4 * len(condensed.weight) + 50:
                 raise NoStateError(sliding=False)
         except NoStateError as error:
-            if error.sliding:
-                raise SlidingError(fraction) from error
-            state, fraction, solves = _jump(condensed, state, begin, change, fraction, pending[0])
+            try:
+                state, fraction, solves = _jump(condensed, state, begin, change, fraction, pending[0])
+            except NoStateError as failure:
+                if error.sliding or failure.sliding or state.slides:
+                    raise SlidingError(fraction) from error
+                raise
             standing = 0
             while pending and pending[0] <= fraction:
                 pending.pop(0)
@@ -176,8 +179,6 @@ def _jump(
             failure = error
             continue
         return found, ahead, solves
-    if failure.sliding or state.slides:
-        raise SlidingError(fraction)
     raise failure
 
 

@@ -23,7 +23,11 @@ import scipy.linalg as linalg
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coulomb import Sets, Values
+from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.hyperbolic import Regularization
+
+UNBOUNDED = 1e8
+"""Rates above so many times the reference pressure or slip per stage are those of a singular system."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,12 +188,14 @@ class RubbingContact:
         """Rates of the state and of s + c t (n,), in the form in which :func:`find_sets` judges them.
 
         An open node closes where its pressure grows, which is told as the gap that its own compliance needs
-        for that.
+        for that. Raises SingularSystemError where nothing resists the load.
         """
         slope = -self.tangent(x, lam).solve(self._load_derivative)
         p, _, q, t = self.split(slope)
         base, rows = self.base, slice(self.m, self.m + self.n)
         slipped = base.load[rows] @ self.change + base.matrix[rows] @ np.concatenate([p, t, q])
+        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
+            raise SingularSystemError
         gap = np.where(self.sets.closed, 0.0, -p * np.diagonal(self.condensed.gap.pressure))
         values = Values(np.where(self.sets.closed, p, 0.0), t, q, gap, slipped * self.law.slip)
         return values, slipped * self.law.slip
