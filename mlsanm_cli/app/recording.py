@@ -86,10 +86,10 @@ def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecor
 
 
 def cone_ratio(built: Built, contact: str, state: State) -> float:
-    """Largest of |t| / (mu p) over the pressed nodes of a contact with friction."""
-    pressure = state.pressure[built.condensed.spans[contact]]
-    own = built.condensed.tangential[contact]
-    pressed = pressure > PRESSED * pressure.max(initial=0.0)
+    """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
+    span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
+    pressure = state.pressure[span]
+    pressed = state.closed[span] & (pressure > PRESSED * pressure.max(initial=0.0))
     limit = built.condensed.friction[own][pressed] * pressure[pressed]
     return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
 

@@ -42,7 +42,7 @@ class Hits:
 class Barrier:
     """Finds the first event on a piece of path.
 
-    Afterwards ``hits`` tells what it was, ``piece`` is the whole piece.
+    Afterwards ``reached`` tells whether there was one, ``hits`` what it was; ``piece`` is the whole piece.
     """
 
     def __init__(self, problem: RubbingContact) -> None:
@@ -50,10 +50,11 @@ class Barrier:
         self._stuck, self._sliding = np.flatnonzero(problem.sets.stuck), np.flatnonzero(problem.sets.sense)
         self.hits = Hits.none(problem.n)
         self.piece: Branch | None = None
+        self.reached = False
 
     def __call__(self, piece: Branch) -> float:
         """The parameter of the first event, or inf."""
-        self.piece = piece
+        self.piece, self.reached = piece, False
         values, rates = self._conditions(piece)
         grid = np.linspace(0.0, piece.length, SAMPLES)
         levels = np.hstack([piece.weights(grid) @ values, piece.derivative_weights(grid) @ rates])
@@ -68,7 +69,7 @@ class Barrier:
             for column in np.flatnonzero(levels[row] + slack < 0.0).tolist()
         ]
         a, column = min(found)
-        self.hits = self._told(column, values.shape[1])
+        self.hits, self.reached = self._told(column, values.shape[1]), a < piece.length
         return a
 
     def _conditions(self, piece: Branch) -> tuple[FloatArray, FloatArray]:
@@ -170,10 +171,4 @@ def continued(
     p, _, _, t = system.split(x)
     free = ~system.sets.stuck
     t[free] = (system.drag * system.pressed(p))[free]
-    limit = c.friction * np.maximum(system.pressed(p), 0.0)
-    beyond = system.sets.stuck & (np.abs(t) > limit)
-    if beyond.any():
-        # By as little as a state's residual, which a node under little pressure may not keep.
-        t[beyond] = np.copysign(limit, t)[beyond]
-        system.anchor[beyond] = system.yielded(x, lam)[beyond]
     return system, x, count

@@ -103,7 +103,7 @@ class _Walk:
     def __init__(self, point: _Point, stage: int, wanted: tuple[float, ...], options: AnmOptions) -> None:
         self.point = point
         self._stage, self._wanted, self._options = stage, wanted, options
-        self._hits, self._standing = Hits.none(point.problem.n), 0
+        self._standing = 0
         self._previous: Branch | None = None
 
     def steps(self) -> Iterator[PathStep]:
@@ -111,38 +111,58 @@ class _Walk:
         if not self.point.problem.change.any():
             yield from self._waiting()
             return
+        tangents = self._go_on(self.point, Hits.none(self.point.problem.n))
         while self.point.lam < 1.0:
-            problem, x, tangents = continued(self.point.problem, self.point.x, self.point.lam, self._hits)
-            self.point = replace(self.point, problem=problem, x=x)
-            if slides_freely(problem.condensed, problem.sets):
+            if slides_freely(self.point.problem.condensed, self.point.problem.sets):
                 raise _slides(self._stage, self.point.lam)
-            yield from self._piece(tangents)
+            begin, barrier = self.point, Barrier(self.point.problem)
+            follower = follow(begin.problem, begin.x, begin.lam, 1.0, self._options, self._previous, barrier)
+            for step in follower.steps():
+                step = replace(step, factorizations=step.factorizations + tangents)
+                tangents = 0
+                if barrier.reached:
+                    yield from self._event(step, barrier.hits)
+                else:
+                    yield self._step(sharpened(begin.problem, step) if step.lam == 1.0 else step)
+            if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
+                raise stopped(self._stage, follower.outcome)
+            self._previous = barrier.piece
+            self._standing = self._standing + 1 if self.point.lam - begin.lam < STANDSTILL else 0
+            if self._standing > 4 * begin.problem.n + 50:
+                raise NoStateError(sliding=False)
 
-    def _piece(self, tangents: int) -> Iterator[PathStep]:
-        """Steps to the next event."""
-        begin = self.point.lam
-        barrier = Barrier(self.point.problem)
-        follower = follow(
-            self.point.problem, self.point.x, begin, 1.0, self._options, self._previous, barrier
-        )
-        for step in follower.steps():
-            if step.lam == 1.0:
-                step = sharpened(self.point.problem, step)
-            step = replace(step, factorizations=step.factorizations + tangents)
-            tangents = 0
-            yield self._step(step)
-            self._previous = step.branch
-        if follower.outcome.reason is StopReason.EVENT:
-            self._hits, self._previous = barrier.hits, barrier.piece
-        elif not follower.outcome.reached:
-            raise stopped(self._stage, follower.outcome)
-        self._standing = self._standing + 1 if self.point.lam - begin < STANDSTILL else 0
-        if self._standing > 4 * self.point.problem.n + 50:
-            raise NoStateError(sliding=False)
+    def _go_on(self, point: _Point, hits: Hits) -> int:
+        """Put the path on the sets that hold beyond a point; return the tangents it took."""
+        problem, x, tangents = continued(point.problem, point.x, point.lam, hits)
+        # What the event's place, known to the series' tolerance, and the new sets disagree by.
+        x = x + problem.tangent(x, point.lam).solve(-problem.residual(x, point.lam))
+        self.point = _inside(replace(point, problem=problem, x=x))
+        return tangents
+
+    def _event(self, step: Step, hits: Hits) -> Iterator[PathStep]:
+        """A step that ends at an event, its end already as the path goes on from it."""
+        before = self.point
+        point, failure, tangents = _moved(before, step.x, step.lam), None, 0
+        try:
+            tangents = self._go_on(point, hits)
+        except NoStateError as error:
+            failure = error
+            self.point = _inside(point)
+        problem = self.point.problem
+        residual = float(np.abs(problem.residual(self.point.x, step.lam)).max())
+        step = replace(step, factorizations=step.factorizations + tangents, residual=residual)
+        yield self._told(before, step)
+        if failure is not None:
+            raise failure
 
     def _step(self, step: Step) -> PathStep:
-        stage, before = self._stage, self.point
+        before = self.point
         self.point = _moved(before, step.x, step.lam)
+        return self._told(before, step)
+
+    def _told(self, before: _Point, step: Step) -> PathStep:
+        """The step from ``before`` to where the path is now."""
+        stage = self._stage
         end = _state(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
         saved = [
@@ -159,6 +179,14 @@ class _Walk:
         state = _state(self.point, self._stage, residual)
         places = [p for p in self._wanted if self._stage < p <= self._stage + 1]
         yield PathStep(state, tuple(replace(state, position=position) for position in places))
+
+
+def _inside(point: _Point) -> _Point:
+    """The point with no sticking node beyond its limit, at rest where it is now."""
+    x = point.problem.within_cone(point.x)
+    if np.array_equal(x, point.x):
+        return point
+    return replace(point, x=x, problem=point.problem.rested(x, point.lam))
 
 
 def _moved(point: _Point, x: FloatArray, lam: float) -> _Point:

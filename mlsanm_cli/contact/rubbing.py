@@ -200,6 +200,20 @@ class RubbingContact:
         values = Values(np.where(self.sets.closed, p, 0.0), t, q, gap, slipped * self.law.slip)
         return values, slipped * self.law.slip
 
+    def within_cone(self, x: FloatArray) -> FloatArray:
+        """The unknowns with sticking nodes' tractions within their limits, which round-off and residual of an
+        event may pass: by nothing beside the reference pressure, but perhaps not beside their own."""
+        x = x.copy()
+        p, _, _, t = self.split(x)
+        limit = self.condensed.friction * np.maximum(self.pressed(p), 0.0)
+        t[self.stuck] = np.clip(t, -limit, limit)[self.stuck]
+        return x
+
+    def rested(self, x: FloatArray, lam: float) -> RubbingContact:
+        """The same problem with its sticking nodes at rest where they are in x."""
+        anchor = np.where(self.sets.stuck, self.yielded(x, lam), self.anchor)
+        return RubbingContact(self.base, self.start, self.start + self.change, self.sets, anchor)
+
     def yielded(self, x: FloatArray, lam: float) -> FloatArray:
         """Slips less what the asperities' softness explains, s + c t (n,)."""
         p, _, q, t = self.split(x)

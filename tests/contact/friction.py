@@ -69,7 +69,7 @@ def half_planes(
     """Two platen motions, down and along; ``shift`` moves the nodes off the symmetric places."""
     half, span = 0.05, 1.5
     width = 2.0 * span * half / m
-    x = (np.arange(m) + 0.5) * width - span * half + shift
+    x: FloatArray = (np.arange(m, dtype=np.float64) + 0.5) * width - span * half + shift
     force = 0.25 * np.pi * half**2
     normal, coupling = strip_compliance(x, width), beta * strip_coupling(x, width)
     columns = Columns(2, 2, m, m)

@@ -107,9 +107,8 @@ def test_statuses() -> None:
 def test_units_change_nothing(scale: float) -> None:
     c = random_problem(8, 3, 0.4)
     one, _ = increment(c, unloaded(c, np.zeros(1)), FULL)
-    maps = {
-        name: replace(m, pressure=m.pressure * scale, traction=m.traction * scale)
-        for name, m in (("gap", c.gap), ("slip", c.slip))
-    }
-    other, _ = increment(replace(c, **maps), unloaded(c, np.zeros(1)), FULL)
+    gap, slip = (
+        replace(one, pressure=one.pressure * scale, traction=one.traction * scale) for one in (c.gap, c.slip)
+    )
+    other, _ = increment(replace(c, gap=gap, slip=slip), unloaded(c, np.zeros(1)), FULL)
     assert other.values.traction * scale == pytest.approx(one.values.traction, rel=1e-8, abs=1e-12)

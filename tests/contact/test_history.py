@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
-from mlsanm_cli.contact.history import SlidingError, follow, start
+from mlsanm_cli.contact.history import Event, SlidingError, follow, start
 from tests.contact.friction import HalfPlanes, half_planes
 
 UP, BACK, TURNED = (1.0, 0.5), (1.0, 0.0), (1.0, -0.5)
@@ -103,7 +103,7 @@ def test_small_increments_tend_to_it() -> None:
 def test_sliding_as_a_whole_is_named() -> None:
     planes = half_planes(60)
     state = planes.follow(PRESSED)[0]
-    events = []
+    events: list[Event] = []
     with pytest.raises(SlidingError) as caught:
         events.extend(follow(planes.condensed, state, np.array([1.0, 1.25]), [1.0]))
     # The load factor of the shear force is relative to mu P.
