@@ -161,7 +161,7 @@ def faults(
     figures = summary["contacts"]["interface"]
     if figures["max_cone_ratio"] > 1.0 + 1e-9:
         found.append(f"cone {figures['max_cone_ratio']}")
-    if np.diff(contact.dissipated_work).min(initial=0.0) < -1e-9 * np.abs(contact.dissipated_work).max(
+    if np.diff(contact.dissipated_work).min(initial=0.0) < -1e-8 * np.abs(contact.dissipated_work).max(
         initial=0.0
     ):
         found.append("work falls")

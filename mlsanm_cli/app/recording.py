@@ -63,7 +63,25 @@ def write_model(file: RunFile, built: Built) -> None:
             slave_arc(pairing),
             pairing.weight[chosen],
         )
-    file.start_path(built.scene.loads, tuple(built.condensed.forces))
+    file.start_path(built.scene.loads, tuple(built.condensed.forces), tuple(platen_displacements(built)))
+
+
+def platen_displacements(built: Built, state: State | None = None) -> dict[str, FloatArray]:
+    """Displacement (2,) of the platen that each of its loads moves, in one state or before any."""
+    found: dict[str, FloatArray] = {}
+    unknown = 0
+    for platen in built.scene.platens:
+        moved = np.zeros(2)
+        for motion in platen.motions:
+            free = motion.prescribed is None
+            if state is not None and motion.component < 2:
+                value = (
+                    state.motion[unknown] if motion.prescribed is None else motion.prescribed @ state.factors
+                )
+                moved[motion.component] = value
+            unknown += free
+        found |= {built.scene.loads[number]: moved for number in platen.loads}
+    return found
 
 
 def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecord:
@@ -107,6 +125,7 @@ def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
         seconds=seconds,
         factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
         resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
+        displacements=platen_displacements(built, state),
         contacts={p.name: contact_record(built, p, state) for p in built.condensed.pairings},
     )
 

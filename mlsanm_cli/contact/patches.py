@@ -16,7 +16,7 @@ class Patch:
 
     An end of the patch that is an end of the surface is no edge: it does not move with the load. ``spacing``
     is the node spacing in the middle, ``uncertainty`` (0 to 2,) the distance between the last closed and the
-    first open node at each edge.
+    first open node at each edge. ``finest`` is how much coarser than usual its edges may be.
     """
 
     middle: FloatArray
@@ -24,6 +24,7 @@ class Patch:
     spacing: float
     edges: FloatArray
     uncertainty: FloatArray
+    finest: float = 1.0
 
 
 def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,7 +55,7 @@ class StepRecord:
     """One row of /path and of every contact history; ``position`` is stage index + fraction.
 
     ``factors`` maps each load to its factor, ``resultants`` each load or support to the force (2,) that it
-    exerts on its body.
+    exerts on its body, ``displacements`` each load that moves a platen to the platen's displacement (2,).
     """
 
     position: float
@@ -68,3 +68,4 @@ class StepRecord:
     factors: Mapping[str, float]
     resultants: Mapping[str, FloatArray]
     contacts: Mapping[str, ContactRecord]
+    displacements: Mapping[str, FloatArray] = field(default_factory=dict)

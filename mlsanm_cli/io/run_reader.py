@@ -42,7 +42,8 @@ class BodyData:
 
 @dataclass(frozen=True)
 class PathData:
-    """The load path, one row per finished step and row 0 for the start: all (S+1,), resultants (S+1, 2)."""
+    """The load path, one row per finished step and row 0 for the start: all (S+1,), resultants and
+    displacements (S+1, 2)."""
 
     position: FloatArray
     step_length: FloatArray
@@ -53,6 +54,7 @@ class PathData:
     seconds: FloatArray
     factors: Mapping[str, FloatArray]
     resultants: Mapping[str, FloatArray]
+    displacements: Mapping[str, FloatArray]
 
     @property
     def rows(self) -> int:
@@ -160,16 +162,17 @@ def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData]]:
     groups = dict(_items(root, "contacts"))
     histories = [group[key] for group in groups.values() for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)]
     path: dict[str, Any] = {key: np.empty(0, dtype) for key, dtype in PATH_COLUMNS.items()}
-    path |= {"factors": {}, "resultants": {}}
+    path |= {"factors": {}, "resultants": {}, "displacements": {}}
     rows = 0
     if "path" in root:
-        factors, resultants = dict(_items(root, "path/factors")), dict(_items(root, "path/resultants"))
+        named = {key: dict(_items(root, f"path/{key}")) for key in ("factors", "resultants", "displacements")}
         columns = [root["path"][key] for key in PATH_COLUMNS]
-        lengths = [len(data) for data in (*columns, *factors.values(), *resultants.values(), *histories)]
+        by_name = [data for group in named.values() for data in group.values()]
+        lengths = [len(data) for data in (*columns, *by_name, *histories)]
         rows = min(lengths)
         path = {key: data[:rows] for key, data in zip(PATH_COLUMNS, columns, strict=True)}
-        path["factors"] = MappingProxyType({name: data[:rows] for name, data in factors.items()})
-        path["resultants"] = MappingProxyType({name: data[:rows] for name, data in resultants.items()})
+        for key, group in named.items():
+            path[key] = MappingProxyType({name: data[:rows] for name, data in group.items()})
     geometry = ("points", "normal", "arc_length", "weight")
     contacts = {
         name: ContactData(
