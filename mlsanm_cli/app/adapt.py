@@ -3,8 +3,9 @@
 What limits a pressure profile is the position of the contact's edges, known to half a spacing, and then the
 spacing under the contact. Every pass asks for ``ACROSS`` spacings over the half-width of each patch found and
 refines around its edges, within twice the distance in which an edge is known to lie, up to ``AT_EDGE``
-spacings per half-width. Once these are known well enough, the edges of zones that stick get ``AT_STICK``. Zones of an earlier pass give way to those of the next, which knows better. Both
-bodies get the same zones, so that their spacings stay matched. Nothing of it comes from the case.
+spacings per half-width. Once these are known well enough, the edges of zones that stick get ``AT_STICK``.
+Zones of an earlier pass give way to those of the next, which knows better. Both bodies get the same zones, so
+that their spacings stay matched. Nothing of it comes from the case.
 """
 
 from __future__ import annotations

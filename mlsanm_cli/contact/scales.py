@@ -16,7 +16,7 @@ WIDEST = 10.0
 """The law's length of a node lies between the scene's elastic gap and this many times it."""
 
 
-WITH_FRICTION = 0.3
+WITH_FRICTION = 0.15
 """The law's length over that of scenes without friction, whose tractions remember how nodes have closed."""
 PRESSED = 10.0
 """Friction begins where the pressure is above so many times the hyperbolic law's eta."""
