@@ -29,11 +29,19 @@ def middle(values: FloatArray) -> FloatArray:
     return values[10:-10]
 
 
-def test_linear_tractions_are_left_alone() -> None:
+def fit_of(one: Small) -> FloatArray:
+    """The local linear fit (m, m) along the slave."""
+    pairing = one.pairing
+    arc = pairing.arc[pairing.candidate]
+    spacing = pairing.spacing[pairing.candidate]
+    return np.asarray(surface_fit(arc, one.condensed.weight, arc, SMOOTH * spacing).toarray())
+
+
+def test_linear_tractions_only_lose_the_short_waves_of_their_slips() -> None:
     raw, kept = (small(flag).condensed.slip.traction for flag in (False, True))
-    arc = small(True).pairing.arc[small(True).pairing.candidate]
+    arc, fit = small(True).pairing.arc[small(True).pairing.candidate], fit_of(small(True))
     for t in (np.ones(len(arc)), arc - arc.mean()):
-        assert np.abs(kept @ t - raw @ t).max() <= 1e-12 * np.abs(raw @ t).max()
+        assert np.abs(kept @ t - fit @ raw @ t).max() <= 1e-12 * np.abs(raw @ t).max()
 
 
 def test_alternating_tractions_meet_the_half_plane() -> None:
@@ -45,7 +53,7 @@ def test_alternating_tractions_meet_the_half_plane() -> None:
     t: FloatArray = np.where(np.arange(len(raw)) % 2 == 0, 1.0, -1.0)
     amplitude = [float(np.mean(middle(t * (matrix @ t)))) for matrix in (raw, kept)]
     assert amplitude[0] <= 0.5 * expected
-    assert amplitude[1] == pytest.approx(expected, rel=0.5)
+    assert amplitude[1] == pytest.approx(1.5 * expected, rel=0.4)
 
 
 def test_smooth_tractions_hardly_notice() -> None:
@@ -57,9 +65,7 @@ def test_smooth_tractions_hardly_notice() -> None:
 
 def test_pressures_cause_smooth_slips() -> None:
     raw, kept = (small(flag).condensed.slip for flag in (False, True))
-    pairing = small(True).pairing
-    arc = pairing.arc[pairing.candidate]
-    fit = surface_fit(arc, small(True).condensed.weight, arc, SMOOTH * pairing.spacing[pairing.candidate])
+    fit = fit_of(small(True))
     for before, after in ((raw.pressure, kept.pressure), (raw.motion, kept.motion), (raw.load, kept.load)):
         assert np.abs(after - fit @ before).max() <= 1e-12 * np.abs(before).max(initial=1e-300)
     # A rigid motion is linear along the surface, but for its curvature.
@@ -74,6 +80,7 @@ def test_contacts_keep_to_themselves() -> None:
     )
     both = resolved_slip(nothing, (pairing,), {pairing.name: slice(m, 2 * m)}, {pairing.name: 1.0})
     assert (both.pressure[:m] == np.eye(2 * m)[:m]).all()
+    assert np.abs(both.pressure[m:] - np.eye(2 * m)[m:]).max() > 0.1
     assert (both.traction[:m] == 0.0).all()
     assert (both.traction[:, :m] == 0.0).all()
     assert np.abs(both.traction[m:, m:]).max() > 0.0
