@@ -157,7 +157,7 @@ def contact_summary(built: Built, pairing: Pairing, state: State) -> dict[str, A
         "stick_nodes": int((record.status == STICK).sum()),
         "slip_nodes": int((record.status == SLIP).sum()),
         "min_gap": float(record.gap.min()),
-        "dissipated_work": record.dissipated_work,
+        "dissipated_work": None if np.isnan(record.dissipated_work) else record.dissipated_work,
     }
 
 

@@ -9,13 +9,22 @@ import numpy as np
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.rubbing_events import Barrier, Hits, continued
-from mlsanm_cli.app.series_path import anm_options, at, path_step, sharpened, states_in, stopped
+from mlsanm_cli.app.series_path import (
+    anm_options,
+    at,
+    drawn,
+    path_step,
+    regularization,
+    series_arrays,
+    sharpened,
+    states_in,
+    stopped,
+)
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.coulomb import OPEN, SLIP, STICK, NoStateError, Sets
 from mlsanm_cli.contact.history import SlidingError, slides_freely
 from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
-from mlsanm_cli.contact.scales import regularize
 from mlsanm_cli.continuation import AnmOptions, Branch, Step, StopReason, correct, follow
 from mlsanm_cli.errors import NumericalError
 
@@ -69,16 +78,10 @@ def _first(built: Built, options: AnmOptions) -> _Point:
     Pressed nodes stick from the very start; friction of the others begins when they reach the law's
     threshold.
     """
-    c = built.condensed
-    regular = {contact.name: contact.regularization for contact in built.case.contact}
-    stick = np.concatenate(
-        [np.full(span.stop - span.start, regular[name].stick) for name, span in c.tangential.items()]
-    )
-    law = regularize(c, built.ends, built.case.contact[0].regularization.eta, stick)
+    c, law = built.condensed, regularization(built)
     nothing, begin = np.zeros(len(c.rubbing)), built.stages[0]
-    gap = np.maximum(c.gap.constant, 0.1 * law.gap)
-    pressure = law.eta * (law.delta / gap - 1.0)
-    x = np.concatenate([pressure, gap, np.zeros(len(law.motion)), nothing])
+    x = np.concatenate([drawn(built, law), nothing])
+    pressure = x[: len(c.weight)]
     anchor, full = nothing, law.threshold
     for _ in range(OPENINGS):
         pressed = np.zeros(len(pressure), dtype=bool)
@@ -199,18 +202,8 @@ def _moved(point: _Point, x: FloatArray, lam: float) -> _Point:
 
 
 def _series(problem: RubbingContact, branch: Branch, stage: int) -> dict[str, FloatArray]:
-    """Coefficients over the path parameter a, 0 <= a <= length; with ``denominator`` the Pade form holds."""
-    pressure, gap, motion, traction = problem.split(branch.x)
-    position = branch.lam.copy()
-    position[0] += stage
-    arrays = {
-        "position": position,
-        "pressure": pressure,
-        "gap": gap,
-        "motion": motion,
-        "traction": traction,
-    }
-    return arrays if branch.denominator is None else {**arrays, "denominator": branch.denominator}
+    names = ("pressure", "gap", "motion", "traction")
+    return series_arrays(branch, stage, dict(zip(names, problem.split(branch.x), strict=True)))
 
 
 def _state(point: _Point, stage: int, residual: float) -> State:

@@ -10,6 +10,8 @@ import numpy as np
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.coulomb import OPEN, SLIP, STICK
+from mlsanm_cli.contact.holonomic import HolonomicContact
 from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
 from mlsanm_cli.contact.scales import regularize
 from mlsanm_cli.continuation import (
@@ -30,14 +32,13 @@ BRANCH_HINT = (
 
 
 def anm_path(built: Built) -> Iterator[PathStep]:
-    """The hyperbolic law followed by power series; wanted states come from the series of their step."""
+    """Laws without memory followed by power series; wanted states come from the series of their step."""
     wanted = wanted_positions(built)
-    law = regularize(built.condensed, built.ends, built.case.contact[0].regularization.eta)
-    options = anm_options(built)
-    x = _start_point(built, law)
+    law, options = regularization(built), anm_options(built)
     for stage in range(len(built.case.stage)):
-        problem = HyperbolicContact(built.condensed, law, built.stages[stage], built.stages[stage + 1])
+        problem = _problem(built, law, stage)
         if stage == 0:
+            x = _start_point(built, problem)
             corrected = correct(problem, x, 0.0, options)
             x = corrected.x
             start = _regularized_state(problem, x, 0.0, stage, corrected.residual)
@@ -67,6 +68,31 @@ def anm_path(built: Built) -> Iterator[PathStep]:
             before = step.lam
         if not follower.outcome.reached:
             raise stopped(stage, follower.outcome)
+
+
+Memoryless = HyperbolicContact | HolonomicContact
+
+
+def is_holonomic(built: Built) -> bool:
+    """Whether friction is to depend on the total slip alone."""
+    return any(
+        contact.friction and contact.regularization.friction_law == "holonomic"
+        for contact in built.case.contact
+    )
+
+
+def regularization(built: Built) -> Regularization:
+    """The case's smooth law with the scene's scales."""
+    regular = {contact.name: contact.regularization for contact in built.case.contact}
+    spans = built.condensed.tangential.items()
+    stick = [np.full(span.stop - span.start, regular[name].stick) for name, span in spans]
+    eta = built.case.contact[0].regularization.eta
+    return regularize(built.condensed, built.ends, eta, np.concatenate([np.zeros(0), *stick]))
+
+
+def _problem(built: Built, law: Regularization, stage: int) -> Memoryless:
+    make = HolonomicContact if len(built.condensed.rubbing) else HyperbolicContact
+    return make(built.condensed, law, built.stages[stage], built.stages[stage + 1])
 
 
 def anm_options(built: Built) -> AnmOptions:
@@ -102,8 +128,16 @@ def sharpened(problem: Problem, step: Step) -> Step:
     return step
 
 
-def _start_point(built: Built, law: Regularization) -> FloatArray:
+def _start_point(built: Built, problem: Memoryless) -> FloatArray:
     """Open gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
+    x = drawn(built, problem.law)
+    if isinstance(problem, HolonomicContact):
+        return problem.with_auxiliary(np.concatenate([x, np.zeros(problem.n)]), 0.0)
+    return x
+
+
+def drawn(built: Built, law: Regularization) -> FloatArray:
+    """Pressures (m,), gaps (m,) and motions (k,) of the smooth law near the scene as drawn."""
     gap = np.maximum(built.condensed.gap.constant, 0.1 * law.gap)
     pressure = law.eta * (law.delta / gap - 1.0)
     return np.concatenate([pressure, gap, np.zeros(len(law.motion))])
@@ -142,33 +176,34 @@ def path_step(
     )
 
 
-def _series(problem: HyperbolicContact, branch: Branch, stage: int) -> dict[str, FloatArray]:
+def _series(problem: Memoryless, branch: Branch, stage: int) -> dict[str, FloatArray]:
     """Coefficients over the path parameter a, 0 <= a <= length; with ``denominator`` the Pade form holds."""
-    pressure, gap, motion = problem.split(branch.x)
+    names = ("pressure", "gap", "motion", "traction")
+    parts = problem.split(branch.x)
+    return series_arrays(branch, stage, dict(zip(names, parts, strict=False)))
+
+
+def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """What is stored of a step's series: position, the named parts of the unknowns, denominator."""
     position = branch.lam.copy()
     position[0] += stage
-    arrays = {"position": position, "pressure": pressure, "gap": gap, "motion": motion}
+    arrays = {"position": position, **parts}
     return arrays if branch.denominator is None else {**arrays, "denominator": branch.denominator}
 
 
-def _regularized_state(
-    problem: HyperbolicContact, x: FloatArray, lam: float, stage: int, residual: float
-) -> State:
-    pressure, gap, motion = problem.split(x)
+def _regularized_state(problem: Memoryless, x: FloatArray, lam: float, stage: int, residual: float) -> State:
+    pressure, gap, motion, *rest = problem.split(x)
     law = problem.law
     # A node counts as closed where its pressure, in units of the scene, has outgrown its gap.
     closed = pressure / law.pressure > gap / law.gap
-    nothing = np.zeros(0)
-    status = np.where(closed, 2, 0).astype(np.int8)
+    status = np.where(closed, SLIP, OPEN).astype(np.int8)
+    traction = slip = work = np.zeros(0)
+    if isinstance(problem, HolonomicContact):
+        traction, slip = rest[0], problem.slip(x, lam)
+        held = problem.condensed.rubbing[np.abs(slip) < problem.small]
+        status[held[closed[held]]] = STICK
+        # Dissipation is a matter of history, which this law does not know.
+        work = np.full(problem.n, np.nan)
     return State(
-        stage + lam,
-        problem.factors(lam),
-        pressure,
-        gap,
-        motion,
-        nothing,
-        nothing,
-        nothing,
-        status,
-        residual,
+        stage + lam, problem.factors(lam), pressure, gap, motion, traction, slip, work, status, residual
     )

@@ -57,12 +57,6 @@ PLANNED: tuple[Planned, ...] = (
     Planned(("support", "*", "ux"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("support", "*", "uy"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("contact", "*", "obstacle"), "a rigid obstacle", part=2, hint="give slave and master"),
-    Planned(
-        ("contact", "*", "regularization", "friction_law"),
-        'friction law "{}"',
-        _one_of("holonomic"),
-        hint="remove the key",
-    ),
     Planned(("mls", "scheme"), 'scheme "{}"', _one_of("collocation", "ghost"), hint='use "least-squares"'),
     Planned(("solver", "method"), 'method "{}"', _one_of("newton"), hint='use "anm" or "active-set"'),
     Planned(("solver", "formulation"), 'formulation "{}"', _one_of("monolithic"), hint='use "condensed"'),

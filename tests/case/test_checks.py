@@ -230,7 +230,6 @@ def test_method_and_law(method: str, law: str, fits: bool) -> None:
         ('load.press={name="press", kind="body-force", bodyforce=[0,1]}', 'load kind "body-force"'),
         ("support.0.uy=0.1", "support that moves"),
         ('contact.interface={name="interface", slave="cylinder.arc", obstacle={kind="plane"}}', "obstacle"),
-        ('contact.interface.regularization.friction_law="holonomic"', "friction law"),
         ('mls.scheme="collocation"', "collocation"),
         ('mls.scheme="ghost"', "ghost"),
         ('solver.method="newton"', "newton"),
