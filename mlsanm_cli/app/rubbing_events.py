@@ -14,7 +14,7 @@ from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.continuation import Branch
 
-SAMPLES = 25
+SAMPLES = 17
 """A piece of path is looked at in so many places."""
 NEAR = 1e-9
 """A condition is at its limit where it is this close to it, relative to the reference pressure."""

@@ -30,6 +30,10 @@ UNBOUNDED = 1e8
 """Rates above so many times the reference pressure or slip per stage are those of a singular system."""
 
 
+SAME = 1e-7
+"""Unknowns within this part of their scale share a tangent."""
+
+
 @dataclass(frozen=True, eq=False)
 class Rubbing:
     """What the problems of a path share: gaps, slips less the asperities', and balances, each dimensionless,
@@ -83,7 +87,8 @@ class RubbingTangent:
         held = four[stuck]
         known = four * problem.limit
         known[stuck] = 0.0
-        if known.any():
+        # Right-hand sides of a series know no tractions.
+        if four.any() and known.any():
             by_known = base.matrix[:, m : m + n] @ known
             two = two + by_known[:m]
             held = held - by_known[m + stuck]
@@ -162,8 +167,12 @@ class RubbingContact:
         return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m + n :], rub])
 
     def tangent(self, x: FloatArray, lam: float) -> RubbingTangent:
-        """Factorised derivative by x; numpy's LinAlgError where it is singular."""
-        if self._ready is None or not np.array_equal(self._ready[0], x):
+        """Factorised derivative by x; numpy's LinAlgError where it is singular.
+
+        Points that differ by no more than a correction at an event share their tangent: what that costs, the
+        residuals of the series show.
+        """
+        if self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
             self._ready = (x.copy(), RubbingTangent(self, x))
         return self._ready[1]
 
@@ -212,7 +221,9 @@ class RubbingContact:
     def rested(self, x: FloatArray, lam: float) -> RubbingContact:
         """The same problem with its sticking nodes at rest where they are in x."""
         anchor = np.where(self.sets.stuck, self.yielded(x, lam), self.anchor)
-        return RubbingContact(self.base, self.start, self.start + self.change, self.sets, anchor)
+        problem = RubbingContact(self.base, self.start, self.start + self.change, self.sets, anchor)
+        problem._ready = self._ready
+        return problem
 
     def yielded(self, x: FloatArray, lam: float) -> FloatArray:
         """Slips less what the asperities' softness explains, s + c t (n,)."""

@@ -163,18 +163,21 @@ class AnmFollower:
     def _early(
         self, here: Station, direction: tuple[FloatArray, float], unit: float
     ) -> tuple[Series | None, Branch | None]:
-        """Return a series of low order and, if it is good up to an event, the piece that ends there."""
-        if self._barrier is None or self._options.order <= _EARLY:
-            return None, None
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            series = expand(self._problem, self._metric, here, _EARLY, direction, unit)
-            self._effort.solves += _EARLY
-            piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
-            crossing = piece.first_crossing(self._lam_end)
-            piece = piece if crossing is None else piece.shortened(crossing)
-            limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
-            if limit < piece.length and self._gauge.good(piece, limit):
-                return None, piece.shortened(limit)
+        """Return a series and, if one of low order is good up to an event, the piece that ends there."""
+        series = None
+        for order in sorted({min(_EARLY, self._options.order), self._options.order}):
+            if self._barrier is None:
+                break
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                known = series.lam.size - 1 if series else 0
+                series = expand(self._problem, self._metric, here, order, direction, unit, series)
+                self._effort.solves += order - known
+                piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
+                crossing = piece.first_crossing(self._lam_end)
+                piece = piece if crossing is None else piece.shortened(crossing)
+                limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
+                if limit < piece.length and self._gauge.good(piece, limit):
+                    return None, piece.shortened(limit)
         return series, None
 
     def _branch(
