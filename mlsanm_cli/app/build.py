@@ -27,7 +27,7 @@ from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
 WIDER = 1.5
 WIDENINGS = 6
-FIRST_PARTS = (0.01, 0.1, 0.5)
+FIRST_PARTS = (0.5, 0.1, 0.01)
 """Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
 
@@ -149,20 +149,25 @@ def _rubbing_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState,
     """One increment per stage as far as the loads can be carried; of the first at least a part."""
     ends: list[ExactState] = []
     state = unloaded(condensed, stages[0])
-    parts = [*(stages[0] + part * (stages[1] - stages[0]) for part in FIRST_PARTS), *stages[1:]]
-    for number, factors in enumerate(parts):
+    for factors in stages[1:]:
         try:
-            found, solves = increment(condensed, state, factors)
+            state, solves = increment(condensed, state, factors)
         except NoStateError:
-            if number < len(FIRST_PARTS) or not ends:
-                continue
             break
-        if number >= len(FIRST_PARTS):
-            state = found
-        ends.append(_end(condensed, found, solves))
-    if not ends:
-        raise NoStateError(sliding=False)
-    return tuple(ends)
+        ends.append(_end(condensed, state, solves))
+    return tuple(ends) if ends else (_first_end(condensed, state, stages[1]),)
+
+
+def _first_end(condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:
+    """The state after a part of a stage whose end cannot be reached."""
+    for part in FIRST_PARTS:
+        try:
+            found, solves = increment(condensed, state, state.factors + part * (end - state.factors))
+        except NoStateError as error:
+            failure = error
+            continue
+        return _end(condensed, found, solves)
+    raise failure
 
 
 def _end(condensed: Condensed, state: CoulombState, solves: int) -> ExactState:
