@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.paths import State
+from mlsanm_cli.app.states import State
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.accuracy import corrected_state, halved_pressure, l2
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
@@ -68,7 +68,7 @@ def assess_accuracy(built: Built) -> Accuracy:
     """Estimate the errors of a solved scene in its last exact state."""
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
-    unknowns = (state.factors, state.motion, state.pressure)
+    unknowns = (state.factors, state.motion, state.pressure, state.traction)
     solved = {name: condensed.displacement(scene, name, *unknowns)[0] for name in scene.bodies}
     largest = max(float(np.hypot(*u.T).max()) for u in solved.values())
     untold: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
@@ -76,8 +76,9 @@ def assess_accuracy(built: Built) -> Accuracy:
         defects = {name: defect_of(body, solved[name]) for name, body in scene.bodies.items()}
     except NumericalError:  # the clouds are too small for the next degree
         defects = {}
-    if not defects:
-        return Accuracy(None, untold, untold, state, largest, {})
+    # What friction has done on the way there would have to be followed again.
+    if not defects or len(condensed.rubbing):
+        return Accuracy(None, untold, untold, state, largest, defects)
     change = {name: defect.correction(scene.bodies[name]) for name, defect in defects.items()}
     try:
         corrected = corrected_state(condensed, scene, state, change)

@@ -3,17 +3,20 @@
 What limits a pressure profile is the position of the contact's edges, known to half a spacing, and then the
 spacing under the contact. Every pass asks for ``ACROSS`` spacings over the half-width of each patch found and
 refines around its edges, within twice the distance in which an edge is known to lie, up to ``AT_EDGE``
-spacings per half-width. Zones of an earlier pass give way to those of the next, which knows better. Both
-bodies get the same zones, so that their spacings stay matched. Where the error estimate says that the bodies
-themselves limit the result, and in every scene without contact, the bulk is refined by its residual, and
-these zones stay. Nothing of it comes from the case.
+spacings per half-width. Once these are known well enough, the edges of zones that stick get ``AT_STICK``.
+Zones of an earlier pass give way to those of the next, which knows better. Both bodies get the same zones, so
+that their spacings stay matched. Where the error estimate says that the bodies themselves limit the result,
+and in every scene without contact, the bulk is refined by its residual, and these zones stay. Nothing of it
+comes from the case.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from mlsanm_cli.app.accuracy import Accuracy, assess_accuracy
 from mlsanm_cli.app.build import Built, complete, place
@@ -28,9 +31,14 @@ from mlsanm_cli.contact.profile import half_width
 
 ACROSS = 20.0
 AT_EDGE = 256.0
+AT_STICK = 64.0
+KNOWN = 0.05
+"""Edges of contact are known well enough for stick zones when they are this near, in half-widths."""
 FINER = 8.0
 """An edge zone is at most so many times finer than what the edge was found with."""
 GROWTH = 0.12
+STICK_ZONE = 0.1
+"""A stick zone is wider than this part of its contact."""
 TOLERANCE = 2e-4
 """Passes end when nothing that :class:`Pass` compares changed by more, relatively."""
 
@@ -106,19 +114,27 @@ def _solved(case: Case, prepared: Prepared, clock: Clock, console: Console) -> t
 
 
 def found_patches(built: Built) -> Iterator[Patch]:
-    """Patches with an edge in the exact states at the ends of all stages.
+    """Patches with an edge in the exact states at the ends of all stages, with friction also stick zones.
 
     A surface that is closed from end to end has no edge, and nothing to refine.
     """
     for state in built.ends:
         for pairing in built.condensed.pairings:
-            closed = state.active[built.condensed.spans[pairing.name]]
-            yield from (patch for patch in contact_patches(pairing, closed) if len(patch.edges))
+            span = built.condensed.spans[pairing.name]
+            closed = [patch for patch in contact_patches(pairing, state.active[span]) if len(patch.edges)]
+            yield from closed
+            if any((patch.uncertainty > KNOWN * patch.half_width).any() for patch in closed):
+                continue
+            # Stray nodes that stick or slip among others are no zone.
+            least = STICK_ZONE * max((patch.half_width for patch in closed), default=np.inf)
+            for patch in contact_patches(pairing, state.stuck[span]):
+                if patch.half_width > least and len(patch.edges):
+                    yield replace(patch, finest=AT_EDGE / AT_STICK)
 
 
 def _is_coarse(patch: Patch) -> bool:
     """Whether another pass would refine around the patch by more than spacings vary anyway."""
-    edges = patch.uncertainty > 1.5 * patch.half_width / AT_EDGE
+    edges = patch.uncertainty > 1.5 * patch.finest * patch.half_width / AT_EDGE
     return bool(edges.any()) or patch.spacing > 1.2 * patch.half_width / ACROSS
 
 
@@ -128,7 +144,7 @@ def _patch_zones(patch: Patch) -> Iterator[Zone]:
     reach = patch.half_width + 2.0 * float(patch.uncertainty.max())
     yield Zone.around(middle, patch.half_width / ACROSS, reach, GROWTH)
     for edge, unsure, apart in zip(patch.edges, patch.uncertainty, patch.apart, strict=True):
-        finest = max(patch.half_width / AT_EDGE, float(unsure) / FINER)
+        finest = max(patch.finest * patch.half_width / AT_EDGE, float(unsure) / FINER)
         # The zone must reach the other surface too, which closed a gap there.
         radius = max(2.0 * float(unsure), 1.5 * float(apart))
         yield Zone.around((float(edge[0]), float(edge[1])), finest, radius, GROWTH)

@@ -18,6 +18,7 @@ from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.condensed import Condensed, condense
+from mlsanm_cli.contact.coulomb import CoulombState, NoStateError, increment, residual, unloaded
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import CACHE_NOTE, is_warm
@@ -27,6 +28,8 @@ from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
 WIDER = 1.5
 WIDENINGS = 6
+FIRST_PARTS = (0.5, 0.1, 0.01)
+"""Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,9 @@ class Built:
     """A scene ready for its load path.
 
     ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the
-    exact contact states there (none without contact), ``stability`` the certificate.
+    exact contact states there (none without contact), with friction after one increment per stage: good
+    enough for scales, reach and refinement. A stage whose end cannot be reached and those after it have none.
+    ``stability`` is the certificate.
     """
 
     case: Case
@@ -136,15 +141,51 @@ def _condense(
 
 
 def _exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
+    if len(condensed.rubbing):
+        return _rubbing_ends(condensed, stages)
     ends: list[ExactState] = []
     for factors in stages[1:]:
         ends.append(solve_exact(condensed, factors, ends[-1].active if ends else None))
     return tuple(ends)
 
 
+def _rubbing_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
+    """One increment per stage as far as the loads can be carried; of the first at least a part."""
+    ends: list[ExactState] = []
+    state = unloaded(condensed, stages[0])
+    for factors in stages[1:]:
+        try:
+            state, solves = increment(condensed, state, factors)
+        except NoStateError:
+            break
+        ends.append(_end(condensed, state, solves))
+    return tuple(ends) if ends else (_first_end(condensed, state, stages[1]),)
+
+
+def _first_end(condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:
+    """The state after a part of a stage whose end cannot be reached."""
+    for part in FIRST_PARTS:
+        try:
+            found, solves = increment(condensed, state, state.factors + part * (end - state.factors))
+        except NoStateError as error:
+            failure = error
+            continue
+        return _end(condensed, found, solves)
+    raise failure
+
+
+def _end(condensed: Condensed, state: CoulombState, solves: int) -> ExactState:
+    v, stuck = state.values, np.zeros(len(condensed.weight), dtype=bool)
+    stuck[condensed.rubbing[state.sets.stuck]] = True
+    violation = residual(condensed, state)
+    return ExactState(
+        state.factors, v.pressure, v.gap, v.motion, v.traction, state.sets.closed, stuck, solves, violation
+    )
+
+
 def _touched(condensed: Condensed, ends: tuple[ExactState, ...]) -> Mapping[str, BoolArray]:
     """Per contact, which paired nodes (w,) are no candidates and yet overlap in one of the states."""
-    found = [condensed.touched(state.factors, state.motion, state.pressure) for state in ends]
+    found = [condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in ends]
     return {pair.name: np.any([masks[pair.name] for masks in found], axis=0) for pair in condensed.pairings}
 
 

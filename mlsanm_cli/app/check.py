@@ -56,7 +56,7 @@ def check(
         "plane": case.model.plane,
         "nodes": nodes,
         "unknowns": 2 * nodes,
-        "contact_unknowns": sum(int(p.candidate.sum()) for p in prepared.pairings),
+        "contact_unknowns": sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings),
         "loads": len(case.load),
         "stages": len(case.stage),
         "estimated_memory_mb": round(estimate(case).memory_mb),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.app.build import Built, reach_error
-from mlsanm_cli.app.paths import State
+from mlsanm_cli.app.states import State
 from mlsanm_cli.contact.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
 

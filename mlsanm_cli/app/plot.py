@@ -19,6 +19,7 @@ from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.plot_cloud import CloudBody, plot_cloud
+from mlsanm_cli.io.plot_friction import plot_loop, plot_traction
 from mlsanm_cli.io.plots import ReferenceCurve, plot_path, plot_pressure
 from mlsanm_cli.io.run_reader import ContactData, RunData, read_run
 
@@ -35,10 +36,10 @@ class _Draw(Protocol):
 def plot(rundir: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
     """Draw the run in ``rundir`` and return the files written into it.
 
-    Pressure along every contact, contact force and peak pressure along the path (forces of loads and supports
-    in a scene without contact), and the deformed bodies at the last saved position. A run that failed or was
-    stopped is drawn as far as it came. Raises RunError for a directory without a readable run, or without
-    any state.
+    Pressure along every contact, with friction its tractions and the loop of their sum over a platen's
+    displacement, contact force and peak pressure along the path (forces of loads and supports in a scene
+    without contact), and the deformed bodies at the last saved position. A run that failed or was stopped is
+    drawn as far as it came. Raises RunError for a directory without a readable run, or without any state.
     """
     run = read_run(rundir)
     if not run.path.rows:
@@ -55,8 +56,12 @@ def plot(rundir: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
 
 def _pictures(run: RunData, case: Case) -> Iterator[tuple[str, str, _Draw]]:
     """Kind, subject and drawing function of every picture that the run has data for."""
+    friction = {contact.name: contact.friction for contact in case.contact}
     for name in run.contacts:
         yield "pressure", name, partial(_draw_pressure, run=run, case=case, name=name)
+        if friction[name]:
+            yield "traction", name, partial(_draw_traction, run=run, friction=friction[name], name=name)
+            yield "loop", name, partial(_draw_loop, run=run, name=name)
     if run.contacts:
         yield "force", "", partial(_draw_forces, run=run)
         yield "peak", "", partial(_draw_peaks, run=run)
@@ -91,6 +96,30 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str) -> None:
     x = np.union1d(x, edges[(edges > x[0]) & (edges < x[-1])])
     curve = ReferenceCurve(x, profile.curve(x), REFERENCE_NAMES.get(profile.label, profile.label))
     plot_pressure(path, name, profile.coordinate, pressure, labels, curve, "distance from the middle")
+
+
+def _draw_traction(path: Path, run: RunData, friction: float, name: str) -> None:
+    contact = run.contacts[name]
+    limit = friction * np.maximum(contact.pressure[-1], 0.0)
+    label = f"position {run.path.position[-1]:.4g}"
+    plot_traction(path, name, label, contact.arc_length, contact.traction[-1], limit, contact.status[-1])
+
+
+def _draw_loop(path: Path, run: RunData, name: str) -> None:
+    """Tangential force on the master against the displacement along it of the platen that moves most.
+
+    Where there is no platen, against the mean slip.
+    """
+    contact = run.contacts[name]
+    force: FloatArray = -(contact.traction @ contact.weight)
+    n_x, n_y = contact.weight @ contact.normal / contact.weight.sum()
+    along = {load: moved @ np.array([n_y, -n_x]) for load, moved in run.path.displacements.items()}
+    moved: FloatArray = contact.slip @ contact.weight / contact.weight.sum()
+    label = "mean slip of the surfaces"
+    if along:
+        load = max(along, key=lambda one: float(np.ptp(along[one])))
+        moved, label = along[load], f"displacement of the platen of {load} along the contact"
+    plot_loop(path, moved, force, label, f"Tangential force, {name}")
 
 
 def _reference(case: Case, name: str, contact: ContactData) -> ReferenceProfile | None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 from mlsanm_cli.app.scene import Prepared, stiffness_ratio
+from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.pairing import Pairing, spacing_ratio
 from mlsanm_cli.mechanics.body import BodyModel
@@ -127,3 +129,23 @@ def _cloud_warnings(name: str, cloud: CloudQuality) -> Iterator[str]:
             f"body {name}: the spacing grows by {cloud.growth:.3g} per unit length; "
             f"lower body.{name}.refine growth to {GROWTH:g} or less"
         )
+
+
+def law_warnings(case: Case) -> Iterator[str]:
+    """What the contact laws of a case cannot do with its loads."""
+    turning = [load.name for load in case.load if _turns(case, load.name)]
+    for contact in case.contact:
+        if contact.friction and contact.regularization.friction_law == "holonomic" and turning:
+            yield (
+                f"contact {contact.name}: the holonomic friction law has no memory, but load "
+                f'{turning[0]} turns back; use friction_law = "memory"'
+            )
+
+
+def _turns(case: Case, load: str) -> bool:
+    """Whether a load's factor both grows and falls along the stages."""
+    factors = [0.0]
+    for stage in case.stage:
+        factors.append(stage.get(load, factors[-1]))
+    changes = [after - before for before, after in pairwise(factors)]
+    return max(changes) > 0.0 > min(changes)

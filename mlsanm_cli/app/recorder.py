@@ -14,7 +14,7 @@ from mlsanm_cli.app import recording
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.paths import PathStep, State
+from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_file import RunFile
@@ -51,6 +51,7 @@ class Recorder:
         self.residual = 0.0
         self.linear_residual: float | None = None
         self.warnings: list[str] = []
+        self.cone: dict[str, float] = {}
 
     def start(self, built: Built) -> None:
         """Store the model."""
@@ -74,6 +75,11 @@ class Recorder:
             self.residual = max(self.residual, state.residual, *(s.residual for s in step.saved), 0.0)
             for saved in step.saved:
                 self._save_fields(built, saved)
+        for name in built.condensed.tangential:
+            ratios = [recording.cone_ratio(built, name, s) for s in (state, *step.saved)]
+            self.cone[name] = max(self.cone.get(name, 0.0), *ratios)
+        if step.warning:
+            self.warn(step.warning)
         peak = float(state.pressure.max(initial=0.0))
         text = f"closed {int(state.closed.sum())}  peak pressure {peak:.6g}" if len(state.pressure) else ""
         self._console.step(index, state.position, state.residual, text)

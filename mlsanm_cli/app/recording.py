@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.paths import PathStep, State
+from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.coulomb import SLIP, STICK
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.profile import half_width
 from mlsanm_cli.io.records import ContactRecord, StepRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
 
-OPEN, SLIP = 0, 2
+PRESSED = 1e-9
+"""Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
 
 
 @dataclass(frozen=True)
@@ -61,20 +63,53 @@ def write_model(file: RunFile, built: Built) -> None:
             slave_arc(pairing),
             pairing.weight[chosen],
         )
-    file.start_path(built.scene.loads, tuple(built.condensed.forces))
+    file.start_path(built.scene.loads, tuple(built.condensed.forces), tuple(platen_displacements(built)))
+
+
+def platen_displacements(built: Built, state: State | None = None) -> dict[str, FloatArray]:
+    """Displacement (2,) of the platen that each of its loads moves, in one state or before any."""
+    found: dict[str, FloatArray] = {}
+    unknown = 0
+    for platen in built.scene.platens:
+        moved = np.zeros(2)
+        for motion in platen.motions:
+            free = motion.prescribed is None
+            if state is not None and motion.component < 2:
+                value = (
+                    state.motion[unknown] if motion.prescribed is None else motion.prescribed @ state.factors
+                )
+                moved[motion.component] = value
+            unknown += free
+        found |= {built.scene.loads[number]: moved for number in platen.loads}
+    return found
 
 
 def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecord:
     """One contact in one state. Without friction there is no traction, and slip is not computed (nan)."""
     span = built.condensed.spans[pairing.name]
     count = span.stop - span.start
+    traction, slip, work = np.zeros(count), np.full(count, np.nan), 0.0
+    if pairing.name in built.condensed.tangential:
+        own = built.condensed.tangential[pairing.name]
+        traction, slip = state.traction[own], state.slip[own]
+        work = float(built.condensed.weight[span] @ state.work[own])
     return ContactRecord(
         pressure=state.pressure[span],
-        traction=np.zeros(count),
+        traction=traction,
         gap=state.gap[span],
-        slip=np.full(count, np.nan),
-        status=np.where(state.closed[span], SLIP, OPEN).astype(np.int8),
+        slip=slip,
+        status=state.status[span],
+        dissipated_work=work,
     )
+
+
+def cone_ratio(built: Built, contact: str, state: State) -> float:
+    """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
+    span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
+    pressure = state.pressure[span]
+    pressed = state.closed[span] & (pressure > PRESSED * pressure.max(initial=0.0))
+    limit = built.condensed.friction[own][pressed] * pressure[pressed]
+    return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
 
 
 def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
@@ -90,6 +125,7 @@ def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
         seconds=seconds,
         factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
         resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
+        displacements=platen_displacements(built, state),
         contacts={p.name: contact_record(built, p, state) for p in built.condensed.pairings},
     )
 
@@ -118,10 +154,10 @@ def contact_summary(built: Built, pairing: Pairing, state: State) -> dict[str, A
         "peak_pressure": float(record.pressure.max(initial=0.0)),
         "half_width": half_width(slave_arc(pairing), record.pressure),
         "force": force.tolist(),
-        "stick_nodes": 0,
+        "stick_nodes": int((record.status == STICK).sum()),
         "slip_nodes": int((record.status == SLIP).sum()),
         "min_gap": float(record.gap.min()),
-        "max_cone_ratio": None,
+        "dissipated_work": None if np.isnan(record.dissipated_work) else record.dissipated_work,
     }
 
 

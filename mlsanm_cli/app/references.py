@@ -9,8 +9,8 @@ import numpy as np
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.clouds import materials
-from mlsanm_cli.app.paths import State
 from mlsanm_cli.app.recording import slave_points
+from mlsanm_cli.app.states import State
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyShape, Case, Contact, LoadedCase, Polygon, split_boundary
 from mlsanm_cli.case.chains import Round

@@ -118,6 +118,7 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
             master_body,
             clouds[master_body],
             clouds[master_body].surfaces[master],
+            contact.friction,
         )
         key = f"contact.{contact.name}"
         if not len(pairing.position):
@@ -271,6 +272,8 @@ def _resisted(pairings: tuple[Pairing, ...], body: str, component: int) -> bool:
     """Whether the body's contacts push back when it moves along an axis."""
     for pairing in pairings:
         if body in (pairing.slave_body, pairing.master_body):
+            if pairing.friction:
+                return True
             weight: FloatArray = pairing.weight[pairing.candidate]
             tilt = (weight * pairing.normal[pairing.candidate, component] ** 2).sum() / weight.sum()
             if tilt > TILT**2:

@@ -10,10 +10,10 @@ from mlsanm_cli.app.adapt import Adapted
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.clock import Clock, peak_memory_mb
 from mlsanm_cli.app.judge import force_balance
-from mlsanm_cli.app.paths import State
 from mlsanm_cli.app.quality import Quality
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import reference_profile
+from mlsanm_cli.app.states import State
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def summarise(
         summary |= {
             "nodes": nodes,
             "unknowns": 2 * nodes,
-            "contact_unknowns": len(built.condensed.weight),
+            "contact_unknowns": len(built.condensed.weight) + len(built.condensed.rubbing),
             "elastic_factorizations": len(bodies),
             "condensation_solves": built.condensed.solves,
             "enlarged_stencils": sum(body.model.stencils.enlarged for body in bodies.values()),
@@ -58,7 +58,10 @@ def summarise(
     summary["linear_residual"] = recorder.linear_residual
     if built is not None and adapted is not None and state is not None:
         verdict = force_balance(built, state)
-        summary["contacts"] = {p.name: _contact(built, p.name, state) for p in built.condensed.pairings}
+        summary["contacts"] = {
+            p.name: _contact(built, p.name, state, recorder.cone.get(p.name))
+            for p in built.condensed.pairings
+        }
         summary["error_estimate"] = adapted.accuracy.figures(built, state)
         summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
         summary["force_balance"] = verdict.force_balance
@@ -73,10 +76,10 @@ def summarise(
     return summary
 
 
-def _contact(built: Built, name: str, state: State) -> dict[str, Any]:
+def _contact(built: Built, name: str, state: State, cone: float | None) -> dict[str, Any]:
     """A contact's figures, with the reference's beside them where the case names one."""
     pairing = next(p for p in built.condensed.pairings if p.name == name)
-    figures = recording.contact_summary(built, pairing, state)
+    figures = recording.contact_summary(built, pairing, state) | {"max_cone_ratio": cone}
     profile = reference_profile(built, pairing, state)
     if profile is not None:
         figures["reference"] = {

@@ -236,9 +236,26 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
             message = f'"{contact.regularization.law}" here and "{first}" in another contact'
             hint = "one law in all contacts; mixed laws are not supported yet"
             report.add(("contact", index, "regularization", "law"), message, hint)
+    _check_friction_laws(draft, report)
     method = draft.solver.method if draft.solver else "auto"
     fitting = {"anm": "hyperbolic", "active-set": "exact"}
     if method in fitting and first is not None and first != fitting[method]:
         message = f'"{method}" cannot follow the {first} contact law'
         hint = f'law = "{fitting[method]}" in [contact.regularization], or method = "auto"'
         report.add(("solver", "method"), message, hint)
+
+
+def _check_friction_laws(draft: Draft, report: Report) -> None:
+    rough = {index: contact for index, contact in draft.contacts.items() if contact.friction}
+    first = next(iter(rough.values()), None)
+    for index, contact in rough.items():
+        here, path = contact.regularization, ("contact", index, "regularization", "friction_law")
+        if first is not None and here.friction_law != first.regularization.friction_law:
+            message = (
+                f'"{here.friction_law}" here and "{first.regularization.friction_law}" in another contact'
+            )
+            report.add(path, message, "one friction law in all contacts")
+        if here.friction_law == "holonomic" and here.law == "exact":
+            report.add(
+                path, "the exact contact law remembers", 'law = "hyperbolic", or friction_law = "memory"'
+            )

@@ -72,10 +72,13 @@ class Support(Section):
 
 
 class Regularization(Section):
-    """The contact law: hyperbolic with the small pressure ``eta`` (relative), or exact."""
+    """The contact law: hyperbolic with the small pressure ``eta`` and the small slip ``stick`` (relative), or
+    exact; friction that remembers, or that knows the total slip only."""
 
     law: Literal["hyperbolic", "exact"] = "hyperbolic"
     eta: Positive = 1e-4
+    stick: Positive = 1e-4
+    friction_law: Literal["memory", "holonomic"] = "memory"
 
 
 class Contact(Section):

@@ -57,9 +57,6 @@ PLANNED: tuple[Planned, ...] = (
     Planned(("support", "*", "ux"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("support", "*", "uy"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("contact", "*", "obstacle"), "a rigid obstacle", part=2, hint="give slave and master"),
-    Planned(("contact", "*", "friction"), "friction", _above_zero, hint="set it to 0.0"),
-    Planned(("contact", "*", "regularization", "stick"), "the tangential law", hint="remove the key"),
-    Planned(("contact", "*", "regularization", "friction_law"), "the tangential law", hint="remove the key"),
     Planned(("solver", "method"), 'method "{}"', _one_of("newton"), hint='use "anm" or "active-set"'),
     Planned(("solver", "formulation"), 'formulation "{}"', _one_of("monolithic"), hint='use "condensed"'),
     Planned(

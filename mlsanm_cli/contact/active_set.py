@@ -1,4 +1,4 @@
-"""Exact unilateral contact: p >= 0, h >= 0, p h = 0, solved by an active set on the condensed system.
+"""Exact contact without friction: p >= 0, h >= 0, p h = 0, solved by an active set on the condensed system.
 
 The primal-dual active set (Hintermuller, Ito and Kunisch 2002, doi:10.1137/S1052623401383558) settles in a
 few passes. Should it come back to a set it has seen, the least-index principal pivoting of Murty (Linear
@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.dense import DenseSystem, SingularSystemError
 from mlsanm_cli.errors import NumericalError
 
 ROUND_OFF = 1e-11
@@ -22,23 +22,26 @@ ROUND_OFF = 1e-11
 
 @dataclass(frozen=True)
 class ExactState:
-    """Pressures (m,), gaps (m,) and unknown motions (k,) at load factors ``factors`` (L,).
+    """Pressures (m,), gaps (m,), unknown motions (k,) and tractions (n,) at load factors ``factors`` (L,).
 
-    ``active`` (m,) marks closed nodes; ``solves`` counts dense systems; ``residual`` is the largest violation
-    of the contact conditions and balances, relative to the peak pressure, its elastic gap and the forces.
+    ``active`` (m,) marks closed nodes, ``stuck`` (m,) those of them that friction holds; ``solves`` counts
+    dense systems; ``residual`` is the largest violation of the contact conditions and balances, relative to
+    the peak pressure, its elastic gap and the forces.
     """
 
     factors: FloatArray
     pressure: FloatArray
     gap: FloatArray
     motion: FloatArray
+    traction: FloatArray
     active: BoolArray
+    stuck: BoolArray
     solves: int
     residual: float
 
 
 def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | None = None) -> ExactState:
-    """Exact contact state at ``factors`` (L,), the search beginning from the set ``start`` (m,).
+    """Exact state without friction at ``factors`` (L,), the search beginning from the set ``start`` (m,).
 
     Raises NumericalError where no state balances the loads.
     """
@@ -55,7 +58,17 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
         wrong = _violations(condensed, active, pressure, gap)
         if not wrong.any():
             residual = _residual(condensed, factors, pressure, motion, active)
-            return ExactState(factors, pressure, gap, motion, active, count, residual)
+            return ExactState(
+                factors,
+                pressure,
+                gap,
+                motion,
+                np.zeros(len(condensed.rubbing)),
+                active,
+                np.zeros_like(active),
+                count,
+                residual,
+            )
         one_by_one |= active.tobytes() in seen
         if one_by_one:
             wrong[np.flatnonzero(wrong)[0] + 1 :] = False
@@ -93,28 +106,14 @@ def _solve_active(
     matrix[a:, :a] = balance.pressure[:, closed]
     matrix[a:, a:] = balance.motion
     rhs = np.concatenate([-free_gap[closed], -(balance.constant + balance.load @ factors)])
-    # Rows and columns have unlike units; scaling them makes singularity visible as a number. Columns by the
-    # gaps they cause, then rows: the other way round the balance rows' unit would decide.
-    effect = np.abs(matrix[:a]).max(axis=0, initial=0.0)
-    effect = np.where(effect > 0.0, effect, np.abs(matrix).max(axis=0))
-    columns = 1.0 / np.maximum(effect, np.finfo(float).tiny)
-    scaled = matrix * columns
-    rows = 1.0 / np.maximum(np.abs(scaled).max(axis=1), np.finfo(float).tiny)
-    scaled *= rows[:, None]
-    factor, pivots, info = linalg.lapack.dgetrf(scaled)
-    if info == 0:
-        rcond, info = linalg.lapack.dgecon(factor, np.abs(scaled).sum(axis=0).max())
-    if info != 0 or rcond < 1e-15:
+    try:
+        solution = DenseSystem(matrix, a).solve(rhs)
+    except SingularSystemError as error:
         raise NumericalError(
             "no contact pressure balances the loads",
             "a force-controlled platen may push its body away from the contact, or nothing resists its "
             "direction; prescribe that direction's displacement instead",
-        )
-    solution, _ = linalg.lapack.dgetrs(factor, pivots, rhs * rows)
-    solution = solution * columns
-    # One step on the unscaled system takes away what the factorisation's round-off left.
-    correction, _ = linalg.lapack.dgetrs(factor, pivots, (rhs - matrix @ solution) * rows)
-    solution += correction * columns
+        ) from error
     pressure[closed] = solution[:a]
     return pressure, solution[a:]
 

@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.contact.observers import cut_off, resultant
-from mlsanm_cli.contact.pairing import Pairing, transfer
+from mlsanm_cli.contact.pairing import Pairing, transfer, turned
 from mlsanm_cli.mechanics.scene import Platen, PlatenMotion, Scene
 
 Held = tuple[str, str]
@@ -28,6 +28,7 @@ class Forces:
     scene: Scene
     pairings: tuple[Pairing, ...]
     spans: Mapping[str, slice]
+    tangential: Mapping[str, slice]
     columns: Columns
     measured: Mapping[Held, LinearMap]
 
@@ -36,10 +37,20 @@ class Forces:
     ) -> LinearMap:
         """What a contact exerts on its slave; ``factor`` (n, 2) scales the nodes' forces."""
         nodes = pairing.node[pairing.candidate]
-        forces = (pairing.weight[:, None] * pairing.normal)[pairing.candidate]
-        forces = forces if factor is None else forces * factor[nodes]
         points = self._points(pairing.slave_body)[nodes]
-        return self.columns.of_pressures(self.spans[pairing.name], resultant(forces, points, center))
+
+        def per_node(direction: FloatArray) -> FloatArray:
+            forces = (pairing.weight[:, None] * direction)[pairing.candidate]
+            return resultant(forces if factor is None else forces * factor[nodes], points, center)
+
+        return self._of_contact(pairing, per_node(pairing.normal), per_node(pairing.tangent))
+
+    def _of_contact(self, pairing: Pairing, normal: FloatArray, tangential: FloatArray) -> LinearMap:
+        """A map (r, m) of one contact's pressures, and of its tractions where it has friction."""
+        total = self.columns.of_pressures(self.spans[pairing.name], normal)
+        if pairing.name in self.tangential:
+            total = total + self.columns.of_tractions(self.tangential[pairing.name], tangential)
+        return total
 
     def transferred(
         self, pairing: Pairing, center: tuple[float, float] = (0.0, 0.0), factor: FloatArray | None = None
@@ -47,10 +58,14 @@ class Forces:
         """What the master's own nodes receive of it: minus :meth:`contact` up to the discretisation error."""
         cloud = self.scene.bodies[pairing.master_body].model.cloud
         surface = pairing.master
-        forces = -surface.weight[:, None] * surface.normal
-        forces = forces if factor is None else forces * factor[surface.index]
-        per_node = resultant(forces, cloud.points[surface.index], center)
-        return self.columns.of_pressures(self.spans[pairing.name], per_node @ self._transfers[pairing.name])
+        carried = self._transfers[pairing.name]
+
+        def per_node(direction: FloatArray) -> FloatArray:
+            forces = -surface.weight[:, None] * direction
+            forces = forces if factor is None else forces * factor[surface.index]
+            return resultant(forces, cloud.points[surface.index], center) @ carried
+
+        return self._of_contact(pairing, per_node(surface.normal), per_node(turned(surface.normal)))
 
     def tractions(
         self, body: str, center: tuple[float, float], factor: FloatArray | None = None
@@ -140,7 +155,7 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
                     own = np.zeros((1, columns.loads))
                     own[0, number] = motion.force[number]
                     rows[motion.component] = columns.of_loads(own)
-                elif number == platen.loads[0]:
+                elif number == next((n for n in platen.loads if motion.prescribed[n]), platen.loads[0]):
                     # Several loads may move one platen in this component: its force is told once.
                     rows[motion.component] = forces.platen(platen, motion)
             report[scene.loads[number]] = stack(rows, columns)

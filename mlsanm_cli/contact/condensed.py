@@ -1,12 +1,15 @@
 """The contact problem condensed on its own unknowns.
 
-The bulk is linear, so with the load factors f, the candidates' pressures p and the unknown platen motions q::
+The bulk is linear, so with the load factors f, the candidates' pressures p, the tractions t of contacts with
+friction, and the unknown platen motions q::
 
-    gap     h = h0 + H f + C q + A p
-    balance 0 = B f + G q + F p           (one row per unknown motion)
+    gap     h = h0 + H f + C q + A_nn p + A_nt t
+    slip    s = S f + D q + A_tn p + A_tt t
+    balance 0 = B f + G q + F_n p + F_t t           (one row per unknown motion)
 
-A is the compliance. Each body is factorised once; every column costs one block solve, of which only the
-functionals needed are kept.
+p acts on the slave along the master's outward normal, t along the tangent, the normal turned by -90 degrees;
+s is the slip of the slave relative to the master along it. The matrices A are the compliance. Each body is
+factorised once; every column costs one block solve, of which only the functionals needed are kept.
 """
 
 from __future__ import annotations
@@ -17,11 +20,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.balance import Forces, body_imbalance, platen_balance, reported_forces
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
-from mlsanm_cli.contact.observers import gap_rows, reaction_rows
+from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows
 from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.short_waves import resolved_slip
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.system import solve_blocks
@@ -32,8 +36,12 @@ class Condensed:
     """All that the contact laws need to know.
 
     ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their
-    surface lengths, ``modulus`` (m,) the contact modulus E* there. ``gap`` maps to the candidates' gaps (m,),
-    ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to what the platens lack (k,).
+    surface lengths, ``modulus`` (m,) the contact modulus E* there. ``tangential[contact]`` are the places of
+    a contact with friction among the tractions (n,); ``rubbing`` (n,) are the numbers of these nodes among
+    the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip``
+    to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to what the
+    platens lack (k,).
+
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``solves``
     counts columns.
@@ -43,7 +51,11 @@ class Condensed:
     spans: Mapping[str, slice]
     weight: FloatArray
     modulus: FloatArray
+    tangential: Mapping[str, slice]
+    rubbing: IntArray
+    friction: FloatArray
     gap: LinearMap
+    slip: LinearMap
     watched: LinearMap
     balance: LinearMap
     forces: Mapping[str, LinearMap]
@@ -53,9 +65,9 @@ class Condensed:
     solutions: Mapping[str, FloatArray]
     solves: int
 
-    def touched(self, f: FloatArray, q: FloatArray, p: FloatArray) -> dict[str, BoolArray]:
+    def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
         """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""
-        overlap = self.watched(f, q, p) < 0.0
+        overlap = self.watched(f, q, p, t) < 0.0
         masks, first = {}, 0
         for pairing in self.pairings:
             left_out = np.flatnonzero(~pairing.candidate)
@@ -66,7 +78,7 @@ class Condensed:
         return masks
 
     def displacement(
-        self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray
+        self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> tuple[FloatArray, float]:
         """Displacements (N, 2) of all nodes of a body in one state, ghosts included and last, and the
         residual of its elastic system.
@@ -74,7 +86,7 @@ class Condensed:
         One back-substitution; none where there is no contact, since ``solutions`` (2n, loads + motions) of so
         few columns are kept.
         """
-        unknowns = np.concatenate([f, q, p])
+        unknowns = np.concatenate([f, q, p, t])
         source = sparse.csc_array((self.sources[body] @ unknowns)[:, None])
         system = scene.bodies[body].system
         if body in self.solutions:
@@ -86,26 +98,26 @@ class Condensed:
 
 def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     """Condense the scene on the candidates of ``pairings``."""
-    counts = [int(pairing.candidate.sum()) for pairing in pairings]
-    columns = Columns(len(scene.loads), len(scene.unknown_motions), sum(counts))
-    ends = np.cumsum([0, *counts])
-    spans = {
-        pair.name: slice(int(a), int(b)) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)
-    }
+    rough = tuple(pairing for pairing in pairings if pairing.friction)
+    spans, tangential = _spans(pairings), _spans(rough)
+    columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
     held = [(name, surface) for name, body in scene.bodies.items() for surface in body.held]
 
     paired = sum(len(pairing.position) for pairing in pairings)
-    observed = np.zeros((paired + 3 * len(held), columns.total))
+    sliding = sum(len(pairing.position) for pairing in rough)
+    ends = np.cumsum([paired, sliding])
+    observed = np.zeros((ends[-1] + 3 * len(held), columns.total))
     sources, solutions = {}, {}
     solves = 0
     for name, body in scene.bodies.items():
-        sources[name] = body_sources(scene, name, pairings, spans, columns)
+        sources[name] = body_sources(scene, name, pairings, columns)
         empty = sparse.csr_array((3, body.model.unknowns))
         reactions = [
             reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else empty
             for owner, surface in held
         ]
-        rows = sparse.csr_array(sparse.vstack([gap_rows(body, name, pairings), *reactions], format="csr"))
+        relative = [gap_rows(body, name, pairings), slip_rows(body, name, rough)]
+        rows = sparse.csr_array(sparse.vstack([*relative, *reactions], format="csr"))
         used = np.flatnonzero(np.diff(sources[name].indptr))
         kept = np.zeros((rows.shape[1], columns.total if not pairings else 0))
         for block, solution in solve_blocks(body.system, sources[name][:, used]):
@@ -116,24 +128,37 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
             solutions[name] = kept
         solves += len(used)
 
-    candidate = np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
-    gap = columns.split(observed[:paired], np.concatenate([[], *(pairing.gap for pairing in pairings)]))
+    gaps, slips, reacting = np.split(observed, ends)
+    candidate = _candidates(pairings)
+    gap = columns.split(gaps, np.concatenate([[], *(pairing.gap for pairing in pairings)]))
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
     forces = Forces(
         scene,
         pairings,
         spans,
+        tangential,
         columns,
-        {where: columns.split(observed[paired + 3 * i : paired + 3 * i + 3]) for i, where in enumerate(held)},
+        {where: columns.split(reacting[3 * i : 3 * i + 3]) for i, where in enumerate(held)},
     )
-    modulus = np.concatenate([[], *(np.full(int(p.candidate.sum()), _modulus(scene, p)) for p in pairings)])
+    softness = {pairing.name: _softness(scene, pairing) for pairing in pairings}
+    modulus = np.concatenate(
+        [[], *(np.full(int(p.candidate.sum()), 1.0 / softness[p.name]) for p in pairings)]
+    )
+    gap, watched = gap.take(candidate), gap.take(~candidate)
+    slip = columns.split(slips).take(_candidates(rough))
+    slip = resolved_slip(slip, rough, tangential, softness)
+    rubbing = _numbers([spans[pairing.name] for pairing in rough])
     return Condensed(
         pairings=pairings,
         spans=spans,
         weight=weight,
         modulus=modulus,
-        gap=gap.take(candidate),
-        watched=gap.take(~candidate),
+        tangential=tangential,
+        rubbing=rubbing,
+        friction=np.concatenate([[], *(np.full(int(p.candidate.sum()), p.friction) for p in rough)]),
+        gap=gap,
+        slip=slip,
+        watched=watched,
         balance=platen_balance(forces),
         forces=reported_forces(forces),
         contact_forces={pairing.name: forces.contact(pairing).take(slice(0, 2)) for pairing in pairings},
@@ -144,7 +169,25 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     )
 
 
-def _modulus(scene: Scene, pairing: Pairing) -> float:
-    """Contact modulus E* of a pair of bodies: 1/E* is the sum of 1/E'."""
-    bodies = (scene.bodies[name] for name in (pairing.slave_body, pairing.master_body))
-    return 1.0 / sum(1.0 / body.model.material.contact_modulus for body in bodies)
+def _softness(scene: Scene, pairing: Pairing) -> float:
+    """1/E* of the two bodies of a contact."""
+    bodies = (pairing.slave_body, pairing.master_body)
+    return sum(1.0 / scene.bodies[body].model.material.contact_modulus for body in bodies)
+
+
+def _count(pairings: tuple[Pairing, ...]) -> int:
+    return sum(int(pairing.candidate.sum()) for pairing in pairings)
+
+
+def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:
+    return np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
+
+
+def _numbers(spans: list[slice]) -> IntArray:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(s.start, s.stop) for s in spans)])
+
+
+def _spans(pairings: tuple[Pairing, ...]) -> dict[str, slice]:
+    """Places of every contact's candidates when they are counted through all of ``pairings``."""
+    ends = np.cumsum([0, *(int(pairing.candidate.sum()) for pairing in pairings)]).tolist()
+    return {pair.name: slice(a, b) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)}

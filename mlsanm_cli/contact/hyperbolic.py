@@ -11,7 +11,7 @@ nothing. Unknowns x = (p, h, q); with s from 0 to 1 along the stage and f(s) = f
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg as linalg
@@ -23,7 +23,8 @@ from mlsanm_cli.contact.condensed import Condensed
 @dataclass(frozen=True)
 class Regularization:
     """``eta`` (a pressure), ``delta`` (m,) lengths, and the reference pressure, gap, force and motion that
-    scale residuals and unknowns."""
+    scale residuals and unknowns; with friction a reference ``slip`` and the asperities' softness ``creep``
+    (n,), a length per traction."""
 
     eta: float
     delta: FloatArray
@@ -31,6 +32,9 @@ class Regularization:
     gap: float
     force: FloatArray
     motion: FloatArray
+    slip: float = 0.0
+    creep: FloatArray = field(default_factory=lambda: np.zeros(0))
+    threshold: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 class HyperbolicTangent:

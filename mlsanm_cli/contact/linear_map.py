@@ -1,4 +1,4 @@
-"""Quantities that are linear in load factors, platen motions and contact pressures."""
+"""Quantities that are linear in load factors, platen motions and contact tractions."""
 
 from __future__ import annotations
 
@@ -11,17 +11,23 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class LinearMap:
-    """``constant`` (r,) + ``load`` (r, L) f + ``motion`` (r, k) q + ``pressure`` (r, m) p."""
+    """``constant`` (r,) + ``load`` (r, L) f + ``motion`` (r, k) q + ``pressure`` (r, m) p + ``traction`` t.
+
+    ``traction`` (r, n) multiplies the tractions of the contacts with friction; without any n is 0.
+    """
 
     constant: FloatArray
     load: FloatArray
     motion: FloatArray
     pressure: FloatArray
+    traction: FloatArray
 
-    def __call__(self, f: FloatArray, q: FloatArray, p: FloatArray) -> FloatArray:
-        """Values (r,) in one state."""
+    def __call__(
+        self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray | None = None
+    ) -> FloatArray:
+        """Values (r,) in one state; without ``t`` of no tractions."""
         result: FloatArray = self.constant + self.load @ f + self.motion @ q + self.pressure @ p
-        return result
+        return result if t is None else result + self.traction @ t
 
     def __add__(self, other: LinearMap) -> LinearMap:
         return LinearMap(
@@ -29,34 +35,38 @@ class LinearMap:
             self.load + other.load,
             self.motion + other.motion,
             self.pressure + other.pressure,
+            self.traction + other.traction,
         )
 
     def __neg__(self) -> LinearMap:
-        return LinearMap(-self.constant, -self.load, -self.motion, -self.pressure)
+        return LinearMap(-self.constant, -self.load, -self.motion, -self.pressure, -self.traction)
 
     def take(self, rows: IntArray | BoolArray | slice) -> LinearMap:
         """Some of its rows."""
-        return LinearMap(self.constant[rows], self.load[rows], self.motion[rows], self.pressure[rows])
+        return LinearMap(
+            self.constant[rows], self.load[rows], self.motion[rows], self.pressure[rows], self.traction[rows]
+        )
 
 
 @dataclass(frozen=True)
 class Columns:
-    """How many unknowns of each kind there are; columns go loads, motions, pressures."""
+    """How many unknowns of each kind there are; columns go loads, motions, pressures, tractions."""
 
     loads: int
     motions: int
     pressures: int
+    tractions: int = 0
 
     @property
     def total(self) -> int:
         """All columns."""
-        return self.loads + self.motions + self.pressures
+        return self.loads + self.motions + self.pressures + self.tractions
 
     def split(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
         """A dense array (r, total) as a linear map."""
-        k = self.loads + self.motions
+        ends = np.cumsum([self.loads, self.motions, self.pressures])
         start = np.zeros(len(rows)) if constant is None else constant
-        return LinearMap(start, rows[:, : self.loads], rows[:, self.loads : k], rows[:, k:])
+        return LinearMap(start, *np.split(rows, ends, axis=1))
 
     def zeros(self, rows: int) -> LinearMap:
         """The map to nothing."""
@@ -69,12 +79,19 @@ class Columns:
             load,
             np.zeros((len(load), self.motions)),
             np.zeros((len(load), self.pressures)),
+            np.zeros((len(load), self.tractions)),
         )
 
     def of_pressures(self, span: slice, pressure: FloatArray) -> LinearMap:
         """A map (r, span) of one contact's pressures alone."""
         result = self.zeros(len(pressure))
         result.pressure[:, span] = pressure
+        return result
+
+    def of_tractions(self, span: slice, traction: FloatArray) -> LinearMap:
+        """A map (r, span) of one contact's tractions alone."""
+        result = self.zeros(len(traction))
+        result.traction[:, span] = traction
         return result
 
 
@@ -86,4 +103,5 @@ def stack(maps: list[LinearMap], columns: Columns) -> LinearMap:
         np.concatenate([part.load for part in parts]),
         np.concatenate([part.motion for part in parts]),
         np.concatenate([part.pressure for part in parts]),
+        np.concatenate([part.traction for part in parts]),
     )

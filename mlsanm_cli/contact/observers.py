@@ -1,4 +1,4 @@
-"""Functionals of a body's displacements: gaps, and forces of held surfaces."""
+"""Functionals of a body's displacements: gaps, slips, and forces of held surfaces."""
 
 from __future__ import annotations
 
@@ -16,15 +16,27 @@ BAND = 0.75
 
 
 def gap_rows(body: ElasticBody, name: str, pairings: tuple[Pairing, ...]) -> sparse.csr_array:
-    """A body's share (w, 2n) in the change of every paired node's gap, contact after contact.
+    """A body's share (w, 2n) in the change of every paired node's gap, contact after contact."""
+    return _relative_rows(body, name, pairings, [pairing.normal for pairing in pairings])
+
+
+def slip_rows(body: ElasticBody, name: str, pairings: tuple[Pairing, ...]) -> sparse.csr_array:
+    """A body's share (w, 2n) in every paired node's slip, contact after contact."""
+    return _relative_rows(body, name, pairings, [pairing.tangent for pairing in pairings])
+
+
+def _relative_rows(
+    body: ElasticBody, name: str, pairings: tuple[Pairing, ...], directions: list[FloatArray]
+) -> sparse.csr_array:
+    """Motion of the slave relative to the master along the ``directions`` (w, 2) of every contact.
 
     The slave moves with its node, the master with its moving least-squares value at the virtual node.
     """
     nodes = len(body.model.nodes)
     blocks = [sparse.csr_array((0, 2 * nodes))]
-    for pairing in pairings:
+    for pairing, direction in zip(pairings, directions, strict=True):
         block = sparse.csr_array((len(pairing.position), 2 * nodes))
-        n_x, n_y = pairing.normal[:, :1], pairing.normal[:, 1:]
+        n_x, n_y = direction[:, :1], direction[:, 1:]
         if pairing.slave_body == name:
             on_x, on_y = (nodal_rows(pairing.node, component, nodes) for component in (0, 1))
             block = block + on_x.multiply(n_x) + on_y.multiply(n_y)

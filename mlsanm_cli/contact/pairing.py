@@ -26,7 +26,7 @@ class Pairing:
 
     ``position`` (w,) counts along the slave surface, ``partner`` (w, 2) are the virtual nodes on the master,
     ``normal`` (w, 2) the master's outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,)
-    marks the nodes that can touch; the others are only watched.
+    marks the nodes that can touch; the others are only watched. ``friction`` is Coulomb's coefficient.
     """
 
     name: str
@@ -40,6 +40,12 @@ class Pairing:
     gap: FloatArray
     spacing: FloatArray
     candidate: BoolArray
+    friction: float = 0.0
+
+    @property
+    def tangent(self) -> FloatArray:
+        """The normals turned by -90 degrees (w, 2): slip and friction of the slave are counted along them."""
+        return turned(self.normal)
 
     @property
     def arc(self) -> FloatArray:
@@ -67,6 +73,11 @@ class Pairing:
         return float(max(self.gap[fine].max(), self.gap.min()))
 
 
+def turned(normal: FloatArray) -> FloatArray:
+    """Vectors (n, 2) turned by -90 degrees: (x, y) becomes (y, -x)."""
+    return np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+
+
 def pair_surfaces(
     name: str,
     slave_body: str,
@@ -75,6 +86,7 @@ def pair_surfaces(
     master_body: str,
     master_cloud: Cloud,
     master: Surface,
+    friction: float = 0.0,
 ) -> Pairing:
     """Closest points on the master's exact curve for every slave node that faces it.
 
@@ -102,6 +114,7 @@ def pair_surfaces(
         gap=gap,
         spacing=spacing[position],
         candidate=np.ones(len(position), dtype=bool),
+        friction=friction,
     )
 
 
@@ -151,17 +164,29 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     own = np.interp(s[rows], arc, pairing.spacing[pairing.candidate])
     # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
     reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[pairing.master.index[rows]])
-    first, last = _window(arc, s[rows], reach)
+    fit = surface_fit(arc, pairing.slave.weight[chosen], s[rows], reach).tocoo()
+    inner, columns = fit.coords
+    return sparse.csr_array((fit.data, (rows[inner], columns)), shape=(len(points), len(arc)))
+
+
+def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
+    """Values at arc lengths ``s`` (r,) of local linear fits to nodal values (m,) at ``arc``: weights (r, m).
+
+    ``weight`` (m,) are the nodes' surface lengths, ``reach`` (r,) the windows' half-widths. Linear functions
+    are reproduced.
+    """
+    first, last = _window(arc, s, reach)
     count = last - first
     start = np.cumsum(count) - count
     columns = np.repeat(first - start, count) + np.arange(count.sum())
-    offset = (arc[columns] - np.repeat(s[rows], count)) / np.repeat(reach, count)
-    weight = np.exp(-2.0 * WINDOW_SHARPNESS * offset**2) * pairing.slave.weight[chosen][columns]
-    s0, s1, s2 = (np.repeat(np.add.reduceat(weight * offset**k, start), count) for k in range(3))
+    offset = (arc[columns] - np.repeat(s, count)) / np.repeat(reach, count)
+    share = np.exp(-2.0 * WINDOW_SHARPNESS * offset**2) * weight[columns]
+    s0, s1, s2 = (np.repeat(np.add.reduceat(share * offset**k, start), count) for k in range(3))
     # A window with a single node can only carry its constant.
     slope = s0 * s2 - s1**2 > 1e-12 * s0**2
-    weight = np.where(slope, weight * (s2 - s1 * offset) / np.where(slope, s0 * s2 - s1**2, 1.0), weight / s0)
-    return sparse.csr_array((weight, (np.repeat(rows, count), columns)), shape=(len(points), len(arc)))
+    share = np.where(slope, share * (s2 - s1 * offset) / np.where(slope, s0 * s2 - s1**2, 1.0), share / s0)
+    rows = np.repeat(np.arange(len(s)), count)
+    return sparse.csr_array((share, (rows, columns)), shape=(len(s), len(arc)))
 
 
 def _window(arc: FloatArray, s: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray]:

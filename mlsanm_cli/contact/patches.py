@@ -17,6 +17,7 @@ class Patch:
     An end of the patch that is an end of the surface is no edge: it does not move with the load. ``spacing``
     is the node spacing in the middle, ``uncertainty`` (0 to 2,) the distance between the last closed and the
     first open node at each edge, ``apart`` (0 to 2,) how far the surfaces were from each other there.
+    ``finest`` is how much coarser than usual its edges may be.
     """
 
     middle: FloatArray
@@ -25,6 +26,7 @@ class Patch:
     edges: FloatArray
     uncertainty: FloatArray
     apart: FloatArray
+    finest: float = 1.0
 
 
 def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:

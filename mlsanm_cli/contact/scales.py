@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.active_set import ExactState
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.hyperbolic import Regularization
@@ -15,8 +16,19 @@ WIDEST = 10.0
 """The law's length of a node lies between the scene's elastic gap and this many times it."""
 
 
-def regularize(condensed: Condensed, states: Sequence[ExactState], eta: float) -> Regularization:
+WITH_FRICTION = 0.15
+"""The law's length over that of scenes without friction, whose tractions remember how nodes have closed."""
+PRESSED = 10.0
+"""Friction begins where the pressure is above so many times the hyperbolic law's eta."""
+
+
+def regularize(
+    condensed: Condensed, states: Sequence[ExactState], eta: float, stick: float | FloatArray = 0.0
+) -> Regularization:
     """The hyperbolic law with ``eta`` relative to the largest pressure of the exact ``states``.
+
+    ``stick``, of all or of each node with friction (n,), is the slip of an asperity at its friction limit,
+    relative to the largest slip that friction at its limit everywhere would cause in those states.
 
     Every length in it is proportional to the elastic change of the gap in those states, so that neither units
     nor the size of a load change the relative result. Raises NumericalError when no state has any pressure.
@@ -29,13 +41,19 @@ def regularize(condensed: Condensed, states: Sequence[ExactState], eta: float) -
         )
     elastic = max(float(np.abs(condensed.gap.pressure @ state.pressure).max()) for state in states)
     gap = 0.1 * elastic
-    delta = np.empty(len(condensed.weight))
-    for pairing in condensed.pairings:
-        initial = pairing.gap[pairing.candidate]
-        delta[condensed.spans[pairing.name]] = np.clip(initial - initial.min(), gap, WIDEST * gap)
-    force = np.array([np.abs(condensed.balance.pressure) @ np.abs(state.pressure) for state in states]).max(
-        axis=0
-    )
+    delta = np.full(len(condensed.weight), WITH_FRICTION * gap)
+    if not len(condensed.rubbing):
+        for pairing in condensed.pairings:
+            initial = pairing.gap[pairing.candidate]
+            delta[condensed.spans[pairing.name]] = np.clip(initial - initial.min(), gap, WIDEST * gap)
+    forces = [
+        np.abs(condensed.balance.pressure) @ np.abs(state.pressure)
+        + np.abs(condensed.balance.traction) @ np.abs(state.traction)
+        for state in states
+    ]
+    force = np.array(forces).max(axis=0)
+    limits = [condensed.friction * np.abs(state.pressure[condensed.rubbing]) for state in states]
+    slip = max(float(np.abs(condensed.slip.traction @ limit).max(initial=0.0)) for limit in limits)
     motion = np.array([np.abs(state.motion) for state in states]).max(axis=0)
     return Regularization(
         eta=eta * pressure,
@@ -44,4 +62,7 @@ def regularize(condensed: Condensed, states: Sequence[ExactState], eta: float) -
         gap=gap,
         force=np.where(force > 0.0, force, 1.0),
         motion=np.where(motion > 0.0, motion, elastic),
+        slip=slip,
+        threshold=np.full(len(condensed.rubbing), PRESSED * eta * pressure),
+        creep=stick * slip / (condensed.friction * pressure),
     )

@@ -1,20 +1,19 @@
-"""Right-hand sides of a body's system for unit loads, platen motions and contact pressures."""
+"""Right-hand sides of a body's system for unit loads, platen motions and contact tractions."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 import scipy.sparse as sparse
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.linear_map import Columns
-from mlsanm_cli.contact.pairing import Pairing, transfer
+from mlsanm_cli.contact.pairing import Pairing, transfer, turned
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.scene import Scene
 
 
 def body_sources(
-    scene: Scene, name: str, pairings: tuple[Pairing, ...], spans: Mapping[str, slice], columns: Columns
+    scene: Scene, name: str, pairings: tuple[Pairing, ...], columns: Columns
 ) -> sparse.csc_array:
     """All right-hand sides (rows, total) of one body; a column that does not act on it is empty."""
     body = scene.bodies[name]
@@ -35,36 +34,44 @@ def body_sources(
                     few[:, : columns.loads] += np.outer(source, motion.prescribed)
             unknown += motion.prescribed is None
     blocks = [sparse.csc_array(few)]
-    for pairing in pairings:
-        span = spans[pairing.name]
-        block = sparse.csc_array((body.rows, span.stop - span.start))
-        if pairing.slave_body == name:
-            block = block + _on_slave(body, pairing)
-        if pairing.master_body == name:
-            block = block + _on_master(body, pairing)
-        blocks.append(block)
+    blocks += [_contact_sources(body, name, pairing, tangential=False) for pairing in pairings]
+    blocks += [
+        _contact_sources(body, name, pairing, tangential=True) for pairing in pairings if pairing.friction
+    ]
     return sparse.csc_array(sparse.hstack(blocks, format="csc"))
 
 
-def _on_slave(body: ElasticBody, pairing: Pairing) -> sparse.csc_array:
-    """Tractions p n on the slave, n the master's outward normal."""
+def _contact_sources(body: ElasticBody, name: str, pairing: Pairing, tangential: bool) -> sparse.csc_array:
+    """What unit pressures, or unit tractions, of a contact do to the body called ``name``."""
+    source = sparse.csc_array((body.rows, int(pairing.candidate.sum())))
+    if pairing.slave_body == name:
+        source = source + _on_slave(body, pairing, pairing.tangent if tangential else pairing.normal)
+    if pairing.master_body == name:
+        normal = pairing.master.normal
+        # The reaction to p n is -p n, whose n the master's own normal stands for; likewise the tangent.
+        source = source + _on_master(body, pairing, turned(normal) if tangential else normal)
+    return source
+
+
+def _on_slave(body: ElasticBody, pairing: Pairing, direction: FloatArray) -> sparse.csc_array:
+    """Unit tractions along ``direction`` (w, 2) on the slave."""
     chosen = np.flatnonzero(pairing.candidate)
     columns = np.arange(len(chosen))
     source = sparse.csc_array((body.rows, len(chosen)))
     for component in (0, 1):
         rows = body.condition_rows(pairing.slave.name, component)[pairing.position[chosen]]
-        values = pairing.normal[chosen, component]
+        values = direction[chosen, component]
         source = source + sparse.csc_array((values, (rows, columns)), shape=source.shape)
     return source
 
 
-def _on_master(body: ElasticBody, pairing: Pairing) -> sparse.csc_array:
-    """Tractions -p n on the master's own nodes, p carried over along the slave surface."""
+def _on_master(body: ElasticBody, pairing: Pairing, direction: FloatArray) -> sparse.csc_array:
+    """Unit tractions against ``direction`` (b, 2) on the master's own nodes, carried over along the slave."""
     shares = transfer(pairing, body.model.cloud).tocoo()
     rows, columns = shares.coords
     source = sparse.csc_array((body.rows, shares.shape[1]))
     for component in (0, 1):
         lines = body.condition_rows(pairing.master.name, component)[rows]
-        values = -shares.data * pairing.master.normal[rows, component]
+        values = -shares.data * direction[rows, component]
         source = source + sparse.csc_array((values, (lines, columns)), shape=source.shape)
     return source

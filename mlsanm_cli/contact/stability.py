@@ -9,14 +9,22 @@ from mlsanm_cli.contact.condensed import Condensed
 
 
 def contact_stability(condensed: Condensed, chosen: BoolArray) -> float:
-    """Smallest resistance to a pressure on the ``chosen`` candidates (m,), at least one.
+    """Smallest resistance to pressures, and with friction tractions, on the ``chosen`` candidates (m,).
 
     See :func:`relative_resistance`. Nodes that never touch have no say: the outermost candidates, whose
     pressure only half arrives on the master, resist little and bear nothing.
     """
     kept = np.flatnonzero(chosen)
-    compliance = condensed.gap.pressure[np.ix_(kept, kept)]
-    return relative_resistance(condensed.weight[kept], condensed.modulus[kept], compliance)
+    rubbing = np.flatnonzero(chosen[condensed.rubbing])
+    gap, slip = condensed.gap, condensed.slip
+    compliance = np.block(
+        [
+            [gap.pressure[np.ix_(kept, kept)], gap.traction[np.ix_(kept, rubbing)]],
+            [slip.pressure[np.ix_(rubbing, kept)], slip.traction[np.ix_(rubbing, rubbing)]],
+        ]
+    )
+    place = np.concatenate([kept, condensed.rubbing[rubbing]])
+    return relative_resistance(condensed.weight[place], condensed.modulus[place], compliance)
 
 
 def relative_resistance(weight: FloatArray, modulus: FloatArray, compliance: FloatArray) -> float:

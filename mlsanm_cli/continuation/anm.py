@@ -8,12 +8,12 @@ tangent and the load factor is an unknown like the others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct, correct_end, residual_norm
-from mlsanm_cli.continuation.expansion import Metric, Station, expand, station
+from mlsanm_cli.continuation.expansion import Metric, Series, Station, expand, station
 from mlsanm_cli.continuation.options import AnmOptions
 from mlsanm_cli.continuation.path import Outcome, Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
@@ -29,6 +29,8 @@ _STEEP = 1e7
 _LEVEL = 1e-3
 # The direction at the end of a step is taken between this part of its length and the end.
 _BEFORE = 0.98
+# Events mostly come so soon that a series of this order reaches them.
+_EARLY = 10
 # Shortest step that the size of the next one is guessed from.
 _SHORT = 1e-6
 
@@ -52,8 +54,9 @@ class AnmFollower:
         lam_end: float,
         options: AnmOptions | None = None,
         previous: Branch | None = None,
+        barrier: Callable[[Branch], float] | None = None,
     ) -> None:
-        self._problem, self._options = problem, options or AnmOptions()
+        self._problem, self._options, self._barrier = problem, options or AnmOptions(), barrier
         self._lam_end, self._previous = float(lam_end), previous
         self._metric = Metric(problem.scale)
         self._gauge = Gauge(problem, self._metric, self._lam_end, self._options)
@@ -124,7 +127,12 @@ class AnmFollower:
         while not self._stopped:
             if self._steps == self._options.max_steps:
                 raise _Stop(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
-            branch = self._branch(here, direction, unit)
+            begun, cut = self._early(here, direction, unit)
+            branch = cut or self._branch(here, direction, unit, begun)
+            limit = branch.length if self._barrier is None or cut else self._barrier(branch)
+            if cut or limit < branch.length:
+                yield self._record(*self._cut(here, branch.shortened(limit)), unit)
+                raise _Stop(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._arrive(here, branch)
             yield self._record(branch, end, unit)
             if ahead is None:
@@ -139,22 +147,51 @@ class AnmFollower:
 
     def _direction(self) -> tuple[tuple[FloatArray, float], float]:
         """Return the direction in which to leave the start point, and a guess of the step's length."""
+        direction, unit = None, 1.0
         if self._previous is not None:
-            return self._onward(self._previous)
-        sign = self._options.direction or np.sign(self._lam_end - self._lam)
-        return (np.zeros(self._problem.size), float(sign)), 1.0
+            direction, unit = self._onward(self._previous)
+        if direction is None or self._options.direction:
+            sign = self._options.direction or np.sign(self._lam_end - self._lam)
+            direction = np.zeros(self._problem.size), float(sign)
+        return direction, unit
 
     def _onward(self, branch: Branch) -> tuple[tuple[FloatArray, float], float]:
         """Return the same for the step that follows a piece of path."""
         direction = branch.x[1], float(branch.lam[1])
         return direction, _power_of_two(branch.length * self._metric.norm(*direction))
 
-    def _branch(self, here: Station, direction: tuple[FloatArray, float], unit: float) -> Branch:
-        """Return the longest good piece of path that begins at ``here``."""
+    def _early(
+        self, here: Station, direction: tuple[FloatArray, float], unit: float
+    ) -> tuple[Series | None, Branch | None]:
+        """Return a series and, if one of low order is good up to an event, the piece that ends there."""
+        series = None
+        for order in sorted({min(_EARLY, self._options.order), self._options.order}):
+            if self._barrier is None:
+                break
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                known = series.lam.size - 1 if series else 0
+                series = expand(self._problem, self._metric, here, order, direction, unit, series)
+                self._effort.solves += order - known
+                piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
+                crossing = piece.first_crossing(self._lam_end)
+                piece = piece if crossing is None else piece.shortened(crossing)
+                limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
+                if limit < piece.length and self._gauge.good(piece, limit):
+                    return None, piece.shortened(limit)
+        return series, None
+
+    def _branch(
+        self,
+        here: Station,
+        direction: tuple[FloatArray, float],
+        unit: float,
+        begun: Series | None,
+    ) -> Branch:
+        """Return the longest good piece of path that begins at ``here``; ``begun`` are its first orders."""
         order = self._options.order
         with np.errstate(over="ignore", invalid="ignore"):
-            series = expand(self._problem, self._metric, here, order, direction, unit)
-        self._effort.solves += order
+            series = expand(self._problem, self._metric, here, order, direction, unit, begun)
+        self._effort.solves += order - (begun.lam.size - 1 if begun else 0)
         branch = self._gauge.branch(series)
         shortest = self._options.min_length / unit
         if branch.length > shortest or branch.first_crossing(self._lam_end) is not None:
@@ -191,6 +228,15 @@ class AnmFollower:
                 failure = _Stop(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}")
             length *= _RETREAT
         raise failure
+
+    def _cut(self, here: Station, piece: Branch) -> tuple[Branch, Correction]:
+        """Return a piece that ends at the barrier, and its end, corrected: what follows has another series,
+        whose length this one's residual would not suit."""
+        end = self._corrected(here, piece.evaluate(piece.length), None)
+        if end is None:
+            place = f"near load factor {piece.load_factor(piece.length):.9g}"
+            raise _Stop(StopReason.CORRECTION_FAILED, f"the state at an event did not converge {place}")
+        return piece, end
 
     def _finish(self, here: Station, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
         """Correct the end of the last step, which lies exactly at the load factor asked for."""
@@ -248,6 +294,7 @@ def follow(
     lam_end: float,
     options: AnmOptions | None = None,
     previous: Branch | None = None,
+    barrier: Callable[[Branch], float] | None = None,
 ) -> AnmFollower:
     """Return the follower of the path R(x, lam) = 0 from (x0, lam0) to the load factor ``lam_end``.
 
@@ -258,8 +305,9 @@ def follow(
     lam_end : the path ends where the load factor first takes this value, going along the path
     previous : the piece of path that led to the start point; the path goes on in its direction with its
         length of step, exactly as if it had not been interrupted
+    barrier : tells how far along a piece of path the problem holds; the path ends there with the reason EVENT
     """
-    return AnmFollower(problem, x0, lam0, lam_end, options, previous)
+    return AnmFollower(problem, x0, lam0, lam_end, options, previous, barrier)
 
 
 def _power_of_two(length: float) -> float:

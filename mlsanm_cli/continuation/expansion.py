@@ -91,6 +91,7 @@ def expand(
     order: int,
     direction: tuple[FloatArray, float],
     unit: float,
+    begun: Series | None = None,
 ) -> Series:
     """Return the series of the path at ``start`` (``order`` solves).
 
@@ -98,6 +99,7 @@ def expand(
     ----------
     direction : the path goes to the side where the product with this direction is positive
     unit : length of the tangent, a guess of the length of the step
+    begun : the same series of lower order, whose coefficients need not be solved for again
 
     Coefficients that overflow are returned as they come; the caller's residuals will show it.
     """
@@ -111,7 +113,10 @@ def expand(
     denominator = rise * size * size
     solve, series_rhs = start.tangent.solve, problem.series_rhs
     x[0], lam[0] = start.x, start.lam
-    for k in range(1, order + 1):
+    known = 0 if begun is None else begun.lam.size - 1
+    if begun is not None:
+        x[: known + 1], lam[: known + 1] = begun.x, begun.lam
+    for k in range(known + 1, order + 1):
         free = solve(series_rhs(x[:k], lam[:k]) if k > 1 else -problem.residual(start.x, start.lam))
         lam[k] = -float(normal @ free) / denominator
         if k == 1:

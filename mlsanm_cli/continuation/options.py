@@ -19,8 +19,9 @@ class AnmOptions:
     tolerance : largest residual allowed anywhere on the path
     pade : turn a series into a Padé approximant where that makes the step longer
     max_steps : the path stops after so many steps
-    direction : which way to leave the start point: load factor growing (1), falling (-1), or toward the
-        load factor asked for (0); the sign of later steps is that of the path itself
+    direction : which way to leave the start point: load factor growing (1), falling (-1), or (0) as the piece
+        of path before it went on, without one toward the load factor asked for; the sign of later steps is
+        that of the path itself
     drift : an end of step is corrected by Newton's method when its residual exceeds this fraction of
         ``tolerance``; below, the next series leads the residual back to zero, which takes no factorisation.
         At 1 only the start and the end of the path are corrected

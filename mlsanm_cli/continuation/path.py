@@ -23,6 +23,7 @@ class StopReason(StrEnum):
     """Why a path ended; the values are what users read."""
 
     TARGET_REACHED = "target reached"
+    EVENT = "event"
     MAX_STEPS = "max steps"
     STEP_TOO_SMALL = "step too small"
     NOT_ADMISSIBLE = "not admissible"

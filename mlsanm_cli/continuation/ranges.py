@@ -31,6 +31,8 @@ _SHRINK, _GROW = 0.3, 1.5
 _STRAIGHT = 4.0
 # Where a range is looked at between its ends.
 _INSIDE = (0.25, 0.5, 0.75, 0.9)
+# A power series shorter than its classical range needs fewer looks.
+_CHECKED = (1.0, 0.5)
 # A Padé approximant is worth its poles only if it stretches the step by so much.
 _GAIN, _CLEAR_GAIN = 1.02, 1.15
 # First guess of the range of a Padé approximant over that of its power series.
@@ -62,7 +64,7 @@ class Gauge:
 
         The piece ends at the latest where it first reaches ``lam_end``.
         """
-        guess = self._first_guess(series)
+        guess = self.first_guess(series)
         rational = self._rational(series, guess) if self.options.pade and guess > 0.0 else None
         if rational is not None and rational.length > _CLEAR_GAIN * guess:
             return rational
@@ -72,7 +74,13 @@ class Gauge:
             return rational
         return taylor
 
-    def _first_guess(self, series: Series) -> float:
+    def good(self, branch: Branch, a: float) -> bool:
+        """Tell whether the residual keeps the tolerance at ``a`` and inside."""
+        limit = _LIMIT * self.options.tolerance
+        return all(self.error(branch, part * a) <= limit for part in _CHECKED)
+
+    def first_guess(self, series: Series) -> float:
+        """Return the classical range of a power series."""
         weight = np.sqrt(self.metric.weight)
         first, last = (max(np.abs(weight * series.x[k]).max(), abs(series.lam[k])) for k in (1, -1))
         order = series.lam.size - 1

@@ -90,6 +90,29 @@ class Branch:
         weights = self._weights_many(a)
         return weights @ self._terms[0], weights @ self._terms[1]
 
+    def derivative_weights(self, a: FloatArray) -> FloatArray:
+        """Return the factors (k, N + 1) of the terms in the derivative by the parameter at ``a`` (k,)."""
+        a = np.asarray(a, dtype=np.float64)[:, None]
+        order = self._exponents
+        power = a**order
+        slope = np.where(order > 0.0, order * a ** np.maximum(order - 1.0, 0.0), 0.0)
+        if self.denominator is None:
+            return slope
+        count = self.denominator.size
+        below = (power[:, :count] @ self.denominator)[:, None]
+        change = (slope[:, :count] @ self.denominator)[:, None]
+        slope[:, 1:] = (slope[:, 1:] - power[:, 1:] * change / below) / below
+        return slope
+
+    def weights(self, a: FloatArray) -> FloatArray:
+        """Return the factors (k, N + 1) of the terms at ``a`` (k,)."""
+        return self._weights_many(a)
+
+    @property
+    def terms(self) -> tuple[FloatArray, FloatArray]:
+        """What the factors multiply, (N + 1, size) and (N + 1,): coefficients of series or numerators."""
+        return self._terms
+
     def load_factor(self, a: float) -> float:
         """Return lam(a)."""
         return float(self._weights(a) @ self._terms[1])

@@ -47,7 +47,7 @@ def plot_pressure(
     """
     if pressure.shape != (len(level_labels), len(arc)) or not level_labels:
         raise ValueError(f"pressure has shape {pressure.shape}, expected {(len(level_labels), len(arc))}")
-    left, right = _range(arc, pressure, reference)
+    left, right = visible_range(arc, pressure, reference)
     inside = (arc >= left) & (arc <= right)
     shades = _shades(len(level_labels))
     with picture(path, 7.2, 4.8 if reference else 3.8) as figure:
@@ -122,7 +122,9 @@ def _draw_difference(
     axes.set_ylabel("difference\n[% of peak]")
 
 
-def _range(arc: FloatArray, pressure: FloatArray, reference: ReferenceCurve | None) -> tuple[float, float]:
+def visible_range(
+    arc: FloatArray, pressure: FloatArray, reference: ReferenceCurve | None
+) -> tuple[float, float]:
     """The part of the surface to show: where there is pressure, a quarter more on both sides."""
     peak = float(np.nanmax(pressure, initial=0.0))
     loaded = arc[(pressure > _VISIBLE * peak).any(axis=0)] if peak > 0.0 else arc

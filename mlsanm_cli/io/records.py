@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,7 @@ CONTACT_COLUMNS: Mapping[str, type[np.generic]] = {
     "slip": np.float64,
     "status": np.int8,
 }
+CONTACT_TOTALS: Mapping[str, type[np.generic]] = {"dissipated_work": np.float64}
 
 FloatArray = NDArray[np.float64]
 
@@ -37,7 +38,8 @@ class ContactRecord:
     """State of one contact at a step; every array is (m,) in the order of the slave nodes.
 
     ``pressure`` > 0 in compression; ``traction`` acts on the slave and ``slip`` is the slave's relative to
-    the master, both along the tangent; ``status`` is int8: 0 open, 1 stick, 2 slip.
+    the master, both along the tangent; ``status`` is int8: 0 open, 1 stick, 2 slip. ``dissipated_work`` is
+    what friction has dissipated so far.
     """
 
     pressure: FloatArray
@@ -45,6 +47,7 @@ class ContactRecord:
     gap: FloatArray
     slip: FloatArray
     status: NDArray[np.int8]
+    dissipated_work: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,7 @@ class StepRecord:
     """One row of /path and of every contact history; ``position`` is stage index + fraction.
 
     ``factors`` maps each load to its factor, ``resultants`` each load or support to the force (2,) that it
-    exerts on its body.
+    exerts on its body, ``displacements`` each load that moves a platen to the platen's displacement (2,).
     """
 
     position: float
@@ -65,3 +68,4 @@ class StepRecord:
     factors: Mapping[str, float]
     resultants: Mapping[str, FloatArray]
     contacts: Mapping[str, ContactRecord]
+    displacements: Mapping[str, FloatArray] = field(default_factory=dict)

@@ -5,8 +5,9 @@ Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
     /                       attributes: format, mlsanm_version, status and those of the caller
     /case/{raw, resolved}   TOML text
     /bodies/<b>/points      (n, 2)   with boundary/{index, normal, name}
-    /path/<column>          (S+1,)   with factors/<load> (S+1,) and resultants/<load or support> (S+1, 2)
-    /contacts/<c>/...       (m,) geometry and (S+1, m) history
+    /path/<column>          (S+1,)   with factors/<load> (S+1,), resultants/<load or support> (S+1, 2) and
+                                     displacements/<load of a platen> (S+1, 2)
+    /contacts/<c>/...       (m,) geometry, (S+1, m) and (S+1,) history
     /series/<step>/...      whatever reproduces the step
     /fields/<k>/<b>/...     saved states, /fields/position (K,)
 
@@ -28,7 +29,14 @@ from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
 from mlsanm_cli.io.columns import Column
-from mlsanm_cli.io.records import CONTACT_COLUMNS, FORMAT, PATH_COLUMNS, ContactRecord, StepRecord
+from mlsanm_cli.io.records import (
+    CONTACT_COLUMNS,
+    CONTACT_TOTALS,
+    FORMAT,
+    PATH_COLUMNS,
+    ContactRecord,
+    StepRecord,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -58,6 +66,7 @@ class RunFile:
         self._contacts: list[str] = []
         self._loads: list[str] | None = None
         self._resultants: list[str] = []
+        self._displacements: list[str] = []
         self._states = 0
 
     @classmethod
@@ -130,10 +139,15 @@ class RunFile:
                 group[key] = _floats(array)
             for key, dtype in CONTACT_COLUMNS.items():
                 self._add_column(group, f"contacts/{name}/{key}", key, (count,), dtype)
+            for key, dtype in CONTACT_TOTALS.items():
+                self._add_column(group, f"contacts/{name}/{key}", key, (), dtype)
         self._contacts.append(name)
 
-    def start_path(self, loads: Sequence[str], resultants: Sequence[str]) -> None:
-        """Make the empty /path with one factor per load and one resultant per load or support named."""
+    def start_path(
+        self, loads: Sequence[str], resultants: Sequence[str], displacements: Sequence[str] = ()
+    ) -> None:
+        """Make the empty /path: a factor per load, a resultant per load or support named, a displacement per
+        load of a platen named."""
         if self._loads is not None:
             raise ValueError("the path was started already")
         with self._storing():
@@ -146,9 +160,13 @@ class RunFile:
             forces = group.create_group("resultants", track_order=True)
             for name in resultants:
                 self._add_column(forces, f"resultants/{name}", checked_name(name), (2,), np.float64)
+            moves = group.create_group("displacements", track_order=True)
+            for name in displacements:
+                self._add_column(moves, f"displacements/{name}", checked_name(name), (2,), np.float64)
             self._file.flush()
         self._loads = list(loads)
         self._resultants = list(resultants)
+        self._displacements = list(displacements)
 
     def append_step(self, step: StepRecord) -> None:
         """Append one row to /path and to every contact history, and flush.
@@ -159,12 +177,16 @@ class RunFile:
             raise ValueError("start_path must be called before append_step")
         _check_keys("load factors", step.factors, self._loads)
         _check_keys("resultants", step.resultants, self._resultants)
+        _check_keys("displacements", step.displacements, self._displacements)
         _check_keys("contacts", step.contacts, self._contacts)
         values: dict[str, ArrayLike] = {key: getattr(step, key) for key in PATH_COLUMNS}
         values |= {f"factors/{name}": value for name, value in step.factors.items()}
         values |= {f"resultants/{name}": value for name, value in step.resultants.items()}
+        values |= {f"displacements/{name}": value for name, value in step.displacements.items()}
         for name, record in step.contacts.items():
-            values |= {f"contacts/{name}/{key}": getattr(record, key) for key in CONTACT_COLUMNS}
+            values |= {
+                f"contacts/{name}/{key}": getattr(record, key) for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)
+            }
         rows = {key: self._columns[key].checked(value) for key, value in values.items()}
         with self._storing():
             for key, row in rows.items():

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.records import CONTACT_COLUMNS, FORMAT, PATH_COLUMNS
+from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_COLUMNS
 from mlsanm_cli.io.run_dir import RUN_FILE
 
 if TYPE_CHECKING:
@@ -42,7 +42,8 @@ class BodyData:
 
 @dataclass(frozen=True)
 class PathData:
-    """The load path, one row per finished step and row 0 for the start: all (S+1,), resultants (S+1, 2)."""
+    """The load path, one row per finished step and row 0 for the start: all (S+1,), resultants and
+    displacements (S+1, 2)."""
 
     position: FloatArray
     step_length: FloatArray
@@ -53,6 +54,7 @@ class PathData:
     seconds: FloatArray
     factors: Mapping[str, FloatArray]
     resultants: Mapping[str, FloatArray]
+    displacements: Mapping[str, FloatArray]
 
     @property
     def rows(self) -> int:
@@ -62,7 +64,7 @@ class PathData:
 
 @dataclass(frozen=True)
 class ContactData:
-    """One contact: slave nodes (m, 2), normal (m, 2), arc_length, weight (m,); history (S+1, m)."""
+    """One contact: slave nodes (m, 2), normal (m, 2), arc_length, weight (m,); history (S+1, m) or (S+1,)."""
 
     points: FloatArray
     normal: FloatArray
@@ -73,6 +75,7 @@ class ContactData:
     gap: FloatArray
     slip: FloatArray
     status: NDArray[np.int8]
+    dissipated_work: FloatArray
 
 
 @dataclass(frozen=True)
@@ -157,23 +160,24 @@ def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData]]:
     A run killed inside a flush leaves some datasets one row longer than others.
     """
     groups = dict(_items(root, "contacts"))
-    histories = [group[key] for group in groups.values() for key in CONTACT_COLUMNS]
+    histories = [group[key] for group in groups.values() for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)]
     path: dict[str, Any] = {key: np.empty(0, dtype) for key, dtype in PATH_COLUMNS.items()}
-    path |= {"factors": {}, "resultants": {}}
+    path |= {"factors": {}, "resultants": {}, "displacements": {}}
     rows = 0
     if "path" in root:
-        factors, resultants = dict(_items(root, "path/factors")), dict(_items(root, "path/resultants"))
+        named = {key: dict(_items(root, f"path/{key}")) for key in ("factors", "resultants", "displacements")}
         columns = [root["path"][key] for key in PATH_COLUMNS]
-        lengths = [len(data) for data in (*columns, *factors.values(), *resultants.values(), *histories)]
+        by_name = [data for group in named.values() for data in group.values()]
+        lengths = [len(data) for data in (*columns, *by_name, *histories)]
         rows = min(lengths)
         path = {key: data[:rows] for key, data in zip(PATH_COLUMNS, columns, strict=True)}
-        path["factors"] = MappingProxyType({name: data[:rows] for name, data in factors.items()})
-        path["resultants"] = MappingProxyType({name: data[:rows] for name, data in resultants.items()})
+        for key, group in named.items():
+            path[key] = MappingProxyType({name: data[:rows] for name, data in group.items()})
     geometry = ("points", "normal", "arc_length", "weight")
     contacts = {
         name: ContactData(
             **{key: group[key][...] for key in geometry},
-            **{key: group[key][:rows] for key in CONTACT_COLUMNS},
+            **{key: group[key][:rows] for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)},
         )
         for name, group in groups.items()
     }

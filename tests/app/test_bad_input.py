@@ -58,9 +58,9 @@ BAD = {
     ),
     "a key of later versions": (
         'name = "interface"',
-        'name = "interface"\nfriction = 0.3',
+        'name = "interface"\nobstacle = {}',
         ("not supported yet",),
-        "friction",
+        "obstacle",
     ),
     "bad syntax": ("nu = 0.3", "nu = 0.3.1", ("(syntax)",), "nu ="),
 }  # fmt: skip

@@ -101,7 +101,7 @@ def test_layout_of_the_run_file(hertz_run: Path) -> None:
         assert file["case/resolved"].asstr()[()] == (hertz_run / "resolved.toml").read_text()
         assert "Half-disk" in file["case/raw"].asstr()[()]
         rows = summary["steps"] + 1
-        assert set(file["path"]) == PATH | {"factors", "resultants"}
+        assert set(file["path"]) == PATH | {"factors", "resultants", "displacements"}
         assert all(file["path"][name].shape == (rows,) for name in PATH)
         assert file["path/factors/press"].shape == (rows,)
         assert set(file["path/resultants"]) == {"press", "block.bottom"}

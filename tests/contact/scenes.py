@@ -43,7 +43,11 @@ def synthetic(
         spans={"contact": slice(0, m)},
         weight=weight,
         modulus=np.ones(m),
-        gap=LinearMap(gap, load, motion, compliance),
+        tangential={},
+        rubbing=np.zeros(0, dtype=np.int64),
+        friction=np.zeros(0),
+        gap=LinearMap(gap, load, motion, compliance, np.zeros((m, 0))),
+        slip=columns.zeros(0),
         watched=columns.zeros(0),
         balance=columns.zeros(0) if balance is None else balance,
         forces={},
@@ -197,7 +201,7 @@ class Small:
     def displacement(self, body: str, state: ExactState) -> FloatArray:
         """Nodal displacements (n, 2)."""
         u, residual = self.condensed.displacement(
-            self.scene, body, state.factors, state.motion, state.pressure
+            self.scene, body, state.factors, state.motion, state.pressure, np.zeros(0)
         )
         assert residual <= 1e-9
         return u

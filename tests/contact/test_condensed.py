@@ -11,7 +11,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.contact.observers import cut_off, gap_rows, reaction_rows, resultant
-from mlsanm_cli.contact.pairing import Pairing, transfer
+from mlsanm_cli.contact.pairing import Pairing, surface_fit, transfer
+from mlsanm_cli.contact.short_waves import SMOOTH
 from mlsanm_cli.contact.stability import contact_stability, relative_resistance
 from mlsanm_cli.mechanics.body import ElasticBody
 from tests.contact.scenes import Small, cylinder
@@ -35,9 +36,12 @@ def forced() -> Small:
     return cylinder(0.012)
 
 
-def whole_solution(small: Small, pressure: FloatArray) -> dict[str, FloatArray]:
+def whole_solution(
+    small: Small, pressure: FloatArray, traction: FloatArray | None = None
+) -> dict[str, FloatArray]:
     """Displacements (n, 2) of both bodies at full load, right-hand sides written by hand."""
     pairing = small.pairing
+    rubbed = np.zeros(len(pressure)) if traction is None else traction
     fields = {}
     for name, body in small.scene.bodies.items():
         cloud = body.model.cloud
@@ -48,14 +52,29 @@ def whole_solution(small: Small, pressure: FloatArray) -> dict[str, FloatArray]:
         if name == pairing.slave_body:
             values = np.zeros((len(pairing.slave.index), 2))
             at = pairing.position[pairing.candidate]
-            values[at] = pressure[:, None] * pairing.normal[pairing.candidate]
+            n_x, n_y = pairing.normal[pairing.candidate].T
+            values[at, 0] = pressure * n_x + rubbed * n_y
+            values[at, 1] = pressure * n_y - rubbed * n_x
             rhs += body.source(pairing.slave.name, values, held=False)
         else:
-            carried = transfer(pairing, cloud) @ pressure
-            values = -carried[:, None] * pairing.master.normal
+            carried = transfer(pairing, cloud) @ np.stack([pressure, rubbed], axis=1)
+            n_x, n_y = pairing.master.normal.T
+            values = -carried[:, :1] * pairing.master.normal
+            values -= carried[:, 1:] * np.stack([n_y, -n_x], axis=1)
             rhs += body.source(pairing.master.name, values, held=False)
         fields[name] = body.system.solve(sparse.csc_array(rhs[:, None])).reshape(-1, 2)
     return fields
+
+
+def slips(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
+    """Slips (m,) of the candidates from nodal displacements, short waves and all."""
+    pairing = small.pairing
+    chosen = pairing.candidate
+    on_x, on_y = small.scene.bodies[pairing.master_body].model.values_at(pairing.partner[chosen])
+    u = fields[pairing.master_body].ravel()
+    apart = fields[pairing.slave_body][pairing.node[chosen]] - np.stack([on_x @ u, on_y @ u], axis=1)
+    n_x, n_y = pairing.normal[chosen].T
+    return np.asarray(apart[:, 0] * n_y - apart[:, 1] * n_x)
 
 
 def gaps(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
@@ -87,6 +106,58 @@ def test_displacements_are_those_of_whole_solutions(pushed: Small) -> None:
     closed = gaps(pushed, expected)[state.active]
     assert len(closed) > 3
     assert np.abs(closed).max() <= 1e-9 * 0.01
+
+
+@pytest.fixture(scope="module", params=[(), SWAPPED], ids=["arc on flat", "flat on arc"])
+def rubbed(request: pytest.FixtureRequest) -> Small:
+    """The pushed half-disk with friction."""
+    return cylinder(0.012, *request.param, "contact.interface.friction=0.3", control=PRESSED)
+
+
+def test_gaps_and_slips_with_friction_are_those_of_whole_solutions(rubbed: Small) -> None:
+    c, pairing = rubbed.condensed, rubbed.pairing
+    arc = pairing.arc[pairing.candidate]
+    fit = surface_fit(arc, c.weight, arc, SMOOTH * pairing.spacing[pairing.candidate])
+    rng = np.random.default_rng(1)
+    for pressure in (np.zeros(len(arc)), rng.uniform(0.0, 100.0, len(arc))):
+        traction = 50.0 + 400.0 * (arc - arc.mean())
+        fields = whole_solution(rubbed, pressure, traction)
+        got = c.gap(np.ones(1), np.zeros(0), pressure, traction)
+        assert np.abs(got - gaps(rubbed, fields)).max() <= 1e-9 * np.abs(got).max()
+        found = c.slip(np.ones(1), np.zeros(0), pressure, traction)
+        # Linear tractions cause slips that are fitted like those of pressures and loads.
+        expected = fit @ slips(rubbed, fields)
+        assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+def test_displacements_with_friction_are_those_of_whole_solutions(rubbed: Small) -> None:
+    c, count = rubbed.condensed, len(rubbed.condensed.weight)
+    traction = np.linspace(30.0, 60.0, count)
+    expected = whole_solution(rubbed, np.full(count, 80.0), traction)
+    for body in rubbed.scene.bodies:
+        got, _ = c.displacement(rubbed.scene, body, np.ones(1), np.zeros(0), np.full(count, 80.0), traction)
+        assert np.abs(got - expected[body]).max() <= 1e-9 * np.abs(expected[body]).max()
+
+
+def test_tractions_enter_the_forces(rubbed: Small) -> None:
+    c, pairing = rubbed.condensed, rubbed.pairing
+    count, nothing = len(c.weight), np.zeros(len(c.weight))
+    t = np.full(count, 7.0)
+    force = c.contact_forces["interface"](np.zeros(1), np.zeros(0), nothing, t)
+    n_x, n_y = pairing.normal[pairing.candidate].T
+    expected = [(7.0 * c.weight) @ n_y, -(7.0 * c.weight) @ n_x]
+    assert force == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    # The platen carries what the contact does to its body; the other body's support takes the reaction.
+    on_cylinder = force if pairing.slave_body == "cylinder" else -force
+    assert c.forces["press"](np.zeros(1), np.zeros(0), nothing, t) == pytest.approx(-on_cylinder, rel=1e-9)
+    lack = c.imbalance(np.zeros(1), np.zeros(0), nothing, t)
+    assert np.abs(lack).max() <= 0.05 * np.abs(force).max()
+
+
+def test_certificate_with_friction_is_positive(rubbed: Small) -> None:
+    assert rubbed.condensed.stability is not None
+    assert rubbed.condensed.stability >= 1e-4
+    assert len(rubbed.condensed.rubbing) == len(rubbed.condensed.weight)
 
 
 def stress_force(body: ElasticBody, surface_name: str, u: FloatArray) -> FloatArray:

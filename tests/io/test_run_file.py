@@ -123,6 +123,7 @@ def test_layout_shapes_and_types_of_every_path(tmp_path: Path) -> None:
         "contacts/interface/gap": ((4, M), "f8"),
         "contacts/interface/slip": ((4, M), "f8"),
         "contacts/interface/status": ((4, M), "i1"),
+        "contacts/interface/dissipated_work": ((4,), "f8"),
         "series/0/pressure": ((21, M), "f8"),
         "series/1/pressure": ((21, M), "f8"),
         "series/2/pressure": ((21, M), "f8"),

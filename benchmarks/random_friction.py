@@ -1,0 +1,225 @@
+"""Random scenes with friction: every one must end well or say why, and no accepted state may break a law.
+
+Half-disks and blocks on blocks, friction coefficients from 0.05 to 1.5, stiffness ratios from 1 to 100, shear
+inside and beyond the friction limit under force or displacement control, three to five random stages, exact
+and smooth law. Writes random_friction.json beside the other results.
+
+    python benchmarks/random_friction.py [count] [first seed]
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.run import run
+from mlsanm_cli.errors import MlsanmError
+from mlsanm_cli.io.run_reader import ContactData, read_run
+
+RESULTS = Path(__file__).parent / "results"
+
+HALF_DISK = """
+kind = "half-disk"
+center = [0.0, 1.0]
+radius = 1.0
+side = "lower"
+[[body.refine]]
+at = [0.0, 0.0]
+spacing = {fine}
+radius = 0.07
+growth = 0.3
+"""
+BLOCK = """
+kind = "rectangle"
+x = [-0.5, 0.5]
+y = [0.0, 0.6]
+"""
+REFINE = "refine = [{{ at = [0.0, 0.0], spacing = {fine}, radius = 0.07, growth = 0.3 }}]"
+SCENE = """
+format = 1
+[model]
+plane = "{plane}"
+[material.soft]
+E = 1.0
+nu = {nu}
+[material.stiff]
+E = {ratio}
+nu = {nu_stiff}
+[[body]]
+name = "upper"
+material = "soft"
+spacing = {upper}
+seed = {seed}
+[body.shape]
+{shape}
+[[body]]
+name = "lower"
+material = "stiff"
+spacing = {lower}
+seed = {seed}
+shape = {{ kind = "rectangle", x = [-1.0, 1.0], y = [-1.0, 0.0] }}
+{refine}
+[[support]]
+boundary = "lower.bottom"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+boundary = "upper.{top}"
+kind = "platen"
+fy = {fy}
+[[load]]
+name = "shear"
+boundary = "upper.{top}"
+kind = "platen"
+{drive} = {shear}
+[[contact]]
+name = "interface"
+slave = "upper.{slave}"
+master = "lower.top"
+friction = {mu}
+[contact.regularization]
+law = "{law}"
+{stages}
+"""
+
+
+class Silent:
+    """A console that says nothing."""
+
+    def phase(self, text: str) -> None:
+        """Nothing."""
+
+    def step(self, index: int, position: float, residual: float, text: str) -> None:
+        """Nothing."""
+
+    def note(self, text: str) -> None:
+        """Nothing."""
+
+    def warning(self, text: str) -> None:
+        """Nothing."""
+
+    def table(self, title: str, rows: Any) -> None:
+        """Nothing."""
+
+
+def scene(seed: int, law: str) -> str:
+    """A random case."""
+    rng = np.random.default_rng(seed)
+    disk = rng.uniform() < 0.6
+    mu = float(np.exp(rng.uniform(np.log(0.05), np.log(1.5))))
+    ratio = float(np.exp(rng.uniform(0.0, np.log(100.0))))
+    nu, nu_stiff = rng.uniform(0.0, 0.45, 2)
+    modulus = 1.0 / ((1.0 - nu**2) + (1.0 - nu_stiff**2) / ratio)
+    half = rng.uniform(0.02, 0.06)
+    force = float(0.25 * np.pi * modulus * half**2) if disk else float(rng.uniform(1e-4, 5e-3))
+    forced = rng.uniform() < 0.6
+    limit = mu * force
+    shear = limit * rng.uniform(0.3, 1.6) if forced else limit / modulus * rng.uniform(1.0, 8.0)
+    stages = ["[[stage]]\npress = 1.0"] if rng.uniform() < 0.8 else ["[[stage]]\npress = 1.0\nshear = 0.3"]
+    for _ in range(rng.integers(2, 5)):
+        stage = {"shear": rng.choice([-1.0, -0.5, 0.0, 0.5, 1.0])}
+        if rng.uniform() < 0.3:
+            stage["press"] = rng.uniform(0.6, 1.5)
+        stages.append("[[stage]]\n" + "\n".join(f"{key} = {value}" for key, value in stage.items()))
+    fine = 0.006
+    return SCENE.format(
+        plane=rng.choice(["strain", "stress"]),
+        nu=nu,
+        nu_stiff=nu_stiff,
+        ratio=ratio,
+        upper=0.15 if disk else 0.07,
+        lower=0.15 if disk else 0.09,
+        seed=seed,
+        shape=HALF_DISK.format(fine=fine) if disk else BLOCK,
+        refine=REFINE.format(fine=fine * rng.uniform(0.8, 1.3)) if disk else "",
+        top="flat" if disk else "top",
+        slave="arc" if disk else "bottom",
+        fy=-force,
+        drive="fx" if forced else "ux",
+        shear=float(shear),
+        mu=mu,
+        law=law,
+        stages="\n".join(stages),
+    )
+
+
+def faults(summary: Mapping[str, Any], contact: ContactData) -> list[str]:
+    """What is wrong with the states of a run that were accepted."""
+    found = []
+    figures = summary["contacts"]["interface"]
+    if figures["max_cone_ratio"] > 1.0 + 1e-9:
+        found.append(f"cone {figures['max_cone_ratio']}")
+    work = contact.dissipated_work
+    if np.diff(work).min(initial=0.0) < -1e-8 * np.abs(work).max(initial=0.0):
+        found.append("work falls")
+    # Pressures and tractions on the slave are what the platen, its only other support, exerts.
+    n_x, n_y = contact.normal[0]
+    pressed, rubbed = contact.pressure[-1] @ contact.weight, contact.traction[-1] @ contact.weight
+    own = np.array([pressed * n_x + rubbed * n_y, pressed * n_y - rubbed * n_x])
+    applied = sum(np.array(summary["forces"][load]) for load in ("press", "shear"))
+    if np.abs(own + applied).max() > 1e-8 * np.abs(applied).max():
+        found.append(f"balance {own} {applied}")
+    if summary["residual"] > 1e-8:
+        found.append(f"residual {summary['residual']}")
+    return found
+
+
+def main(count: int, first: int) -> None:
+    """Run the scenes and tell what came of them."""
+    rows, outcomes = [], Counter[str]()
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(first, first + count):
+            for law in ("exact", "hyperbolic"):
+                text = scene(seed, law)
+                case, out = Path(folder) / f"{seed}_{law}.toml", Path(folder) / f"{seed}_{law}"
+                case.write_text(text)
+                started = time.process_time()
+                try:
+                    summary = run(
+                        case, overrides=("output.vtu=false", "output.fields=[]"), out=out, console=Silent()
+                    )
+                except MlsanmError as error:
+                    row: dict[str, Any] = {
+                        "seed": seed,
+                        "law": law,
+                        "status": "refused",
+                        "reason": str(error),
+                    }
+                else:
+                    row = {
+                        "seed": seed,
+                        "law": law,
+                        "status": summary["status"],
+                        "reason": summary["stop_reason"],
+                    }
+                    if summary["contacts"]:
+                        data = read_run(out)
+                        row["faults"] = faults(summary, data.contacts["interface"])
+                        row |= {key: summary[key] for key in ("position", "steps", "warnings")}
+                row["seconds"] = time.process_time() - started
+                rows.append(row)
+                kind = (
+                    row["status"] if row["status"] == "done" else row["reason"].partition(" at position")[0]
+                )
+                outcomes[f"{law}: {kind}"] += 1
+                print(json.dumps(row), flush=True)
+    print(
+        json.dumps({"outcomes": outcomes, "faults": sum(bool(row.get("faults")) for row in rows)}, indent=2)
+    )
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "random_friction.json").write_text(
+        json.dumps({"outcomes": outcomes, "rows": rows}, indent=1) + "\n"
+    )
+
+
+if __name__ == "__main__":
+    main(*(int(text) for text in sys.argv[1:3]) if len(sys.argv) > 2 else (100, 0))

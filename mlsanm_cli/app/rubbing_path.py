@@ -1,0 +1,230 @@
+"""The load path of the smooth contact law with friction: power series from event to event."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.rubbing_events import Barrier, Hits, continued
+from mlsanm_cli.app.series_path import (
+    anm_options,
+    at,
+    drawn,
+    path_step,
+    regularization,
+    series_arrays,
+    sharpened,
+    states_in,
+    stopped,
+)
+from mlsanm_cli.app.states import PathStep, State, wanted_positions
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.coulomb import OPEN, SLIP, STICK, NoStateError, Sets
+from mlsanm_cli.contact.history import SlidingError, slides_freely
+from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
+from mlsanm_cli.continuation import AnmOptions, Branch, Step, StopReason, correct, follow
+from mlsanm_cli.errors import NumericalError
+
+STANDSTILL = 1e-12
+"""Events this close to each other, as parts of a stage, do not move the path on."""
+OPENINGS = 20
+FREE = 1e-3
+"""Before the first load tractions are below this part of their limits."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Where the path is: its problem, unknowns, fraction of the stage, work dissipated (n,) so far."""
+
+    problem: RubbingContact
+    x: FloatArray
+    lam: float
+    work: FloatArray
+
+
+def rubbing_path(built: Built) -> Iterator[PathStep]:
+    """States of the regularised contact with friction; wanted ones come from the series of their step."""
+    wanted, options = wanted_positions(built), replace(anm_options(built), direction=1)
+    point = _first(built, options)
+    start = _state(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
+    yield PathStep(start, (start,) if 0.0 in wanted else ())
+    for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
+        problem = point.problem
+        staged = RubbingContact(problem.base, begin, end, problem.sets, problem.anchor)
+        walk = _Walk(replace(point, problem=staged, lam=0.0), stage, wanted, options)
+        try:
+            yield from walk.steps()
+        except NoStateError as error:
+            where = f"beyond position {stage + walk.point.lam:.9g}"
+            if error.sliding:
+                raise _slides(stage, walk.point.lam) from error
+            raise NumericalError(
+                f"{error.message} {where}", 'use contact.regularization.law = "exact", which can jump'
+            ) from error
+        point = walk.point
+
+
+def _slides(stage: int, lam: float) -> NumericalError:
+    error = SlidingError(lam)
+    return NumericalError(f"{error.message} at position {stage + lam:.9g}", error.hint)
+
+
+def _first(built: Built, options: AnmOptions) -> _Point:
+    """The state before the first load: as drawn, no traction anywhere.
+
+    Pressed nodes stick from the very start; friction of the others begins when they reach the law's
+    threshold.
+    """
+    c, law = built.condensed, regularization(built)
+    nothing, begin = np.zeros(len(c.rubbing)), built.stages[0]
+    x = np.concatenate([drawn(built, law), nothing])
+    pressure = x[: len(c.weight)]
+    anchor, full = nothing, law.threshold
+    for _ in range(OPENINGS):
+        pressed = np.zeros(len(pressure), dtype=bool)
+        pressed[c.rubbing] = pressure[c.rubbing] > -FREE * law.eta
+        stuck = pressed[c.rubbing]
+        own = 0.5 * np.maximum(pressure[c.rubbing], 0.0)
+        law = replace(law, threshold=np.where(stuck, np.minimum(full, own), full))
+        base = Rubbing.of(c, law)
+        problem = RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor)
+        x = correct(problem, x, 0.0, options).x
+        pressure, _, _, traction = problem.split(x)
+        if (np.abs(traction) <= FREE * c.friction * np.maximum(pressure[c.rubbing], 0.0))[stuck].all():
+            break
+        traction[:] = 0.0
+        anchor = problem.yielded(x, 0.0)
+    return _Point(problem, x, 0.0, nothing)
+
+
+class _Walk:
+    """One stage: pieces of path between events."""
+
+    def __init__(self, point: _Point, stage: int, wanted: tuple[float, ...], options: AnmOptions) -> None:
+        self.point = point
+        self._stage, self._wanted, self._options = stage, wanted, options
+        self._standing = 0
+        self._previous: Branch | None = None
+
+    def steps(self) -> Iterator[PathStep]:
+        """Steps to the end of the stage. Raises NoStateError, NumericalError."""
+        if not self.point.problem.change.any():
+            yield from self._waiting()
+            return
+        tangents = self._go_on(self.point, Hits.none(self.point.problem.n))
+        while self.point.lam < 1.0:
+            if slides_freely(self.point.problem.condensed, self.point.problem.sets):
+                raise _slides(self._stage, self.point.lam)
+            begin, barrier = self.point, Barrier(self.point.problem)
+            follower = follow(begin.problem, begin.x, begin.lam, 1.0, self._options, self._previous, barrier)
+            for step in follower.steps():
+                step = replace(step, factorizations=step.factorizations + tangents)
+                tangents = 0
+                if barrier.reached:
+                    yield from self._event(step, barrier.hits)
+                else:
+                    yield self._step(sharpened(begin.problem, step) if step.lam == 1.0 else step)
+            if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
+                raise stopped(self._stage, follower.outcome)
+            self._previous = barrier.piece
+            self._standing = self._standing + 1 if self.point.lam - begin.lam < STANDSTILL else 0
+            if self._standing > 4 * begin.problem.n + 50:
+                raise NoStateError(sliding=False)
+
+    def _go_on(self, point: _Point, hits: Hits) -> int:
+        """Put the path on the sets that hold beyond a point; return the tangents it took."""
+        problem, x, tangents = continued(point.problem, point.x, point.lam, hits)
+        # What the event's place, known to the series' tolerance, and the new sets disagree by.
+        x = x + problem.tangent(x, point.lam).solve(-problem.residual(x, point.lam))
+        self.point = _inside(replace(point, problem=problem, x=x))
+        return tangents
+
+    def _event(self, step: Step, hits: Hits) -> Iterator[PathStep]:
+        """A step that ends at an event, its end already as the path goes on from it."""
+        before = self.point
+        point, failure, tangents = _moved(before, step.x, step.lam), None, 0
+        try:
+            tangents = self._go_on(point, hits)
+        except NoStateError as error:
+            failure = error
+            self.point = _inside(point)
+        problem = self.point.problem
+        residual = float(np.abs(problem.residual(self.point.x, step.lam)).max())
+        step = replace(step, factorizations=step.factorizations + tangents, residual=residual)
+        yield self._told(before, step)
+        if failure is not None:
+            raise failure
+
+    def _step(self, step: Step) -> PathStep:
+        before = self.point
+        self.point = _moved(before, step.x, step.lam)
+        return self._told(before, step)
+
+    def _told(self, before: _Point, step: Step) -> PathStep:
+        """The step from ``before`` to where the path is now."""
+        stage = self._stage
+        end = _state(self.point, stage, step.residual)
+        places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
+        saved = [
+            _state(_moved(before, x, lam), stage, residual)
+            for x, lam, residual in states_in(before.problem, step, stage, places)
+        ]
+        series = _series(before.problem, step.branch, stage)
+        return path_step(step, end, stage, at(places, saved, end), series)
+
+    def _waiting(self) -> Iterator[PathStep]:
+        """A stage that changes nothing."""
+        residual = float(np.abs(self.point.problem.residual(self.point.x, 1.0)).max())
+        self.point = replace(self.point, lam=1.0)
+        state = _state(self.point, self._stage, residual)
+        places = [p for p in self._wanted if self._stage < p <= self._stage + 1]
+        yield PathStep(state, tuple(replace(state, position=position) for position in places))
+
+
+def _inside(point: _Point) -> _Point:
+    """The point with no sticking node beyond its limit, at rest where it is now."""
+    x = point.problem.within_cone(point.x)
+    if np.array_equal(x, point.x):
+        return point
+    return replace(point, x=x, problem=point.problem.rested(x, point.lam))
+
+
+def _moved(point: _Point, x: FloatArray, lam: float) -> _Point:
+    """A later point of the same piece of path; slipping nodes have dissipated what they rubbed through."""
+    problem = point.problem
+    mean = 0.5 * (problem.split(point.x)[3] + problem.split(x)[3])
+    slipped = problem.yielded(x, lam) - problem.yielded(point.x, point.lam)
+    work = point.work - np.where(problem.sets.sense != 0.0, mean * slipped, 0.0)
+    return _Point(problem, x, lam, work)
+
+
+def _series(problem: RubbingContact, branch: Branch, stage: int) -> dict[str, FloatArray]:
+    names = ("pressure", "gap", "motion", "traction")
+    return series_arrays(branch, stage, dict(zip(names, problem.split(branch.x), strict=True)))
+
+
+def _state(point: _Point, stage: int, residual: float) -> State:
+    problem, law, c = point.problem, point.problem.law, point.problem.condensed
+    pressure, gap, motion, traction = problem.split(point.x)
+    factors = problem.factors(point.lam)
+    # A node counts as closed where its pressure, in units of the scene, has outgrown its gap.
+    closed = pressure / law.pressure > gap / law.gap
+    status = np.where(closed, SLIP, OPEN).astype(np.int8)
+    held = c.rubbing[problem.sets.stuck]
+    status[held[closed[held]]] = STICK
+    slip = c.slip(factors, motion, pressure, traction)
+    return State(
+        stage + point.lam,
+        factors,
+        pressure,
+        gap,
+        motion,
+        traction,
+        slip,
+        point.work,
+        status,
+        residual,
+    )

@@ -1,0 +1,209 @@
+"""The load path of the smooth contact law, followed by the asymptotic numerical method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.states import PathStep, State, wanted_positions
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.coulomb import OPEN, SLIP, STICK
+from mlsanm_cli.contact.holonomic import HolonomicContact
+from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
+from mlsanm_cli.contact.scales import regularize
+from mlsanm_cli.continuation import (
+    AnmOptions,
+    Branch,
+    Outcome,
+    Problem,
+    Step,
+    StopReason,
+    correct,
+    follow,
+)
+from mlsanm_cli.errors import NumericalError
+
+BRANCH_HINT = (
+    'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
+)
+
+
+def anm_path(built: Built) -> Iterator[PathStep]:
+    """Laws without memory followed by power series; wanted states come from the series of their step."""
+    wanted = wanted_positions(built)
+    law, options = regularization(built), anm_options(built)
+    for stage in range(len(built.case.stage)):
+        problem = _problem(built, law, stage)
+        if stage == 0:
+            x = _start_point(built, problem)
+            corrected = correct(problem, x, 0.0, options)
+            x = corrected.x
+            start = _regularized_state(problem, x, 0.0, stage, corrected.residual)
+            yield PathStep(
+                start,
+                (start,) if 0.0 in wanted else (),
+                factorizations=corrected.factorizations,
+                solves=corrected.solves,
+            )
+        if not problem.change.any():
+            state = _regularized_state(problem, x, 1.0, stage, float(np.abs(problem.residual(x, 1.0)).max()))
+            yield PathStep(state, tuple(replace(state, position=p) for p in wanted if stage < p <= stage + 1))
+            continue
+        follower = follow(problem, x, 0.0, 1.0, options)
+        before = 0.0
+        for step in follower.steps():
+            if step.lam == 1.0:
+                step = sharpened(problem, step)
+            x = step.x
+            end = _regularized_state(problem, x, step.lam, stage, step.residual)
+            places = [p for p in wanted if stage + before < p <= stage + step.lam]
+            saved = [
+                _regularized_state(problem, x_at, lam, stage, residual)
+                for x_at, lam, residual in states_in(problem, step, stage, places)
+            ]
+            yield path_step(step, end, stage, at(places, saved, end), _series(problem, step.branch, stage))
+            before = step.lam
+        if not follower.outcome.reached:
+            raise stopped(stage, follower.outcome)
+
+
+Memoryless = HyperbolicContact | HolonomicContact
+
+
+def is_holonomic(built: Built) -> bool:
+    """Whether friction is to depend on the total slip alone."""
+    return any(
+        contact.friction and contact.regularization.friction_law == "holonomic"
+        for contact in built.case.contact
+    )
+
+
+def regularization(built: Built) -> Regularization:
+    """The case's smooth law with the scene's scales."""
+    regular = {contact.name: contact.regularization for contact in built.case.contact}
+    spans = built.condensed.tangential.items()
+    stick = [np.full(span.stop - span.start, regular[name].stick) for name, span in spans]
+    eta = built.case.contact[0].regularization.eta
+    return regularize(built.condensed, built.ends, eta, np.concatenate([np.zeros(0), *stick]))
+
+
+def _problem(built: Built, law: Regularization, stage: int) -> Memoryless:
+    make = HolonomicContact if len(built.condensed.rubbing) else HyperbolicContact
+    return make(built.condensed, law, built.stages[stage], built.stages[stage + 1])
+
+
+def anm_options(built: Built) -> AnmOptions:
+    """The case's options of the series."""
+    solver = built.case.solver
+    return AnmOptions(
+        order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=solver.max_steps
+    )
+
+
+def stopped(stage: int, outcome: Outcome) -> NumericalError:
+    """What to say of a path that did not reach the end of its stage."""
+    return NumericalError(
+        f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value} ({outcome.message})",
+        "raise solver.max_steps" if outcome.reason is StopReason.MAX_STEPS else BRANCH_HINT,
+    )
+
+
+def sharpened(problem: Problem, step: Step) -> Step:
+    """The step with one more Newton update at its end, where users compare figures to the last digit.
+
+    The path itself is only followed to its tolerance, and where its steps end depends on round-off.
+    """
+    try:
+        tangent = problem.tangent(step.x, step.lam)
+    except np.linalg.LinAlgError:  # a fold at the very target: the step's own end keeps the tolerance
+        return step
+    x = step.x + tangent.solve(-problem.residual(step.x, step.lam))
+    residual = float(np.abs(problem.residual(x, step.lam)).max())
+    step = replace(step, factorizations=step.factorizations + 1, solves=step.solves + 1)
+    if residual < step.residual and problem.admissible(x, step.lam):
+        step = replace(step, x=x, residual=residual)
+    return step
+
+
+def _start_point(built: Built, problem: Memoryless) -> FloatArray:
+    """Open gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
+    x = drawn(built, problem.law)
+    if isinstance(problem, HolonomicContact):
+        return problem.with_auxiliary(np.concatenate([x, np.zeros(problem.n)]), 0.0)
+    return x
+
+
+def drawn(built: Built, law: Regularization) -> FloatArray:
+    """Pressures (m,), gaps (m,) and motions (k,) of the smooth law near the scene as drawn."""
+    gap = np.maximum(built.condensed.gap.constant, 0.1 * law.gap)
+    pressure = law.eta * (law.delta / gap - 1.0)
+    return np.concatenate([pressure, gap, np.zeros(len(law.motion))])
+
+
+def states_in(
+    problem: Problem, step: Step, stage: int, places: list[float]
+) -> Iterator[tuple[FloatArray, float, float]]:
+    """Unknowns, fraction and residual at positions ``places`` within a step, from its series."""
+    for position in places:
+        x, lam = step.branch.evaluate(step.branch.parameter_at(min(position - stage, step.lam)))
+        yield x, lam, float(np.abs(problem.residual(x, lam)).max())
+
+
+def at(places: list[float], states: list[State], end: State) -> tuple[State, ...]:
+    """The states with the positions asked for, not the ones a last bit away that the series had."""
+    return tuple(
+        end if position == end.position else replace(state, position=position)
+        for position, state in zip(places, states, strict=True)
+    )
+
+
+def path_step(
+    step: Step, end: State, stage: int, saved: tuple[State, ...], series: dict[str, FloatArray]
+) -> PathStep:
+    """A finished step as the recorder takes it."""
+    return PathStep(
+        state=end,
+        saved=saved,
+        length=step.arc_length,
+        order=step.order,
+        factorizations=step.factorizations,
+        solves=step.solves,
+        series=series,
+        series_attributes={"length": step.branch.length, "stage": stage},
+    )
+
+
+def _series(problem: Memoryless, branch: Branch, stage: int) -> dict[str, FloatArray]:
+    """Coefficients over the path parameter a, 0 <= a <= length; with ``denominator`` the Pade form holds."""
+    names = ("pressure", "gap", "motion", "traction")
+    parts = problem.split(branch.x)
+    return series_arrays(branch, stage, dict(zip(names, parts, strict=False)))
+
+
+def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """What is stored of a step's series: position, the named parts of the unknowns, denominator."""
+    position = branch.lam.copy()
+    position[0] += stage
+    arrays = {"position": position, **parts}
+    return arrays if branch.denominator is None else {**arrays, "denominator": branch.denominator}
+
+
+def _regularized_state(problem: Memoryless, x: FloatArray, lam: float, stage: int, residual: float) -> State:
+    pressure, gap, motion, *rest = problem.split(x)
+    law = problem.law
+    # A node counts as closed where its pressure, in units of the scene, has outgrown its gap.
+    closed = pressure / law.pressure > gap / law.gap
+    status = np.where(closed, SLIP, OPEN).astype(np.int8)
+    traction = slip = work = np.zeros(0)
+    if isinstance(problem, HolonomicContact):
+        traction, slip = rest[0], problem.slip(x, lam)
+        held = problem.condensed.rubbing[np.abs(slip) < problem.small]
+        status[held[closed[held]]] = STICK
+        # Dissipation is a matter of history, which this law does not know.
+        work = np.full(problem.n, np.nan)
+    return State(
+        stage + lam, problem.factors(lam), pressure, gap, motion, traction, slip, work, status, residual
+    )

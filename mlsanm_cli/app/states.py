@@ -1,0 +1,81 @@
+"""States of the load path, and the steps between them.
+
+Positions count stages: 1.25 is a quarter of the way through the second stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True)
+class State:
+    """One state: load factors (L,), pressures and gaps (m,), unknown motions (k,), and of every node what it
+    does (m,): OPEN, STICK or SLIP. Of the contacts with friction tractions, slips and the work dissipated per
+    length of surface so far (n,)."""
+
+    position: float
+    factors: FloatArray
+    pressure: FloatArray
+    gap: FloatArray
+    motion: FloatArray
+    traction: FloatArray
+    slip: FloatArray
+    work: FloatArray
+    status: NDArray[np.int8]
+    residual: float
+
+    @property
+    def closed(self) -> BoolArray:
+        """Which nodes (m,) are closed."""
+        return np.asarray(self.status != 0)
+
+    @property
+    def unknowns(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Load factors, motions, pressures and tractions, as linear maps take them."""
+        return self.factors, self.motion, self.pressure, self.traction
+
+
+@dataclass(frozen=True)
+class PathStep:
+    """A finished step: the state at its end, the wanted states in it (its end included), what it cost.
+
+    ``series`` holds the arrays from which any state of the step can be had again (ANM only); ``warning`` is
+    what the user should know about the step.
+    """
+
+    state: State
+    saved: tuple[State, ...]
+    length: float = 0.0
+    order: int = 0
+    factorizations: int = 0
+    solves: int = 0
+    series: Mapping[str, FloatArray] = field(default_factory=dict)
+    series_attributes: Mapping[str, float | str] = field(default_factory=dict)
+    warning: str = ""
+
+
+def wanted_positions(built: Built) -> tuple[float, ...]:
+    """Where fields are asked for, in order; the end of the path where nothing is said."""
+    return tuple(sorted(set(built.case.output.at))) or (float(len(built.case.stage)),)
+
+
+def stops(built: Built) -> list[float]:
+    """The start, the stages' ends and the wanted positions, in order."""
+    ends = np.arange(0.0, len(built.case.stage) + 1.0).tolist()
+    return sorted({*ends, *wanted_positions(built)})
+
+
+def factors_at(stages: FloatArray, position: float) -> FloatArray:
+    """Load factors (L,) at a path position."""
+    stage = min(int(position), len(stages) - 2)
+    fraction = position - stage
+    result: FloatArray = (1.0 - fraction) * stages[stage] + fraction * stages[stage + 1]
+    return result

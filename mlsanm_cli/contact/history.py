@@ -1,0 +1,196 @@
+"""The exact history of a contact with friction, from event to event.
+
+Between two changes of what is open, sticks and slips, the state is linear in the load. So the path is
+followed exactly: the rates of the state decide how the sets go on, and the next event is where, at these
+rates, a gap or a pressure comes to zero or a sticking node to its friction limit. Slipping nodes that the
+rates would move with friction come to rest. Nothing depends on the size of increments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.coulomb import (
+    CoulombState,
+    NoStateError,
+    Sets,
+    SetSystem,
+    Values,
+    Watch,
+    find_sets,
+    increment,
+    unloaded,
+)
+from mlsanm_cli.errors import NumericalError
+
+NEAR = 1e-9
+"""A condition is at its limit where it is this close to it, relative to peak pressure and elastic gap."""
+JUMPS = tuple(10.0**power for power in range(-6, 0))
+"""Where no rates continue the path, finite increments of these parts of the stage are tried in turn."""
+STANDSTILL = 1e-13
+TILT = 0.2
+"""A platen whose motion opens or closes the contact by less than this part of it is resisted by friction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """The state at ``fraction`` of a stage, the dense systems ``solves`` it took to come there, and whether
+    the state ``jumped`` there."""
+
+    fraction: float
+    state: CoulombState
+    solves: int
+    jumped: bool = False
+
+
+class SlidingError(NumericalError):
+    """All of a contact slips and nothing else carries the load: there is no state beyond this one."""
+
+    def __init__(self, fraction: float) -> None:
+        super().__init__(
+            "the contact slides as a whole", "prescribe the displacement instead of the force to go on"
+        )
+        self.fraction = fraction
+
+
+def start(condensed: Condensed, factors: FloatArray) -> Event:
+    """The state before the first stage; surfaces that overlap as drawn push each other apart."""
+    state, solves = unloaded(condensed, factors), 0
+    if (state.values.gap < 0.0).any():
+        state, solves = increment(condensed, state, factors)
+    return Event(0.0, state, solves)
+
+
+def follow(
+    condensed: Condensed, state: CoulombState, end: FloatArray, stops: Sequence[float]
+) -> Iterator[Event]:
+    """Every event of a stage from ``state`` to the load factors ``end`` (L,), and the states at ``stops``.
+
+    ``stops`` are fractions in (0, 1], increasing, the last one 1. Raises SlidingError where the contact
+    slides as a whole under a force, NumericalError where no state continues the path.
+    """
+    begin, fraction = state.factors, 0.0
+    change = end - begin
+    pending, standing = list(stops), 0
+    while pending:
+        touching = bool(state.sets.closed.any())
+        try:
+            sets, system, rates, solves = _rates(condensed, state, change)
+            if standing > 4 * len(condensed.weight) + 50:
+                raise NoStateError(sliding=False)
+        except NoStateError as error:
+            try:
+                state, fraction, solves = _jump(condensed, state, begin, change, fraction, pending[0])
+            except NoStateError as failure:
+                if error.sliding or failure.sliding or state.slides:
+                    raise SlidingError(fraction) from error
+                raise
+            standing = 0
+            while pending and pending[0] <= fraction:
+                pending.pop(0)
+            yield Event(fraction, state, solves, jumped=touching)
+            continue
+        if slides_freely(condensed, sets):
+            raise SlidingError(fraction)
+        # A node that comes to rest does so where it is now.
+        anchor = np.where(sets.stuck & ~state.sets.stuck, state.values.slip, state.anchor)
+        step = min(_next_event(condensed, state, sets, rates), pending[0] - fraction)
+        standing = standing + 1 if step < STANDSTILL else 0
+        fraction += step
+        if pending[0] - fraction <= STANDSTILL:
+            fraction = pending.pop(0)
+        factors = begin + fraction * change
+        state = state.moved(factors, system.state(factors, anchor), sets, anchor)
+        yield Event(fraction, state, solves)
+
+
+def _limits(condensed: Condensed, values: Values) -> tuple[float, float]:
+    """Pressure and gap that count as nothing."""
+    force = NEAR * float(values.pressure.max(initial=0.0))
+    elastic = float(np.abs(condensed.gap.pressure @ values.pressure).max(initial=0.0))
+    return force, NEAR * elastic
+
+
+def _slack(condensed: Condensed, values: Values, side: float) -> FloatArray:
+    """What is left of friction (n,) on one side."""
+    result: FloatArray = condensed.friction * values.pressure[condensed.rubbing] - side * values.traction
+    return result
+
+
+def _rates(
+    condensed: Condensed, state: CoulombState, change: FloatArray
+) -> tuple[Sets, SetSystem, Values, int]:
+    """The sets with which the state goes on when the load factors move along ``change`` (L,)."""
+    v, before = state.values, state.sets
+    force, length = _limits(condensed, v)
+    bare = v.pressure <= force
+    near = {side: _slack(condensed, v, side) <= force for side in (1.0, -1.0)}
+    grazing = bare[condensed.rubbing]
+    # A node under pressure can give way only on the side on which friction is exhausted.
+    side = np.where(grazing, 0.0, np.where(near[1.0], 1.0, -1.0))
+    watch = Watch(bare, v.gap <= length, grazing | near[1.0] | near[-1.0] | (before.sense != 0.0), side)
+    watch.side[before.sense != 0.0] = np.where(grazing, 0.0, before.sense)[before.sense != 0.0]
+
+    def solve(sets: Sets) -> tuple[SetSystem, Values, FloatArray]:
+        system = SetSystem(condensed, sets)
+        rates = system.rate(change)
+        return system, rates, rates.slip
+
+    return find_sets(condensed, before, watch, solve)
+
+
+def _next_event(condensed: Condensed, state: CoulombState, sets: Sets, rates: Values) -> float:
+    """How much further the sets hold, as part of the stage."""
+    force, length = _limits(condensed, state.values)
+    v = state.values
+    sides = (1.0, -1.0)
+    return min(
+        _until(v.gap, rates.gap, length, ~sets.closed),
+        _until(v.pressure, rates.pressure, force, sets.closed),
+        *(_until(_slack(condensed, v, d), _slack(condensed, rates, d), force, sets.stuck) for d in sides),
+    )
+
+
+def _until(value: FloatArray, rate: FloatArray, limit: float, chosen: BoolArray) -> float:
+    """Until the first of the chosen values comes to zero; those at their limit already have been seen to."""
+    falling = chosen & (value > limit) & (rate < 0.0)
+    return float((value[falling] / -rate[falling]).min(initial=np.inf))
+
+
+def _jump(
+    condensed: Condensed,
+    state: CoulombState,
+    begin: FloatArray,
+    change: FloatArray,
+    fraction: float,
+    ceiling: float,
+) -> tuple[CoulombState, float, int]:
+    """The first state found a finite way ahead, and where it is."""
+    for size in JUMPS:
+        ahead = min(fraction + size, ceiling)
+        try:
+            found, solves = increment(condensed, state, begin + ahead * change)
+        except NoStateError as error:
+            failure = error
+            continue
+        return found, ahead, solves
+    raise failure
+
+
+def slides_freely(condensed: Condensed, sets: Sets) -> bool:
+    """Whether a platen that a force pushes along a contact is held by nothing there."""
+    if sets.stuck.any() or not (sets.sense != 0.0).any():
+        return False
+    sliding, closed = sets.sense != 0.0, sets.closed
+    for motion in range(len(condensed.balance.constant)):
+        along = np.linalg.norm(condensed.slip.motion[sliding, motion])
+        across = np.linalg.norm(condensed.gap.motion[closed, motion])
+        free = not condensed.balance.motion[motion].any()
+        if free and along > 0.0 and across < TILT * np.hypot(along, across):
+            return True
+    return False

@@ -1,0 +1,231 @@
+"""Regularised contact with Coulomb friction and its memory, quadratic between two changes of what rubs.
+
+The hyperbola (p + eta) h = eta delta stands for the normal contact. Friction acts where p is above a small
+threshold p_0. A sticking node is held where it came to rest by an asperity of softness c, s + c t = anchor; a
+slipping one carries t = d mu (p - p_0) with the sense d = +-1; an open one nothing. So no traction leaves
+Coulomb's cone, whatever the history, and none jumps where a node opens or closes. The sets change where p_0
+or a friction limit is reached, or where a slipping node comes to rest: between these events the equations
+are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
+
+    r1 = (p + eta) h - eta delta
+    r2 = h - gap(f, q, p, t)
+    r3 = balance(f, q, p, t)
+    r4 = s(f, q, p, t) + c t - anchor  |  t - d mu (p - p_0)  |  t
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as linalg
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.coulomb import Sets, Values
+from mlsanm_cli.contact.dense import SingularSystemError
+from mlsanm_cli.contact.hyperbolic import Regularization
+
+UNBOUNDED = 1e8
+"""Rates above so many times the reference pressure or slip per stage are those of a singular system."""
+
+
+SAME = 1e-7
+"""Unknowns within this part of their scale share a tangent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rubbing:
+    """What the problems of a path share: gaps, slips less the asperities', and balances, each dimensionless,
+    as ``constant`` (r,) + ``load`` (r, L) f + ``matrix`` (r, r) (p, t, q), r = m + n + k."""
+
+    condensed: Condensed
+    law: Regularization
+    constant: FloatArray
+    load: FloatArray
+    matrix: FloatArray
+
+    @classmethod
+    def of(cls, condensed: Condensed, law: Regularization) -> Rubbing:
+        """The shared part for one condensed scene and law."""
+        m, n = len(condensed.weight), len(condensed.rubbing)
+        maps = (condensed.gap, condensed.slip, condensed.balance)
+        scale = np.concatenate([np.full(m, law.gap), np.full(n, law.slip), law.force])
+        matrix = np.vstack([np.hstack([one.pressure, one.traction, one.motion]) for one in maps])
+        softened = np.arange(m, m + n)
+        matrix[softened, softened] += law.creep
+        return cls(
+            condensed,
+            law,
+            np.concatenate([one.constant for one in maps]) / scale,
+            np.vstack([one.load for one in maps]) / scale[:, None],
+            matrix / scale[:, None],
+        )
+
+
+class RubbingTangent:
+    """Factorised tangent; gaps and the tractions of nodes that do not stick are eliminated."""
+
+    def __init__(self, problem: RubbingContact, x: FloatArray) -> None:
+        self._problem = problem
+        law, m = problem.law, problem.m
+        p, h, _, _ = problem.split(x)
+        self._stress = (p + law.eta) / law.pressure
+        matrix = problem.reduced.copy()
+        matrix[:m] *= self._stress[:, None]
+        matrix[np.arange(m), np.arange(m)] += h / (law.pressure * law.gap)
+        # LAPACK takes columns: the transpose is factorised where it is.
+        self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix.T, overwrite_a=1)
+        if info != 0:
+            raise np.linalg.LinAlgError("singular tangent of the contact problem")
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution (2m + k + n,)."""
+        problem, law, base = self._problem, self._problem.law, self._problem.base
+        m, n, stuck = problem.m, problem.n, problem.stuck
+        one, two, three, four = problem.split(rhs)
+        held = four[stuck]
+        known = four * problem.limit
+        known[stuck] = 0.0
+        # Right-hand sides of a series know no tractions.
+        if four.any() and known.any():
+            by_known = base.matrix[:, m : m + n] @ known
+            two = two + by_known[:m]
+            held = held - by_known[m + stuck]
+            three = three - by_known[m + n :]
+        reduced = np.concatenate([one - self._stress * two, held, three])
+        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, trans=1, overwrite_b=1)
+        p, q = solution[:m], solution[m + len(stuck) :]
+        t = known + problem.drag * p[problem.condensed.rubbing]
+        t[stuck] = solution[m : m + len(stuck)]
+        h = (two + problem.reduced[:m] @ solution) * law.gap
+        return np.concatenate([p, h, q, t])
+
+
+class RubbingContact:
+    """The problem over one stage with given ``sets``, in the form the continuation driver asks for.
+
+    ``anchor`` (n,) are the values of s + c t at which sticking nodes came to rest.
+    """
+
+    def __init__(
+        self, base: Rubbing, start: FloatArray, end: FloatArray, sets: Sets, anchor: FloatArray
+    ) -> None:
+        condensed, law = base.condensed, base.law
+        self.base, self.condensed, self.law = base, condensed, law
+        self.start, self.change, self.sets, self.anchor = start, end - start, sets, anchor
+        self.m, self.k, self.n = len(condensed.weight), len(law.motion), len(condensed.rubbing)
+        self.size = 2 * self.m + self.k + self.n
+        self.limit = condensed.friction * law.pressure
+        self.stuck = np.flatnonzero(sets.stuck)
+        self.drag = sets.sense * condensed.friction
+        self.scale = np.concatenate(
+            [np.full(self.m, law.pressure), np.full(self.m, law.gap), law.motion, self.limit]
+        )
+        self.reduced = self._reduced()
+        moved = base.load @ self.change
+        rubbed = np.zeros(self.n)
+        rubbed[self.stuck] = moved[self.m + self.stuck]
+        self._load_derivative = np.concatenate(
+            [np.zeros(self.m), -moved[: self.m], moved[self.m + self.n :], rubbed]
+        )
+        self._ready: tuple[FloatArray, RubbingTangent] | None = None
+
+    def _reduced(self) -> FloatArray:
+        """Rows of gaps, sticking nodes' slips and balances over pressures, their tractions and motions.
+
+        The tractions of slipping nodes go with their pressures.
+        """
+        m, n, matrix = self.m, self.n, self.base.matrix
+        kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(matrix))])
+        reduced: FloatArray = matrix[np.ix_(kept, kept)]
+        rubbing = np.flatnonzero(self.drag)
+        reduced[:, self.condensed.rubbing[rubbing]] += matrix[np.ix_(kept, m + rubbing)] * self.drag[rubbing]
+        return reduced
+
+    def factors(self, lam: float) -> FloatArray:
+        """Load factors (L,) at path parameter ``lam``."""
+        return self.start + lam * self.change
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Pressures (m,), gaps (m,), motions (k,), tractions (n,)."""
+        m, k = self.m, self.k
+        return x[..., :m], x[..., m : 2 * m], x[..., 2 * m : 2 * m + k], x[..., 2 * m + k :]
+
+    def pressed(self, p: FloatArray) -> FloatArray:
+        """What of the pressures friction goes with (n,): they less the law's threshold."""
+        return p[self.condensed.rubbing] - self.law.threshold
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        """Dimensionless residual (2m + k + n,)."""
+        p, h, q, t = self.split(x)
+        m, n, law, base = self.m, self.n, self.law, self.base
+        linear = base.constant + base.load @ self.factors(lam) + base.matrix @ np.concatenate([p, t, q])
+        hyperbola = ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap)
+        rub = (t - self.drag * self.pressed(p)) / self.limit
+        rub[self.stuck] = linear[m + self.stuck] - self.anchor[self.stuck] / law.slip
+        return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m + n :], rub])
+
+    def tangent(self, x: FloatArray, lam: float) -> RubbingTangent:
+        """Factorised derivative by x; numpy's LinAlgError where it is singular.
+
+        Points that differ by no more than a correction at an event share their tangent: what that costs, the
+        residuals of the series show.
+        """
+        if self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
+            self._ready = (x.copy(), RubbingTangent(self, x))
+        return self._ready[1]
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        """Derivative by the path parameter (2m + k + n,)."""
+        return self._load_derivative
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        """Right-hand side of order k from the coefficients (k, 2m + k + n) of lower orders."""
+        rhs = np.zeros(self.size)
+        if len(x) > 1:
+            p, h, _, _ = self.split(x[1:])
+            rhs[: self.m] = np.einsum("ij,ij->j", p, h[::-1]) / (-self.law.pressure * self.law.gap)
+        return rhs
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        """Whether every gap is open, that is, the state lies on the meaningful branch."""
+        p, h, _, _ = self.split(x)
+        return bool((h > 0.0).all() and (p > -self.law.eta).all())
+
+    def rates(self, x: FloatArray, lam: float) -> tuple[Values, FloatArray]:
+        """Rates of the state and of s + c t (n,), in the form in which :func:`find_sets` judges them.
+
+        An open node closes where its pressure grows, which is told as the gap that its own compliance needs
+        for that. Raises SingularSystemError where nothing resists the load.
+        """
+        slope = -self.tangent(x, lam).solve(self._load_derivative)
+        p, _, q, t = self.split(slope)
+        base, rows = self.base, slice(self.m, self.m + self.n)
+        slipped = base.load[rows] @ self.change + base.matrix[rows] @ np.concatenate([p, t, q])
+        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
+            raise SingularSystemError
+        gap = np.where(self.sets.closed, 0.0, -p * np.diagonal(self.condensed.gap.pressure))
+        values = Values(np.where(self.sets.closed, p, 0.0), t, q, gap, slipped * self.law.slip)
+        return values, slipped * self.law.slip
+
+    def within_cone(self, x: FloatArray) -> FloatArray:
+        """The unknowns with sticking nodes' tractions within their limits, which round-off and residual of an
+        event may pass: by nothing beside the reference pressure, but perhaps not beside their own."""
+        x = x.copy()
+        p, _, _, t = self.split(x)
+        limit = self.condensed.friction * np.maximum(self.pressed(p), 0.0)
+        t[self.stuck] = np.clip(t, -limit, limit)[self.stuck]
+        return x
+
+    def rested(self, x: FloatArray, lam: float) -> RubbingContact:
+        """The same problem with its sticking nodes at rest where they are in x."""
+        anchor = np.where(self.sets.stuck, self.yielded(x, lam), self.anchor)
+        problem = RubbingContact(self.base, self.start, self.start + self.change, self.sets, anchor)
+        problem._ready = self._ready
+        return problem
+
+    def yielded(self, x: FloatArray, lam: float) -> FloatArray:
+        """Slips less what the asperities' softness explains, s + c t (n,)."""
+        p, _, q, t = self.split(x)
+        return self.condensed.slip(self.factors(lam), q, p, t) + self.law.creep * t

@@ -1,0 +1,138 @@
+"""Runs with friction: what is stored, warned of and refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.plot import plot
+from mlsanm_cli.errors import CaseError
+from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.io.summary import read_json
+from tests.app.scenes import Quiet, hertz, solve
+
+SHEARED = (
+    hertz()
+    .replace('[[support]]\nbody = "cylinder"\nnear = [0.0, 1.0]\nux = 0.0\n', "")
+    .replace("fy = -226.0", "force = [0.0, -226.0]")
+    .replace('master = "block.top"', 'master = "block.top"\nfriction = 0.4')
+    .replace(
+        '[reference]\nsolution = "hertz-line"',
+        """[[load]]
+name = "shear"
+boundary = "cylinder.flat"
+kind = "platen"
+fx = 50.0
+[[stage]]
+press = 1.0
+[[stage]]
+shear = 1.0
+[[stage]]
+shear = -1.0
+[output]
+at = [1.0, 1.5, 2.25, 3.0]
+""",
+    )
+)
+EXACT = 'contact.interface.regularization.law="exact"'
+HOLONOMIC = 'contact.interface.regularization.friction_law="holonomic"'
+
+
+@pytest.fixture(scope="module", params=["exact", "hyperbolic"])
+def sheared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Press, shear, reverse."""
+    directory = tmp_path_factory.mktemp("sheared") / str(request.param)
+    law = f'contact.interface.regularization.law="{request.param}"'
+    assert "friction = 0.4" in SHEARED
+    assert solve(SHEARED, directory, law)["status"] == "done"
+    return directory
+
+
+def test_histories_are_stored(sheared: Path) -> None:
+    run = read_run(sheared)
+    contact, path = run.contacts["interface"], run.path
+    assert contact.dissipated_work.shape == (path.rows,)
+    assert contact.dissipated_work[0] == 0.0
+    assert path.displacements.keys() == {"press", "shear"}
+    moved = path.displacements["shear"]
+    assert (moved == path.displacements["press"]).all()
+    turned = np.flatnonzero(path.position == 2.0)[0]
+    assert moved[turned, 0] > 0.0 > moved[-1, 0]
+    assert moved[-1, 1] < 0.0
+    assert {1, 2} <= set(contact.status[turned].tolist())
+    summary = read_json(sheared / "summary.json")
+    figures = summary["contacts"]["interface"]
+    assert figures["stick_nodes"] == (contact.status[-1] == 1).sum()
+    assert figures["dissipated_work"] == pytest.approx(contact.dissipated_work[-1])
+    assert figures["force"] == pytest.approx([50.0, 226.0], rel=1e-8)
+    assert figures["max_cone_ratio"] <= 1.0 + 1e-9
+    with h5py.File(sheared / "run.h5", "r") as file:
+        assert file["fields/position"][...].tolist() == [1.0, 1.5, 2.25, 3.0]
+    table = np.genfromtxt(sheared / "interface.csv", delimiter=",", names=True)
+    assert table["slip"] == pytest.approx(contact.slip[-1])
+    assert table["traction"] == pytest.approx(contact.traction[-1])
+
+
+def test_pictures_of_friction(sheared: Path) -> None:
+    names = {file.name for file in plot(sheared)}
+    assert {"plot_traction_interface.png", "plot_loop_interface.png"} <= names
+    assert all((sheared / name).stat().st_size > 10_000 for name in names)
+
+
+def test_series_hold_tractions(tmp_path: Path) -> None:
+    directory = tmp_path / "smooth"
+    solve(SHEARED, directory)
+    with h5py.File(directory / "run.h5", "r") as file:
+        rows = len(file["path/position"])
+        step = file[f"series/{rows // 2}"]
+        before = file["contacts/interface/traction"][rows // 2 - 1]
+        assert step["traction"][0] == pytest.approx(before, abs=1e-6 * np.abs(before).max())
+
+
+def test_sliding_as_a_whole_ends_the_run(tmp_path: Path) -> None:
+    for law in ("exact", "hyperbolic"):
+        summary = solve(
+            SHEARED,
+            tmp_path / law,
+            f'contact.interface.regularization.law="{law}"',
+            "load.shear.fx=180.0",
+        )
+        assert summary["status"] == "failed"
+        assert summary["stop_reason"].startswith("the contact slides as a whole at position 1.5")
+        assert "displacement" in summary["hint"]
+        # The last state is the limit: all that friction can carry, to what the slope of the surface adds.
+        assert summary["contacts"]["interface"]["force"][0] == pytest.approx(-0.4 * 226.0, rel=0.01)
+
+
+def test_the_law_without_memory_is_warned_of(tmp_path: Path) -> None:
+    console = Quiet()
+    solve(SHEARED, tmp_path / "turning", HOLONOMIC, console=console)
+    assert any("load shear turns back" in warning for warning in console.warnings)
+    console = Quiet()
+    summary = solve(
+        SHEARED,
+        tmp_path / "once",
+        HOLONOMIC,
+        "stage=[{press=1.0},{shear=1.0}]",
+        "output.at=[2.0]",
+        console=console,
+    )
+    assert not any("turns back" in warning for warning in console.warnings)
+    assert summary["contacts"]["interface"]["dissipated_work"] is None
+    assert summary["contacts"]["interface"]["force"] == pytest.approx([-50.0, 226.0], rel=1e-8)
+
+
+def test_the_law_without_memory_is_not_exact(tmp_path: Path) -> None:
+    with pytest.raises(CaseError, match="the exact contact law remembers"):
+        solve(SHEARED, tmp_path / "refused", HOLONOMIC, EXACT)
+
+
+def test_frictionless_contacts_have_no_tangential_unknowns(tmp_path: Path) -> None:
+    summary = solve(hertz(), tmp_path / "smooth", EXACT)
+    count = len(read_run(tmp_path / "smooth").contacts["interface"].arc_length)
+    assert summary["contact_unknowns"] == count
+    assert summary["contacts"]["interface"]["max_cone_ratio"] is None
+    assert summary["contacts"]["interface"]["dissipated_work"] == 0.0

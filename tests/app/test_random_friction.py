@@ -1,0 +1,25 @@
+"""A few of the random scenes with friction that benchmarks/random_friction.py runs by the hundred."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.random_friction import faults, scene
+from mlsanm_cli.app.run import run
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import Quiet
+
+EXPECTED = ("end of the last stage", "the contact slides as a whole", "the forces on body")
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+@pytest.mark.parametrize("seed", [1, 4, 21, 28, 43, 56])
+def test_every_scene_ends_well_or_says_why(tmp_path: Path, seed: int, law: str) -> None:
+    case = tmp_path / "case.toml"
+    case.write_text(scene(seed, law))
+    options = ("output.vtu=false", "output.fields=[]")
+    summary = run(case, overrides=options, out=tmp_path / "run", console=Quiet())
+    assert summary["stop_reason"].startswith(EXPECTED)
+    assert faults(summary, read_run(tmp_path / "run").contacts["interface"]) == []

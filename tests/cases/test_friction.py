@@ -1,0 +1,194 @@
+"""The cases with friction: block, wedge, shear patch, partial slip; and the laws that states must keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.io.run_reader import ContactData, RunData
+from tests.cases.test_published import solve
+
+FRICTION = 0.3
+SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
+Run = tuple[Mapping[str, Any], RunData]
+
+
+@pytest.fixture(scope="module")
+def exact(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Press, shear, unload, reverse by the exact law."""
+    return solve("cattaneo_mindlin", tmp_path_factory.mktemp("friction") / "exact")
+
+
+@pytest.fixture(scope="module")
+def smooth(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The same history by the smooth law."""
+    return solve("cattaneo_mindlin", tmp_path_factory.mktemp("friction") / "smooth", SMOOTH)
+
+
+def contact_of(run: Run) -> ContactData:
+    return run[1].contacts["interface"]
+
+
+def row(run: Run, position: float) -> int:
+    return int(np.flatnonzero(run[1].path.position == position)[0])
+
+
+def even(contact: ContactData, traction: FloatArray, x: FloatArray) -> FloatArray:
+    """The part of a traction that is even about the middle, at coordinates x."""
+    order = np.argsort(contact.points[:, 0])
+    nodes, values = contact.points[order, 0], traction[order]
+    return 0.5 * (np.interp(x, nodes, values) + np.interp(-x, nodes, values))
+
+
+def cattaneo(x: FloatArray, half: float, peak: float, part: float) -> FloatArray:
+    stick = half * np.sqrt(1.0 - part)
+    outer, inner = (np.sqrt(np.maximum(0.0, 1.0 - (x / r) ** 2)) for r in (half, stick))
+    return np.asarray(FRICTION * peak * (outer - stick / half * inner))
+
+
+def off(found: FloatArray, expected: FloatArray, over: FloatArray) -> float:
+    return float(np.linalg.norm(found - expected) / np.linalg.norm(over))
+
+
+def check_laws(run: Run, tolerance: float) -> None:
+    """Cone, resultants, work, unknowns."""
+    summary, data = run
+    contact, path = contact_of(run), data.path
+    figures = summary["contacts"]["interface"]
+    assert figures["max_cone_ratio"] <= 1.0 + 1e-9
+    assert summary["contact_unknowns"] == 2 * len(contact.arc_length)
+    n_x, n_y = contact.normal.T
+    pressed, rubbed = contact.pressure * contact.weight, contact.traction * contact.weight
+    force_x, force_y = pressed @ n_x + rubbed @ n_y, pressed @ n_y - rubbed @ n_x
+    applied = path.resultants["press"] + path.resultants["shear"]
+    scale = np.abs(applied).max()
+    assert np.abs(force_x + applied[:, 0]).max() <= 1e-8 * scale
+    assert np.abs(force_y + applied[:, 1]).max() <= 1e-8 * scale
+    assert np.diff(contact.dissipated_work).min() >= -1e-9 * contact.dissipated_work.max()
+    assert figures["dissipated_work"] == contact.dissipated_work[-1] > 0.0
+    assert path.residual.max() <= tolerance
+    # What sticks, slips and is open is told of every node.
+    closed = contact.status > 0
+    assert (contact.pressure[closed] > 0.0).all()
+    assert figures["stick_nodes"] + figures["slip_nodes"] == closed[-1].sum()
+    limit = FRICTION * contact.pressure
+    slipping = (contact.status == 2) & (contact.pressure > 0.1 * contact.pressure.max())
+    ratio = np.abs(contact.traction[slipping]) / limit[slipping]
+    assert ratio.min() >= 0.98
+
+
+def test_laws_of_the_exact_history(exact: Run) -> None:
+    check_laws(exact, 1e-10)
+    assert exact[0]["elastic_factorizations"] == 2
+
+
+def test_laws_of_the_smooth_history(smooth: Run) -> None:
+    check_laws(smooth, 1e-8)
+    assert smooth[0]["steps"] <= 450
+
+
+def test_smooth_history_is_the_exact_one(exact: Run, smooth: Run) -> None:
+    one, other = contact_of(exact), contact_of(smooth)
+    peak = max(np.linalg.norm(t) for t in one.traction)
+    for position in (1.0, 2.0, 3.0, 4.0):
+        found, expected = other.traction[row(smooth, position)], one.traction[row(exact, position)]
+        assert np.linalg.norm(found - expected) <= 0.01 * peak
+    works = one.dissipated_work[-1], other.dissipated_work[-1]
+    assert works[1] == pytest.approx(works[0], rel=0.01)
+
+
+def test_reversal(exact: Run) -> None:
+    contact, x = contact_of(exact), np.linspace(-0.065, 0.065, 2001)
+    first, last = (even(contact, contact.traction[row(exact, p)], x) for p in (2.0, 4.0))
+    assert off(last, -first, first) <= 0.02
+    # On these finite bodies the shear is that of the half-plane within some per cent.
+    assert off(first, -cattaneo(x, 0.05, 2884.7, 0.5), first) <= 0.03
+    stick = contact.points[contact.status[row(exact, 2.0)] == 1, 0]
+    assert 0.5 * np.ptp(stick) == pytest.approx(0.05 * np.sqrt(0.5), rel=0.02)
+
+
+def test_no_traction_oscillates_from_node_to_node(exact: Run) -> None:
+    contact = contact_of(exact)
+    middle = np.abs(contact.points[:, 0]) <= 0.028
+    for position in (2.0, 4.0):
+        traction = contact.traction[row(exact, position)][middle]
+        rough = np.diff(traction, 2) / 4.0
+        assert np.sqrt(np.mean(rough**2)) <= 0.01 * FRICTION * 2884.7
+
+
+def small(half: float) -> list[str]:
+    """Overrides for a half-width of ``half`` instead of 0.05 on the same bodies."""
+    scale = half / 0.05
+    zones = [(0.0, 0.0025, 0.056)]
+    zones += [(side * at, h, 0.003) for at, h in ((0.05, 0.0006), (0.0353, 0.0008)) for side in (1.0, -1.0)]
+    text = ",".join(
+        f"{{at=[{at * scale!r},0.0],spacing={h * scale!r},radius={r * scale!r}}}" for at, h, r in zones
+    )
+    return [
+        f"body.cylinder.refine=[{text}]",
+        f"body.block.refine=[{text}]",
+        f"load.press.force=[0.0,{-226.566 * scale**2!r}]",
+        f"load.shear.force=[{33.9849 * scale**2!r},0.0]",
+    ]
+
+
+def test_cattaneo_and_mindlin(tmp_path: Path) -> None:
+    run = solve("cattaneo_mindlin", tmp_path / "small", *small(0.01))
+    contact, x = contact_of(run), np.linspace(-0.013, 0.013, 2001)
+    first = cattaneo(x, 0.01, 2884.7 / 5.0, 0.5)
+    unloading = first - 2.0 * cattaneo(x, 0.01, 2884.7 / 5.0, 0.25)
+    for position, expected, bar in ((2.0, first, 0.03), (3.0, unloading, 0.04), (4.0, -first, 0.03)):
+        found = even(contact, contact.traction[row(run, position)], x)
+        assert off(found, -expected, first) <= bar
+    assert run[0]["nodes"] <= 8000
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+def test_shear_patch(tmp_path: Path, law: str) -> None:
+    summary, data = solve("shear_patch", tmp_path / law, f'contact.interface.regularization.law="{law}"')
+    contact = data.contacts["interface"]
+    # Shear to +x on the upper block is held by friction to -x.
+    bar = 1e-8 if law == "exact" else 2e-3
+    assert np.abs(contact.pressure[-1] / 100.0 - 1.0).max() <= bar
+    assert np.abs(contact.traction[-1] / -20.0 - 1.0).max() <= bar
+    assert (contact.status[-1] == 1).all()
+    if law == "exact":
+        assert np.abs(contact.slip[-1]).max() <= 1e-12
+        assert contact.dissipated_work.max() == 0.0
+        for body in data.states[-1].bodies.values():
+            assert (
+                np.abs(body["stress"][:, 2] / -20.0 - np.sign(body["stress"][:, 2].mean()) * -1.0).max()
+                <= 1e-8
+            )
+    assert summary["force_balance"] <= 1e-6
+
+
+def test_block_slides_both_ways(tmp_path: Path) -> None:
+    summary, data = solve("block_slide", tmp_path / "slide")
+    contact = data.contacts["interface"]
+    force = contact.traction @ contact.weight
+    forward, back = (int(np.flatnonzero(data.path.position == p)[0]) for p in (2.0, 3.0))
+    assert force[forward] / 200.0 == pytest.approx(-0.3, abs=1e-6)
+    assert force[back] / 200.0 == pytest.approx(0.3, abs=1e-6)
+    assert np.abs(force).max() / 200.0 <= 0.3 * (1.0 + 1e-9)
+    assert (contact.status[forward] == 2).all()
+    assert summary["forces"]["push"][0] == pytest.approx(-60.0, rel=1e-9)
+    # The platen goes on when the block slides.
+    assert data.path.displacements["push"][forward] == pytest.approx(
+        [0.002, data.path.displacements["push"][forward, 1]]
+    )
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.2, 0.3])
+def test_wedge(tmp_path: Path, friction: float) -> None:
+    summary, data = solve("wedge", tmp_path / "wedge", f"contact.interface.friction={friction}")
+    ratio = summary["forces"]["push"][0] / 100.0
+    assert ratio == pytest.approx((0.1 + friction) / (1.0 - 0.1 * friction), rel=1e-6)
+    count = len(data.contacts["interface"].arc_length)
+    assert summary["contact_unknowns"] == (2 * count if friction else count)
+    assert np.isnan(data.contacts["interface"].slip).all() == (friction == 0.0)

@@ -1,0 +1,93 @@
+"""Frictional contact of half-planes: condensed problems with known answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.coulomb import CoulombState
+from mlsanm_cli.contact.history import follow, start
+from mlsanm_cli.contact.linear_map import Columns, LinearMap
+from tests.contact.scenes import synthetic
+
+
+@dataclass(frozen=True)
+class HalfPlanes:
+    """A cylinder of radius 1 on a half-plane, E* = 1; at load factors (1, 1) it carries ``force`` P and a
+    shear force mu P. ``x`` (m,) are the nodes; the state's exact half-width is ``half``."""
+
+    condensed: Condensed
+    x: FloatArray
+    half: float
+    force: float
+    friction: float
+
+    @property
+    def peak(self) -> float:
+        """Largest pressure of Hertz' formula."""
+        return 2.0 * self.force / (np.pi * self.half)
+
+    def follow(self, *targets: tuple[float, float]) -> list[CoulombState]:
+        """The states at the ends of stages to these load factors."""
+        state = start(self.condensed, np.zeros(2)).state
+        found = []
+        for target in targets:
+            for event in follow(self.condensed, state, np.array(target), [1.0]):
+                state = event.state
+            found.append(state)
+        return found
+
+    def cattaneo(self, part: float) -> FloatArray:
+        """Traction (m,) on the cylinder when a first shear force of ``part`` of mu P acts on it."""
+        stick = self.half * np.sqrt(1.0 - part)
+        arc = [np.sqrt(np.maximum(0.0, 1.0 - (self.x / r) ** 2)) for r in (self.half, stick)]
+        return np.asarray(-self.friction * self.peak * (arc[0] - stick / self.half * arc[1]))
+
+
+def strip_compliance(x: FloatArray, width: float) -> FloatArray:
+    """Surface displacement of half-planes (E* = 1) along a force on strips (Flamant), up to a constant."""
+    apart = x[:, None] - x[None, :]
+
+    def primitive(s: FloatArray) -> FloatArray:
+        return s * np.log(np.abs(s) / 2.0) - s
+
+    return np.asarray(-2.0 / np.pi * (primitive(apart + 0.5 * width) - primitive(apart - 0.5 * width)))
+
+
+def strip_coupling(x: FloatArray, width: float) -> FloatArray:
+    """What pressure strips do across their direction for Dundurs' beta = 1: sums of sign functions."""
+    apart = x[:, None] - x[None, :]
+    return np.asarray(np.abs(apart + 0.5 * width) - np.abs(apart - 0.5 * width))
+
+
+def half_planes(
+    m: int = 80, friction: float = 0.3, beta: float = 0.0, shift: float = 0.0, radius: float = 1.0
+) -> HalfPlanes:
+    """Two platen motions, down and along; ``shift`` moves the nodes off the symmetric places."""
+    half, span = 0.05, 1.5
+    width = 2.0 * span * half / m
+    x: FloatArray = (np.arange(m, dtype=np.float64) + 0.5) * width - span * half + shift
+    force = 0.25 * np.pi * half**2
+    normal, coupling = strip_compliance(x, width), beta * strip_coupling(x, width)
+    columns = Columns(2, 2, m, m)
+    moves, slides = np.zeros((m, 2)), np.zeros((m, 2))
+    moves[:, 0], slides[:, 1] = 1.0, 1.0
+    gap = 0.5 * x**2 / radius
+    balance = columns.of_loads(np.array([[force, 0.0], [0.0, -friction * force]]))
+    balance.pressure[0], balance.traction[1] = -width, -width
+    base = synthetic(normal, gap)
+    condensed = replace(
+        base,
+        weight=np.full(m, width),
+        tangential={"contact": slice(0, m)},
+        rubbing=np.arange(m),
+        friction=np.full(m, friction),
+        gap=LinearMap(gap, np.zeros((m, 2)), moves, normal, coupling),
+        slip=LinearMap(np.zeros(m), np.zeros((m, 2)), slides, -coupling, normal),
+        watched=columns.zeros(0),
+        balance=balance,
+    )
+    return HalfPlanes(condensed, x, half, force, friction)

@@ -1,0 +1,114 @@
+"""Coulomb's law in one increment: against every choice of sets, and what the residual sees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.coulomb import CoulombState, Sets, SetSystem, Values, increment, residual, unloaded
+from mlsanm_cli.contact.dense import SingularSystemError
+from mlsanm_cli.contact.linear_map import Columns, LinearMap
+from tests.contact.friction import half_planes
+from tests.contact.scenes import synthetic
+
+FULL = np.ones(1)
+
+
+def random_problem(m: int, seed: int, friction: float) -> Condensed:
+    """``m`` nodes with a positive compliance over pressures and tractions, without platens."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(2 * m, 2 * m))
+    whole = root @ root.T / (2 * m) + 0.3 * np.eye(2 * m)
+    gap, load = rng.normal(size=m), rng.normal(size=(m, 1))
+    motion = np.zeros((m, 0))
+    columns = Columns(1, 0, m, m)
+    return replace(
+        synthetic(whole[:m, :m], gap, load),
+        tangential={"contact": slice(0, m)},
+        rubbing=np.arange(m),
+        friction=np.full(m, friction),
+        gap=LinearMap(gap, load, motion, whole[:m, :m], whole[:m, m:]),
+        slip=LinearMap(np.zeros(m), rng.normal(size=(m, 1)), motion, whole[m:, :m], whole[m:, m:]),
+        watched=columns.zeros(0),
+        balance=columns.zeros(0),
+    )
+
+
+def every_state(c: Condensed, before: np.ndarray) -> list[Values]:
+    """All states that obey the law, found by trying open, sticking and slipping both ways at every node."""
+    found = []
+    for choice in product(range(4), repeat=len(c.weight)):
+        kind = np.array(choice)
+        sets = Sets(kind > 0, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
+        try:
+            v = SetSystem(c, sets).state(FULL, before)
+        except SingularSystemError:
+            continue
+        slipped = v.slip - before
+        good = (v.pressure >= -1e-10).all() and (v.gap >= -1e-10).all()
+        good &= bool((np.abs(v.traction) <= c.friction * v.pressure + 1e-10).all())
+        if good and (sets.sense * slipped <= 1e-10).all():
+            found.append(v)
+    return found
+
+
+@given(m=st.integers(1, 4), seed=st.integers(0, 10_000), friction=st.sampled_from([0.1, 0.3]))
+def test_state_is_the_only_one_there_is(m: int, seed: int, friction: float) -> None:
+    c = random_problem(m, seed, friction)
+    state, _ = increment(c, unloaded(c, np.zeros(1)), FULL)
+    assert residual(c, state) <= 1e-9
+    states = every_state(c, np.zeros(m))
+    assert states
+    for v in states:
+        assert np.abs(v.pressure - state.values.pressure).max() <= 1e-8 * max(1.0, np.abs(v.pressure).max())
+        assert np.abs(v.traction - state.values.traction).max() <= 1e-8 * max(1.0, np.abs(v.traction).max())
+
+
+@given(seed=st.integers(0, 300), friction=st.floats(0.05, 1.5))
+def test_strong_friction_is_solved_too(seed: int, friction: float) -> None:
+    c = random_problem(8, seed, friction)
+    state, _ = increment(c, unloaded(c, np.zeros(1)), FULL)
+    assert residual(c, state) <= 1e-9
+
+
+def changed(state: CoulombState, **arrays: np.ndarray) -> CoulombState:
+    return replace(state, values=replace(state.values, **arrays))
+
+
+def test_residual_sees_every_law() -> None:
+    planes = half_planes(40)
+    state = planes.follow((1.0, 0.0), (1.0, 0.5))[-1]
+    c, v = planes.condensed, state.values
+    assert residual(c, state) <= 1e-12
+    slipping = np.flatnonzero(state.sets.sense)[0]
+    beyond = v.traction.copy()
+    beyond[slipping] *= 1.01
+    assert residual(c, changed(state, traction=beyond)) >= 1e-5
+    assert residual(c, changed(state, motion=v.motion + np.array([1e-6, 0.0]))) >= 1e-5
+    assert residual(c, changed(state, motion=v.motion + np.array([0.0, 1e-6]))) >= 1e-5
+    assert residual(c, changed(state, pressure=-v.pressure)) >= 0.5
+    assert residual(c, replace(state, anchor=state.anchor + 1e-6)) >= 1e-5
+
+
+def test_statuses() -> None:
+    closed = np.array([True, True, False, True])
+    sets = Sets(closed, np.array([True, False]), np.array([0.0, -1.0]))
+    # Nodes 1 and 3 have friction; node 0 is closed without it.
+    assert sets.status(np.array([1, 3])).tolist() == [2, 1, 0, 2]
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e9])
+def test_units_change_nothing(scale: float) -> None:
+    c = random_problem(8, 3, 0.4)
+    one, _ = increment(c, unloaded(c, np.zeros(1)), FULL)
+    gap, slip = (
+        replace(one, pressure=one.pressure * scale, traction=one.traction * scale) for one in (c.gap, c.slip)
+    )
+    other, _ = increment(replace(c, gap=gap, slip=slip), unloaded(c, np.zeros(1)), FULL)
+    assert other.values.traction * scale == pytest.approx(one.values.traction, rel=1e-8, abs=1e-12)

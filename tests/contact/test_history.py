@@ -1,0 +1,139 @@
+"""The exact history with friction, against Cattaneo and Mindlin, and what must hold at every event."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
+from mlsanm_cli.contact.history import Event, SlidingError, follow, start
+from tests.contact.friction import HalfPlanes, half_planes
+
+UP, BACK, TURNED = (1.0, 0.5), (1.0, 0.0), (1.0, -0.5)
+PRESSED = (1.0, 0.0)
+
+
+def difference(one: np.ndarray, other: np.ndarray, over: np.ndarray) -> float:
+    return float(np.linalg.norm(one - other) / np.linalg.norm(over))
+
+
+@pytest.fixture(scope="module")
+def planes() -> HalfPlanes:
+    return half_planes(160)
+
+
+def test_shear_unload_reverse(planes: HalfPlanes) -> None:
+    pressed, sheared, unloaded_, reversed_, again = planes.follow(PRESSED, UP, BACK, TURNED, BACK)
+    assert np.abs(pressed.values.traction).max() <= 1e-9 * planes.peak
+    first = planes.cattaneo(0.5)
+    t = [-state.values.traction for state in (sheared, unloaded_, reversed_, again)]
+    # The formulas' tractions act on the body below the platen's; sheared to +x, the cylinder is held to -x.
+    assert difference(t[0], -first, first) <= 0.02
+    residue = -first + 2.0 * planes.cattaneo(0.25)
+    assert difference(t[1], residue, first) <= 0.02
+    assert difference(t[2], first, first) <= 0.02
+    assert difference(t[2], -t[0], first) <= 1e-9
+    assert difference(t[3], -t[1], first) <= 1e-9
+    stick = planes.x[sheared.sets.stuck]
+    assert 0.5 * np.ptp(stick) == pytest.approx(planes.half * np.sqrt(0.5), abs=0.05 * planes.half / 1.5)
+
+
+@pytest.mark.parametrize(
+    ("beta", "shift", "friction"), [(0.0, 0.0, 0.3), (0.2, 0.0003, 0.3), (0.3, 0.0001, 1.0)]
+)
+def test_laws_hold_at_every_event(beta: float, shift: float, friction: float) -> None:
+    planes = half_planes(60, friction, beta, shift)
+    c, state = planes.condensed, start(planes.condensed, np.zeros(2)).state
+    for target in (PRESSED, UP, BACK, TURNED, (0.4, -0.1), (1.0, 0.6)):
+        begin, before = state.factors, state
+        for event in follow(c, state, np.array(target), [0.5, 1.0]):
+            state = event.state
+            assert not event.jumped
+            assert residual(c, state) <= 1e-9
+            limit = friction * state.values.pressure * (1.0 + 1e-9) + 1e-14 * planes.peak
+            assert (np.abs(state.values.traction) <= limit).all()
+            assert state.factors == pytest.approx(begin + event.fraction * (np.array(target) - begin))
+            # Work per node never falls, and stays what it was where nothing slips.
+            assert (state.work >= before.work - 1e-15 * planes.peak).all()
+            resting = state.sets.sense == 0.0
+            assert (state.work[resting] == before.work[resting]).all()
+            # Friction acts against the slip of slipping nodes.
+            slipped = state.values.slip - before.values.slip
+            assert (state.sets.sense * slipped <= 1e-9 * np.abs(slipped).max(initial=1e-300)).all()
+            before = state
+        forces = planes.condensed.weight @ np.stack([state.values.pressure, state.values.traction], axis=1)
+        assert forces == pytest.approx(
+            [target[0] * planes.force, -target[1] * friction * planes.force], abs=1e-9 * planes.force
+        )
+
+
+def test_stops_change_nothing() -> None:
+    planes = half_planes(60, 0.4, 0.2, 0.0002)
+    ends = []
+    for stops in ([1.0], [0.1, 0.35, 0.7, 1.0]):
+        state = start(planes.condensed, np.zeros(2)).state
+        for target in (PRESSED, UP, TURNED):
+            reached = []
+            for event in follow(planes.condensed, state, np.array(target), stops):
+                state = event.state
+                reached.append(event.fraction)
+            assert set(stops) <= set(reached)
+        ends.append(state.values.traction)
+    assert difference(ends[1], ends[0], ends[0]) <= 1e-8
+
+
+def test_small_increments_tend_to_it() -> None:
+    planes = half_planes(40, 0.3, 0.2, 0.0003)
+    targets = (PRESSED, UP, TURNED)
+    exact = planes.follow(*targets)[-1].values.traction
+    errors = []
+    for count in (5, 20, 80):
+        state: CoulombState = unloaded(planes.condensed, np.zeros(2))
+        for target in targets:
+            begin = state.factors
+            for part in np.linspace(0.0, 1.0, count + 1)[1:]:
+                state, _ = increment(planes.condensed, state, begin + part * (np.array(target) - begin))
+        errors.append(difference(state.values.traction, exact, exact))
+    assert errors[2] < 0.6 * errors[1] < 0.6 * errors[0]
+    assert errors[2] <= 0.02
+
+
+def test_sliding_as_a_whole_is_named() -> None:
+    planes = half_planes(60)
+    state = planes.follow(PRESSED)[0]
+    events: list[Event] = []
+    with pytest.raises(SlidingError) as caught:
+        events.extend(follow(planes.condensed, state, np.array([1.0, 1.25]), [1.0]))
+    # The load factor of the shear force is relative to mu P.
+    assert caught.value.fraction * 1.25 == pytest.approx(1.0, abs=1e-9)
+    assert events[-1].fraction == caught.value.fraction
+
+
+def test_a_stuck_contact_dissipates_nothing() -> None:
+    planes = half_planes(60, 5.0)
+    state = planes.follow(PRESSED, (1.0, 0.01), (1.0, -0.01))[-1]
+    assert state.sets.stuck.sum() >= state.sets.closed.sum() - 2
+    assert np.abs(planes.condensed.weight @ state.work) <= 1e-6 * planes.force * planes.half
+
+
+def test_loop_area_converges() -> None:
+    areas = []
+    for m in (40, 80, 160):
+        planes = half_planes(m)
+        states = planes.follow(PRESSED, UP, TURNED, UP)
+        work = [planes.condensed.weight @ state.work for state in states]
+        areas.append(work[3] - work[1])
+        # What the platen puts in over a closed loop is what friction takes out.
+        assert work[3] - work[1] == pytest.approx(2.0 * (work[2] - work[1]), rel=0.02)
+    assert abs(areas[2] - areas[1]) < abs(areas[1] - areas[0])
+    assert abs(areas[2] / areas[1] - 1.0) <= 0.05
+
+
+def test_an_overlap_as_drawn_pushes_apart() -> None:
+    planes = half_planes(40)
+    lower = replace(planes.condensed.gap, constant=planes.condensed.gap.constant - 1e-4)
+    event = start(replace(planes.condensed, gap=lower), np.zeros(2))
+    assert residual(replace(planes.condensed, gap=lower), event.state) <= 1e-9
+    assert event.state.values.motion[0] == pytest.approx(1e-4, rel=0.02)

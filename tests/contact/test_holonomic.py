@@ -1,0 +1,89 @@
+"""Friction without memory: derivatives, series, and the law itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.holonomic import HolonomicContact
+from tests.contact.test_rubbing import random_problem as random_rubbing
+
+
+def random_problem(m: int, k: int, seed: int) -> HolonomicContact:
+    """A made-up problem whose first node has no friction."""
+    one = random_rubbing(m, k, seed)
+    return HolonomicContact(one.condensed, one.law, one.start, one.start + one.change)
+
+
+def state(problem: HolonomicContact, seed: int) -> FloatArray:
+    """An admissible state."""
+    rng = np.random.default_rng(seed + 1)
+    m, n = problem.m, problem.n
+    bound, free = rng.uniform(0.1, 3.0, 2 * m), rng.normal(size=problem.k + n)
+    return np.concatenate([bound, free, rng.uniform(0.5, 2.0, n)])
+
+
+def tangent_times(problem: HolonomicContact, x: FloatArray, lam: float, v: FloatArray) -> FloatArray:
+    """The derivative of the residual along v; central differences are exact for quadratic equations."""
+    return 0.5 * (problem.residual(x + v, lam) - problem.residual(x - v, lam))
+
+
+sizes = {"m": st.integers(2, 6), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}
+
+
+@given(**sizes)
+def test_tangent_undoes_the_residuals_derivative(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    x, v = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
+    found = problem.tangent(x, 0.3).solve(tangent_times(problem, x, 0.3, v))
+    assert np.abs(tangent_times(problem, x, 0.3, found - v)).max() <= 1e-6 * np.abs(v).max()
+
+
+@given(**sizes)
+def test_load_derivative(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    x, step = state(problem, seed), 1e-3
+    ahead, behind = (problem.residual(x, 0.3 + d) for d in (step, -step))
+    found = problem.load_derivative(x, 0.3)
+    assert found == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-6, abs=1e-6 * np.abs(found).max())
+
+
+@given(order=st.integers(1, 6), **sizes)
+def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    rng = np.random.default_rng(seed + 3)
+    x = np.concatenate([state(problem, seed)[None], rng.normal(size=(order, problem.size))])
+    lam = rng.normal(size=order + 1)
+    nodes = np.cos(np.pi * (np.arange(2 * order + 1) + 0.5) / (2 * order + 1))
+    powers = nodes[:, None] ** np.arange(order + 1)
+    residuals = [problem.residual(p @ x, float(p @ lam)) for p in powers]
+    coefficients = np.linalg.solve(nodes[:, None] ** np.arange(2 * order + 1), np.array(residuals))
+    expected = tangent_times(problem, x[0], lam[0], x[order])
+    expected += problem.load_derivative(x[0], lam[0]) * lam[order] - problem.series_rhs(
+        x[:order], lam[:order]
+    )
+    scale = max(1.0, float(np.abs(coefficients).max()))
+    assert np.abs(coefficients[order] - expected).max() <= 1e-7 * scale
+
+
+def test_traction_is_the_laws() -> None:
+    problem = random_problem(6, 1, 2)
+    x = state(problem, 2)
+    p, h, q, t, _ = problem.split(x)
+    law, c, s = problem.law, problem.condensed, problem.slip(x, 0.4)
+    t[:] = -c.friction * (p[c.rubbing] + law.eta) * s / np.hypot(s, problem.small)
+    bare = np.concatenate([p, h, q, t])
+    assert bare == pytest.approx(x[: len(bare)])
+    # The traction changes the slip in turn: only the auxiliary unknown must go with it.
+    whole = problem.with_auxiliary(bare, 0.4)
+    s = problem.slip(whole, 0.4)
+    *_, four, five = problem.split(problem.residual(whole, 0.4))
+    assert five == pytest.approx(np.zeros(problem.n), abs=1e-12)
+    expected = t * np.hypot(s, problem.small) + c.friction * (p[c.rubbing] + law.eta) * s
+    assert four * problem.work == pytest.approx(expected)
+    assert problem.admissible(whole, 0.4)
+    whole[-1] = -whole[-1]
+    assert not problem.admissible(whole, 0.4)

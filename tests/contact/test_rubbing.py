@@ -1,0 +1,159 @@
+"""The regularised law with friction: derivatives, series, and what its sets mean."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.coulomb import Sets
+from mlsanm_cli.contact.dense import SingularSystemError
+from mlsanm_cli.contact.hyperbolic import Regularization
+from mlsanm_cli.contact.linear_map import Columns
+from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
+from tests.contact.scenes import synthetic
+
+
+def random_problem(m: int, k: int, seed: int) -> RubbingContact:
+    """A made-up problem; the first node has no friction, of the others some stick, slip or are open."""
+    rng = np.random.default_rng(seed)
+    n = m - 1
+    root = rng.normal(size=(m + n, m + n))
+    whole = root @ root.T + np.eye(m + n)
+    columns = Columns(2, k, m, n)
+    rows = columns.split(rng.normal(size=(m + n + k, columns.total)), rng.normal(size=m + n + k))
+    gap, slip, balance = rows.take(slice(0, m)), rows.take(slice(m, m + n)), rows.take(slice(m + n, None))
+    base = synthetic(whole[:m, :m], rng.normal(size=m))
+    condensed = replace(
+        base,
+        rubbing=np.arange(1, m),
+        friction=rng.uniform(0.1, 1.0, n),
+        gap=replace(gap, pressure=whole[:m, :m], traction=whole[:m, m:]),
+        slip=replace(slip, pressure=whole[m:, :m], traction=whole[m:, m:]),
+        balance=balance,
+    )
+    law = Regularization(
+        eta=0.1,
+        delta=rng.uniform(0.5, 2.0, m),
+        pressure=3.0,
+        gap=0.2,
+        force=rng.uniform(0.5, 2.0, k),
+        motion=np.ones(k),
+        slip=0.7,
+        creep=rng.uniform(0.1, 0.3, n),
+        threshold=rng.uniform(0.0, 0.1, n),
+    )
+    kind = rng.integers(0, 4, n)
+    closed = np.zeros(m, dtype=bool)
+    closed[1:] = kind > 0
+    sets = Sets(closed, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
+    start, end, anchor = rng.normal(size=2), rng.normal(size=2), rng.normal(size=n)
+    return RubbingContact(Rubbing.of(condensed, law), start, end, sets, anchor)
+
+
+def state(problem: RubbingContact, seed: int) -> FloatArray:
+    """An admissible state."""
+    rng = np.random.default_rng(seed + 1)
+    m = problem.m
+    return np.concatenate([rng.uniform(0.1, 3.0, 2 * m), rng.normal(size=problem.k + problem.n)])
+
+
+def tangent_times(problem: RubbingContact, x: FloatArray, lam: float, v: FloatArray) -> FloatArray:
+    """The derivative of the residual along v; central differences are exact for quadratic equations."""
+    return 0.5 * (problem.residual(x + v, lam) - problem.residual(x - v, lam))
+
+
+sizes = {"m": st.integers(2, 7), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}
+
+
+@given(**sizes)
+def test_tangent_undoes_the_residuals_derivative(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    x, v = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
+    found = problem.tangent(x, 0.3).solve(tangent_times(problem, x, 0.3, v))
+    assert np.abs(found - v).max() <= 1e-6 * np.abs(v).max()
+
+
+@given(**sizes)
+def test_load_derivative(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    x = state(problem, seed)
+    expected = problem.residual(x, 1.0) - problem.residual(x, 0.0)
+    assert problem.load_derivative(x, 0.3) == pytest.approx(expected, abs=1e-10)
+
+
+@given(order=st.integers(1, 6), **sizes)
+def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    rng = np.random.default_rng(seed + 3)
+    x = np.concatenate([state(problem, seed)[None], rng.normal(size=(order, problem.size))])
+    lam = rng.normal(size=order + 1)
+    nodes = np.cos(np.pi * (np.arange(2 * order + 1) + 0.5) / (2 * order + 1))
+    powers = nodes[:, None] ** np.arange(order + 1)
+    residuals = [problem.residual(p @ x, float(p @ lam)) for p in powers]
+    coefficients = np.linalg.solve(nodes[:, None] ** np.arange(2 * order + 1), np.array(residuals))
+    expected = tangent_times(problem, x[0], lam[0], x[order])
+    expected += problem.load_derivative(x[0], lam[0]) * lam[order] - problem.series_rhs(
+        x[:order], lam[:order]
+    )
+    assert np.abs(coefficients[order] - expected).max() <= 1e-6 * max(1.0, np.abs(expected).max())
+
+
+def test_residual_is_the_laws_the_gap_and_the_balance() -> None:
+    problem = random_problem(7, 2, 1)
+    x = state(problem, 5)
+    p, h, q, t = problem.split(x)
+    law, c, f = problem.law, problem.condensed, problem.factors(0.25)
+    one, two, three, four = problem.split(problem.residual(x, 0.25))
+    assert one * law.pressure * law.gap == pytest.approx((p + 0.1) * h - 0.1 * law.delta)
+    assert two * law.gap == pytest.approx(h - c.gap(f, q, p, t))
+    assert three * law.force == pytest.approx(c.balance(f, q, p, t))
+    sticking, slipping = problem.sets.stuck, problem.sets.sense != 0.0
+    assert sticking.any()
+    assert slipping.any()
+    held = c.slip(f, q, p, t) + law.creep * t - problem.anchor
+    assert (four * law.slip)[sticking] == pytest.approx(held[sticking])
+    pulled = t - problem.sets.sense * c.friction * (p[1:] - law.threshold)
+    assert (four * problem.limit)[~sticking] == pytest.approx(np.where(slipping, pulled, t)[~sticking])
+    assert problem.yielded(x, 0.25) == pytest.approx(held + problem.anchor)
+
+
+def test_rates_are_the_slope_of_the_path() -> None:
+    problem = random_problem(6, 1, 4)
+    x = state(problem, 4)
+    slope = -problem.tangent(x, 0.0).solve(problem.load_derivative(x, 0.0))
+    rates, yielded = problem.rates(x, 0.0)
+    p, _, _, t = problem.split(slope)
+    assert rates.pressure == pytest.approx(np.where(problem.sets.closed, p, 0.0))
+    assert rates.traction == pytest.approx(t)
+    # A node that is open closes if its pressure grows.
+    assert (np.sign(rates.gap) == np.where(problem.sets.closed, 0.0, -np.sign(p))).all()
+    ahead = problem.yielded(x + 1e-3 * slope, 1e-3) - problem.yielded(x, 0.0)
+    assert yielded == pytest.approx(1e3 * ahead, abs=1e-9)
+
+
+def test_nothing_resists_is_told() -> None:
+    problem = random_problem(4, 1, 8)
+    base = problem.base
+    matrix = base.matrix.copy()
+    matrix[:, -1] = 0.0
+    free = RubbingContact(
+        replace(base, matrix=matrix), problem.start, problem.start + 1.0, problem.sets, problem.anchor
+    )
+    with pytest.raises((SingularSystemError, np.linalg.LinAlgError)):
+        free.rates(state(free, 8), 0.0)
+
+
+def test_tractions_are_brought_within_the_cone() -> None:
+    problem = random_problem(7, 0, 1)
+    x = state(problem, 1)
+    inside = problem.within_cone(x)
+    p, _, _, t = problem.split(inside)
+    stuck = problem.sets.stuck
+    assert (np.abs(t) <= problem.condensed.friction * np.maximum(problem.pressed(p), 0.0))[stuck].all()
+    assert (t == problem.split(x)[3])[~stuck].all()
+    assert (problem.within_cone(inside) == inside).all()

@@ -1,0 +1,86 @@
+"""Slips of short waves: what is added to the discretisation, and what is left alone."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact import condensed
+from mlsanm_cli.contact.linear_map import LinearMap
+from mlsanm_cli.contact.pairing import surface_fit
+from mlsanm_cli.contact.short_waves import SMOOTH, resolved_slip
+from tests.contact.scenes import Small, cylinder
+
+
+@cache
+def small(resolved: bool) -> Small:
+    """A half-disk with friction, with or without what is added for short waves."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not resolved:
+            patch.setattr(condensed, "resolved_slip", lambda slip, *others: slip)
+        return cylinder(0.006, "contact.interface.friction=0.3", control="force = [1.0, -226.566]")
+
+
+def middle(values: FloatArray) -> FloatArray:
+    """All but ten nodes at both ends."""
+    return values[10:-10]
+
+
+def fit_of(one: Small) -> FloatArray:
+    """The local linear fit (m, m) along the slave."""
+    pairing = one.pairing
+    arc = pairing.arc[pairing.candidate]
+    spacing = pairing.spacing[pairing.candidate]
+    return np.asarray(surface_fit(arc, one.condensed.weight, arc, SMOOTH * spacing).toarray())
+
+
+def test_linear_tractions_only_lose_the_short_waves_of_their_slips() -> None:
+    raw, kept = (small(flag).condensed.slip.traction for flag in (False, True))
+    arc, fit = small(True).pairing.arc[small(True).pairing.candidate], fit_of(small(True))
+    for t in (np.ones(len(arc)), arc - arc.mean()):
+        assert np.abs(kept @ t - fit @ raw @ t).max() <= 1e-12 * np.abs(raw @ t).max()
+
+
+def test_alternating_tractions_meet_the_half_plane() -> None:
+    # E* = 0.5 E / (1 - nu^2) and k = pi/h: the amplitude is 2/(E* k).
+    raw, kept = (small(flag).condensed.slip.traction for flag in (False, True))
+    pairing = small(True).pairing
+    spacing = float(np.median(pairing.spacing[pairing.candidate]))
+    expected = 2.0 * spacing / (np.pi * 0.5 * 210e3 / 0.91)
+    t: FloatArray = np.where(np.arange(len(raw)) % 2 == 0, 1.0, -1.0)
+    amplitude = [float(np.mean(middle(t * (matrix @ t)))) for matrix in (raw, kept)]
+    assert amplitude[0] <= 0.5 * expected
+    assert amplitude[1] == pytest.approx(1.5 * expected, rel=0.4)
+
+
+def test_smooth_tractions_hardly_notice() -> None:
+    raw, kept = (small(flag).condensed.slip.traction for flag in (False, True))
+    arc = small(True).pairing.arc[small(True).pairing.candidate]
+    t = np.cos(2.0 * np.pi * (arc - arc.mean()) / np.ptp(arc))
+    assert np.abs(middle(kept @ t - raw @ t)).max() <= 0.02 * np.abs(raw @ t).max()
+
+
+def test_pressures_cause_smooth_slips() -> None:
+    raw, kept = (small(flag).condensed.slip for flag in (False, True))
+    fit = fit_of(small(True))
+    for before, after in ((raw.pressure, kept.pressure), (raw.motion, kept.motion), (raw.load, kept.load)):
+        assert np.abs(after - fit @ before).max() <= 1e-12 * np.abs(before).max(initial=1e-300)
+    # A rigid motion is linear along the surface, but for its curvature.
+    assert np.abs(kept.motion - raw.motion).max() <= 1e-3
+
+
+def test_contacts_keep_to_themselves() -> None:
+    pairing = small(True).pairing
+    m = len(small(True).condensed.weight)
+    nothing = LinearMap(
+        np.zeros(2 * m), np.zeros((2 * m, 1)), np.zeros((2 * m, 0)), np.eye(2 * m), np.zeros((2 * m, 2 * m))
+    )
+    both = resolved_slip(nothing, (pairing,), {pairing.name: slice(m, 2 * m)}, {pairing.name: 1.0})
+    assert (both.pressure[:m] == np.eye(2 * m)[:m]).all()
+    assert np.abs(both.pressure[m:] - np.eye(2 * m)[m:]).max() > 0.1
+    assert (both.traction[:m] == 0.0).all()
+    assert (both.traction[:, :m] == 0.0).all()
+    assert np.abs(both.traction[m:, m:]).max() > 0.0

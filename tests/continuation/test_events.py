@@ -1,0 +1,92 @@
+"""Paths that end where their problem stops to hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.continuation import AnmOptions, Branch, FloatArray, StopReason, follow
+from mlsanm_cli.continuation.expansion import Metric, expand, station
+
+from .problems import Scalar
+
+
+def wall(level: float) -> tuple[list[Branch], object]:
+    """A barrier where the unknown reaches ``level``, and the pieces it was asked about."""
+    seen: list[Branch] = []
+
+    def barrier(piece: Branch) -> float:
+        seen.append(piece)
+        grid = np.linspace(0.0, piece.length, 200)
+        past = np.flatnonzero((piece.weights(grid) @ piece.terms[0])[:, 0] >= level)
+        return float(grid[past[0]]) if past.size else np.inf
+
+    return seen, barrier
+
+
+@pytest.mark.parametrize("order", [8, 20])
+@pytest.mark.parametrize("level", [0.01, 0.4])
+def test_path_ends_at_the_barrier(order: int, level: float) -> None:
+    problem = Scalar(0.0, 1.0, 1.0)
+    seen, barrier = wall(level)
+    follower = follow(problem, np.zeros(1), 0.0, 1.0, AnmOptions(order=order), barrier=barrier)  # type: ignore[arg-type]
+    steps = list(follower.steps())
+    assert follower.outcome.reason is StopReason.EVENT
+    assert not follower.outcome.reached
+    assert seen
+    assert level <= steps[-1].x[0] <= level + 0.02
+    assert steps[-1].lam == pytest.approx(steps[-1].x[0] + steps[-1].x[0] ** 2, abs=1e-10)
+    assert steps[-1].residual <= AnmOptions().goal
+
+
+def test_a_barrier_that_is_never_reached_changes_nothing() -> None:
+    results = []
+    for barrier in (None, lambda piece: np.inf):
+        follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, barrier=barrier)
+        results.append([(step.x[0], step.lam) for step in follower.steps()])
+        assert follower.outcome.reached
+    assert np.array(results[0]) == pytest.approx(np.array(results[1]), rel=1e-12)
+
+
+def test_near_events_need_few_solves() -> None:
+    problem, far = Scalar(0.0, 1.0, 1.0), Scalar(0.0, 1.0, 1.0)
+    _, near = wall(1e-3)
+    for one, barrier in ((problem, near), (far, None)):
+        follower = follow(one, np.zeros(1), 0.0, 1.0, AnmOptions(order=30), barrier=barrier)  # type: ignore[arg-type]
+        next(follower.steps())
+    assert problem.counts.solves <= 0.5 * far.counts.solves
+
+
+def test_a_path_goes_on_upwards_when_told_so() -> None:
+    # Behind a piece along which the load factor fell, the direction asked for decides.
+    problem = Scalar(0.0, 1.0, 1.0)
+    back = follow(problem, np.array([0.5]), 0.75, 0.5)
+    (piece, *_) = [step.branch for step in back.steps()]
+    on = follow(problem, np.array([0.5]), 0.75, 1.0, AnmOptions(direction=1), previous=piece)
+    assert [step.lam for step in on.steps()][-1] == 1.0
+    astray = follow(problem, np.array([0.5]), 0.75, 1.0, AnmOptions(max_steps=1), previous=piece)
+    assert [step.lam for step in astray.steps()][-1] < 0.75
+
+
+@pytest.mark.parametrize("denominator", [None, np.array([1.0, 0.4, -0.1])])
+def test_derivative_weights_are_derivatives(denominator: FloatArray | None) -> None:
+    rng = np.random.default_rng(0)
+    branch = Branch(rng.normal(size=(6, 3)), rng.normal(size=6), 0.8, denominator)
+    a: FloatArray = np.array([0.0, 0.3, 0.8])
+    step = 1e-6
+    x, lam = branch.terms
+    for values, place in ((x, 0), (lam[:, None], 1)):
+        ahead, behind = (branch.weights(a + s) @ values for s in (step, -step))
+        found = branch.derivative_weights(a) @ values
+        assert found == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-7, abs=1e-8), place
+
+
+def test_a_series_begun_is_the_same_series() -> None:
+    problem = Scalar(0.0, 1.0, 1.0)
+    metric, here = Metric(problem.scale), station(problem, np.zeros(1), 0.0)
+    direction = (np.zeros(1), 1.0)
+    whole = expand(problem, metric, here, 12, direction, 0.5)
+    begun = expand(problem, metric, here, 5, direction, 0.5)
+    done = expand(problem, metric, here, 12, direction, 0.5, begun)
+    assert (done.x == whole.x).all()
+    assert (done.lam == whole.lam).all()
