@@ -237,7 +237,7 @@ def assemble(
         system = square.factorise(rows, choice, model.nodes, solver)
     else:
         weight = _row_weights(cloud, held, held_nodes, table.modulus)
-        sums = force_sums(cloud, held, held_nodes, first_row, table.total, c)
+        sums = force_sums(cloud, held, held_nodes, first_row, table.total)
         system = least_squares.factorise(rows, weight, model.nodes, solver, sums)
     return ElasticBody(model, held, first_row, table.total, system)
 

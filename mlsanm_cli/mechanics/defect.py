@@ -30,8 +30,12 @@ class Defect:
     stress: FloatArray
 
     def correction(self, body: ElasticBody) -> FloatArray:
-        """What is to be added to the displacements (2N,)."""
-        return body.system.solve(sparse.csc_array(self.source[:, None]))[:, 0]
+        """What is to be added to the displacements (2N,).
+
+        Without the sums of rows, which look at long waves only and would let the rest pass: with them the
+        estimate was down to 0.13 of the true error.
+        """
+        return body.system.plain.solve(sparse.csc_array(self.source[:, None]))[:, 0]
 
 
 def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:

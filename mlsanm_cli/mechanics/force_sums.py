@@ -23,11 +23,6 @@ from mlsanm_cli.cloud.cloud import Cloud
 
 CUTS = 8
 """Cuts through a body; 4 to 16 gave the same."""
-STRENGTH = 1.0
-"""Weight of the sums over what their norm asks for; 1 to 100 gave nearly the same, more costs digits."""
-
-SPARE = 300.0
-"""Ratio of Lame's constants, lambda over mu, above which the sums get less weight: Poisson's ratio 0.4983."""
 
 
 def force_sums(
@@ -36,13 +31,12 @@ def force_sums(
     held_nodes: Sequence[tuple[int, int]],
     first_row: Mapping[str, int],
     rows: int,
-    stiffness: FloatArray,
 ) -> FloatArray:
     """Factors (3 CUTS, r) by which the body's rows add up to force x, y and moment beyond every cut.
 
-    ``first_row`` and ``rows`` (r) are those of the body, ``stiffness`` (3, 3) the material's. A cut is a ramp
-    from 0 to 1 of the distance from what is held, along the triangles of the nodes; on the held surfaces all
-    ramps are 0, so that no reaction counts.
+    ``first_row`` and ``rows`` (r) are those of the body. A cut is a ramp from 0 to 1 of the distance from
+    what is held, along the triangles of the nodes; on the held surfaces all ramps are 0, so that no reaction
+    counts.
     """
     count = len(cloud.points)
     distance = _distance(cloud, held, held_nodes)
@@ -63,11 +57,7 @@ def force_sums(
                         first = first_row[name] + component * len(surface.index)
                         share = surface.weight * motion[component][surface.index]
                         row[first : first + len(surface.index)] -= share
-    spacing = np.sqrt(area.sum() / count)
-    # The more nearly incompressible, the fewer digits the factor has to spare.
-    strength = STRENGTH * min(1.0, SPARE * stiffness[2, 2] / max(abs(stiffness[0, 1]), stiffness[2, 2]))
-    scale = strength * length / (np.sqrt(CUTS) * spacing * np.sqrt(area.sum()) * stiffness[0, 0])
-    return np.asarray(scale * sums)
+    return sums
 
 
 def _distance(

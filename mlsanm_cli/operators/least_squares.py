@@ -22,6 +22,10 @@ from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.refinement import MOST, PRECISE, Progress
 
 TINY = np.finfo(float).tiny
+STRONGEST = 1e5
+"""How much more the sums count than the rows they are made of, at most: a beam of 8 x 1 wants 1e4."""
+DIGITS = 0.01
+"""Part of a sum's own value that round-off may cost."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,17 @@ class UpdatedFactor:
         return np.asarray(first - self.solved @ linalg.cho_solve(self.small, self.images @ first))
 
 
+def _strength(small: FloatArray) -> float:
+    """Factor on the sums, ``small`` (k, k) being B N^-1 B^T without it.
+
+    Its largest eigenvalue says how much more a sum counts than the rows it is made of; its lack of symmetry
+    how many digits the factor has for that.
+    """
+    largest = float(np.linalg.eigvalsh(0.5 * (small + small.T))[-1])
+    round_off = float(np.abs(small - small.T).max()) / largest
+    return float(np.sqrt(min(STRONGEST, DIGITS / max(round_off, TINY)) / largest))
+
+
 def factorise(
     rows: sparse.csr_array,
     weight: FloatArray,
@@ -115,7 +130,7 @@ def factorise(
     sums: FloatArray | None = None,
 ) -> LeastSquares:
     """Set up and factorise the normal equations of ``rows`` (r, n), weighted by ``weight`` (r,), and of the
-    ``sums`` (k, r) of them, if any."""
+    ``sums`` (k, r) of them, if any, which are scaled here."""
     weighted = sparse.csr_array(rows.multiply(weight[:, None]))
     normal = sparse.csc_array(weighted.T @ weighted)
     factor: Factor = solver.factor(normal, solver.analyse(normal, points))
@@ -125,6 +140,8 @@ def factorise(
     if len(sums):
         solved = factor.solve(np.ascontiguousarray(images.T))
         small = images @ solved
-        cholesky = linalg.cho_factor(np.eye(len(sums)) + 0.5 * (small + small.T))
-        factor = UpdatedFactor(factor, images, solved, cholesky)
+        strength = _strength(small)
+        sums, images, solved = strength * sums, strength * images, strength * solved
+        symmetric = 0.5 * strength**2 * (small + small.T)
+        factor = UpdatedFactor(factor, images, solved, linalg.cho_factor(np.eye(len(sums)) + symmetric))
     return LeastSquares(weighted, weight, sums, images, factor)
