@@ -8,7 +8,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coulomb import Sets, Values, Watch, find_sets
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.rubbing import RubbingContact
@@ -127,14 +126,17 @@ class Barrier:
         return hits
 
 
-def _expected(condensed: Condensed, before: Sets, hits: Hits) -> Sets:
-    """The sets that an event most likely leads to; closing nodes wait for the rates to tell how."""
-    closed, rub = before.closed.copy(), condensed.rubbing
-    opens = hits.bare & closed[rub]
-    closed[rub[opens]] = False
+def _expected(problem: RubbingContact, x: FloatArray, lam: float, hits: Hits) -> Sets:
+    """The sets that an event most likely leads to: closing nodes slip on as they did when they were open."""
+    before, rub = problem.sets, problem.condensed.rubbing
+    closed = before.closed.copy()
+    opens, closes = hits.bare & closed[rub], hits.bare & ~closed[rub]
+    closed[rub[hits.bare]] = closes[hits.bare]
     stuck = (before.stuck | hits.rested) & ~opens & (hits.limit == 0.0)
     sense = np.where(hits.rested | opens, 0.0, np.where(hits.limit != 0.0, hits.limit, before.sense))
-    return Sets(closed, stuck, sense)
+    if closes.any():
+        sense = np.where(closes, -np.sign(problem.slip_rate(x, lam)), sense)
+    return Sets(closed, stuck | (closes & (sense == 0.0)), sense)
 
 
 def continued(
@@ -167,7 +169,7 @@ def continued(
             raise SingularSystemError from error
         return system, rates, slipped
 
-    _, system, _, count = find_sets(c, _expected(c, before, hits), watch, solve)
+    _, system, _, count = find_sets(c, _expected(problem, x, lam, hits), watch, solve)
     p, _, _, t = system.split(x)
     free = ~system.sets.stuck
     t[free] = (system.drag * system.pressed(p))[free]

@@ -138,9 +138,10 @@ class RubbingContact:
         """
         m, n, matrix = self.m, self.n, self.base.matrix
         kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(matrix))])
-        reduced: FloatArray = matrix[np.ix_(kept, kept)]
+        rows = matrix.take(kept, axis=0)
+        reduced: FloatArray = rows.take(kept, axis=1)
         rubbing = np.flatnonzero(self.drag)
-        reduced[:, self.condensed.rubbing[rubbing]] += matrix[np.ix_(kept, m + rubbing)] * self.drag[rubbing]
+        reduced[:, self.condensed.rubbing[rubbing]] += rows.take(m + rubbing, axis=1) * self.drag[rubbing]
         return reduced
 
     def factors(self, lam: float) -> FloatArray:
@@ -192,6 +193,14 @@ class RubbingContact:
         """Whether every gap is open, that is, the state lies on the meaningful branch."""
         p, h, _, _ = self.split(x)
         return bool((h > 0.0).all() and (p > -self.law.eta).all())
+
+    def slip_rate(self, x: FloatArray, lam: float) -> FloatArray:
+        """About how fast slips (n,) change at x, by the last tangent there is."""
+        tangent = self.tangent(x, lam) if self._ready is None else self._ready[1]
+        p, _, q, t = self.split(-tangent.solve(self._load_derivative))
+        rows = slice(self.m, self.m + self.n)
+        moved = self.base.load[rows] @ self.change + self.base.matrix[rows] @ np.concatenate([p, t, q])
+        return np.asarray(moved * self.law.slip)
 
     def rates(self, x: FloatArray, lam: float) -> tuple[Values, FloatArray]:
         """Rates of the state and of s + c t (n,), in the form in which :func:`find_sets` judges them.

@@ -192,3 +192,23 @@ def test_wedge(tmp_path: Path, friction: float) -> None:
     count = len(data.contacts["interface"].arc_length)
     assert summary["contact_unknowns"] == (2 * count if friction else count)
     assert np.isnan(data.contacts["interface"].slip).all() == (friction == 0.0)
+
+
+def test_passes_find_stick_zones(tmp_path: Path) -> None:
+    coarse = "[{at=[0.0,0.0],spacing=0.01,radius=0.07}]"
+    run = solve(
+        "cattaneo_mindlin",
+        tmp_path / "passes",
+        "adapt.passes=2",
+        f"body.cylinder.refine={coarse}",
+        f"body.block.refine={coarse}",
+        "stage=[{press=1.0},{shear=1.0}]",
+        "output.at=[2.0]",
+    )
+    contact, x = contact_of(run), np.linspace(-0.065, 0.065, 2001)
+    assert run[0]["nodes"] <= 8000
+    # The finite bodies' own difference to the half-plane is 1.7 %.
+    first = cattaneo(x, 0.05, 2884.7, 0.5)
+    assert off(even(contact, contact.traction[-1], x), -first, first) <= 0.02
+    stick = contact.points[contact.status[-1] == 1, 0]
+    assert 0.5 * np.ptp(stick) == pytest.approx(0.05 * np.sqrt(0.5), rel=0.02)
