@@ -79,26 +79,44 @@ def assess_accuracy(built: Built) -> Accuracy:
     # What friction has done on the way there would have to be followed again.
     if not defects or len(condensed.rubbing):
         return Accuracy(None, untold, untold, state, largest, defects)
-    change = {name: defect.correction(scene.bodies[name]) for name, defect in defects.items()}
+    size = float(sum((u**2).sum() for u in solved.values()))
     try:
-        corrected = corrected_state(condensed, scene, state, change)
         halved = halved_pressure(condensed, state) if condensed.pairings else state.pressure
+        ways = [_corrected(built, state, defects, with_sums) for with_sums in (False, True)]
     except NumericalError:  # what was changed but a little has no contact state at all
         return Accuracy(None, untold, untold, state, largest, defects)
-    from_bulk, from_contact = (
-        {pairing.name: _distance(built, pairing, state, pressure) for pairing in condensed.pairings}
-        for pressure in (corrected.pressure, halved)
-    )
+    errors, pressures = zip(*ways, strict=True)
+    from_contact = {pair.name: _distance(built, pair, state, halved) for pair in condensed.pairings}
+    from_bulk = {
+        pair.name: _middle([_distance(built, pair, state, p) for p in pressures])
+        for pair in condensed.pairings
+    }
+    displacement = float(np.sqrt(np.mean(errors) / size)) if size > 0.0 else None
+    return Accuracy(displacement, from_bulk, from_contact, state, largest, defects)
+
+
+def _corrected(
+    built: Built, state: ExactState, defects: Mapping[str, Defect], with_sums: bool
+) -> tuple[float, FloatArray]:
+    """Sum of squares of what the defects change of all displacements, contact and platens solved again, and
+    the pressures (m,) then."""
+    condensed, scene = built.condensed, built.scene
+    change = {name: defect.correction(scene.bodies[name], with_sums) for name, defect in defects.items()}
+    corrected = corrected_state(condensed, scene, state, change)
     moved = np.concatenate(
         [0.0 * state.factors, corrected.motion - state.motion, corrected.pressure - state.pressure]
     )
-    error = size = 0.0
+    error = 0.0
     for name, body in scene.bodies.items():
         source = sparse.csc_array((condensed.sources[name] @ moved)[:, None])
         error += float(((change[name] + body.system.solve(source)[:, 0]) ** 2).sum())
-        size += float((solved[name] ** 2).sum())
-    displacement = float(np.sqrt(error / size)) if size > 0.0 else None
-    return Accuracy(displacement, from_bulk, from_contact, state, largest, defects)
+    return error, corrected.pressure
+
+
+def _middle(parts: list[float | None]) -> float | None:
+    """Root mean square of two estimates of the same error."""
+    known = [part for part in parts if part is not None]
+    return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(parts) else None
 
 
 def _distance(built: Built, pairing: Pairing, state: ExactState, pressure: FloatArray) -> float | None:

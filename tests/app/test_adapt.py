@@ -157,7 +157,7 @@ def test_singular_corners_do_not_eat_the_nodes(tmp_path: Path) -> None:
     passes = solve(clamped, tmp_path / "bar", "body.bar.spacing=0.1", "adapt.passes=3")["adapt"]
     assert len(passes) == 4
     for before, after in itertools.pairwise(passes):
-        assert after["nodes"] <= 2.6 * before["nodes"]
+        assert after["nodes"] <= 2.7 * before["nodes"]
         assert after["change"] is not None
     assert passes[-1]["error_estimate"]["displacement"] < passes[0]["error_estimate"]["displacement"]
 

@@ -155,8 +155,7 @@ def test_tractions_enter_the_forces(rubbed: Small) -> None:
 
 
 def test_certificate_with_friction_is_positive(rubbed: Small) -> None:
-    assert rubbed.condensed.stability is not None
-    assert rubbed.condensed.stability >= 1e-4
+    assert contact_stability(rubbed.condensed, rubbed.exact().active) >= 0.2
     assert len(rubbed.condensed.rubbing) == len(rubbed.condensed.weight)
 
 
