@@ -23,6 +23,7 @@ from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Defect, defect_of
+from mlsanm_cli.operators.refinement import QUICK
 
 ROUND_OFF = 1e-9
 """Estimates below this tell of round-off only."""
@@ -109,7 +110,7 @@ def _corrected(
     error = 0.0
     for name, body in scene.bodies.items():
         source = sparse.csc_array((condensed.sources[name] @ moved)[:, None])
-        error += float(((change[name] + body.system.solve(source)[:, 0]) ** 2).sum())
+        error += float(((change[name] + body.system.solve(source, QUICK)[:, 0]) ** 2).sum())
     return error, corrected.pressure
 
 
