@@ -5,7 +5,7 @@
 Hertz: every point is a whole process, interpreter start and file writing included, on one thread with
 compiled kernels; its time is the median CPU time (user and system) of the repeats. The error is the L2 norm
 of the pressure's difference to the half-plane formula over the formula's norm; the finite bodies differ from
-that formula by about 0.05 % themselves.
+that formula by about 0.3 % themselves, so degree 4 ends there.
 
 Manufactured: jittered clouds of 17^2 to 129^2 nodes on the unit square, traction on three sides; the median
 over three clouds of the displacement's relative root mean square error and of the CPU time of stencils, of
