@@ -73,13 +73,14 @@ def assess_accuracy(built: Built) -> Accuracy:
     solved = {name: condensed.displacement(scene, name, *unknowns)[0] for name in scene.bodies}
     largest = max(float(np.hypot(*u.T).max()) for u in solved.values())
     untold: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
+    nothing = Accuracy(None, untold, untold, state, largest, {})
+    # What friction has done on the way there would have to be followed again.
+    if len(condensed.rubbing):
+        return nothing
     try:
         defects = {name: defect_of(body, solved[name]) for name, body in scene.bodies.items()}
     except NumericalError:  # the clouds are too small for the next degree
-        defects = {}
-    # What friction has done on the way there would have to be followed again.
-    if not defects or len(condensed.rubbing):
-        return Accuracy(None, untold, untold, state, largest, defects)
+        return nothing
     size = float(sum((u**2).sum() for u in solved.values()))
     try:
         halved = halved_pressure(condensed, state) if condensed.pairings else state.pressure

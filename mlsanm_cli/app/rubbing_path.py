@@ -17,12 +17,13 @@ from mlsanm_cli.app.series_path import (
     regularization,
     series_arrays,
     sharpened,
+    smooth_status,
     states_in,
     stopped,
 )
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.coulomb import OPEN, SLIP, STICK, NoStateError, Sets
+from mlsanm_cli.contact.coulomb import NoStateError, Sets
 from mlsanm_cli.contact.history import SlidingError, slides_freely
 from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
 from mlsanm_cli.continuation import AnmOptions, Branch, Step, StopReason, correct, follow
@@ -207,14 +208,10 @@ def _series(problem: RubbingContact, branch: Branch, stage: int) -> dict[str, Fl
 
 
 def _state(point: _Point, stage: int, residual: float) -> State:
-    problem, law, c = point.problem, point.problem.law, point.problem.condensed
+    problem, c = point.problem, point.problem.condensed
     pressure, gap, motion, traction = problem.split(point.x)
     factors = problem.factors(point.lam)
-    # A node counts as closed where its pressure, in units of the scene, has outgrown its gap.
-    closed = pressure / law.pressure > gap / law.gap
-    status = np.where(closed, SLIP, OPEN).astype(np.int8)
-    held = c.rubbing[problem.sets.stuck]
-    status[held[closed[held]]] = STICK
+    status = smooth_status(problem.law, pressure, gap, c.rubbing[problem.sets.stuck])
     slip = c.slip(factors, motion, pressure, traction)
     return State(
         stage + point.lam,

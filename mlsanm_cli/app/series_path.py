@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.coulomb import OPEN, SLIP, STICK
 from mlsanm_cli.contact.holonomic import HolonomicContact
 from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
@@ -191,19 +192,29 @@ def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> d
     return arrays if branch.denominator is None else {**arrays, "denominator": branch.denominator}
 
 
-def _regularized_state(problem: Memoryless, x: FloatArray, lam: float, stage: int, residual: float) -> State:
-    pressure, gap, motion, *rest = problem.split(x)
-    law = problem.law
-    # A node counts as closed where its pressure, in units of the scene, has outgrown its gap.
+def smooth_status(
+    law: Regularization, pressure: FloatArray, gap: FloatArray, held: IntArray
+) -> NDArray[np.int8]:
+    """Status (m,) of the candidates under the smooth law; those in ``held`` stick where they are closed.
+
+    A node counts as closed where its pressure, in units of the scene, has outgrown its gap.
+    """
     closed = pressure / law.pressure > gap / law.gap
     status = np.where(closed, SLIP, OPEN).astype(np.int8)
+    status[held[closed[held]]] = STICK
+    return status
+
+
+def _regularized_state(problem: Memoryless, x: FloatArray, lam: float, stage: int, residual: float) -> State:
+    pressure, gap, motion, *rest = problem.split(x)
+    held = np.zeros(0, dtype=np.int64)
     traction = slip = work = np.zeros(0)
     if isinstance(problem, HolonomicContact):
         traction, slip = rest[0], problem.slip(x, lam)
         held = problem.condensed.rubbing[np.abs(slip) < problem.small]
-        status[held[closed[held]]] = STICK
         # Dissipation is a matter of history, which this law does not know.
         work = np.full(problem.n, np.nan)
+    status = smooth_status(problem.law, pressure, gap, held)
     return State(
         stage + lam, problem.factors(lam), pressure, gap, motion, traction, slip, work, status, residual
     )

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.holonomic import HolonomicContact
+from tests.contact.derivatives import tangent_times
 from tests.contact.test_rubbing import random_problem as random_rubbing
 
 
@@ -24,11 +25,6 @@ def state(problem: HolonomicContact, seed: int) -> FloatArray:
     m, n = problem.m, problem.n
     bound, free = rng.uniform(0.1, 3.0, 2 * m), rng.normal(size=problem.k + n)
     return np.concatenate([bound, free, rng.uniform(0.5, 2.0, n)])
-
-
-def tangent_times(problem: HolonomicContact, x: FloatArray, lam: float, v: FloatArray) -> FloatArray:
-    """The derivative of the residual along v; central differences are exact for quadratic equations."""
-    return 0.5 * (problem.residual(x + v, lam) - problem.residual(x - v, lam))
 
 
 sizes = {"m": st.integers(2, 6), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}

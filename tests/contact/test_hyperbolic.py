@@ -13,6 +13,7 @@ from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
 from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.scales import WIDEST, regularize
 from mlsanm_cli.errors import NumericalError
+from tests.contact.derivatives import tangent_times
 from tests.contact.scenes import Small, cylinder, synthetic
 
 
@@ -43,11 +44,6 @@ def state(problem: HyperbolicContact, seed: int) -> FloatArray:
     """An admissible state (2m + k,)."""
     rng = np.random.default_rng(seed + 1)
     return np.concatenate([rng.uniform(0.1, 3.0, 2 * problem.m), rng.normal(size=problem.k)])
-
-
-def tangent_times(problem: HyperbolicContact, x: FloatArray, lam: float, v: FloatArray) -> FloatArray:
-    """The derivative of the residual along v; central differences are exact for quadratic equations."""
-    return 0.5 * (problem.residual(x + v, lam) - problem.residual(x - v, lam))
 
 
 sizes = {"m": st.integers(1, 6), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}

@@ -15,6 +15,7 @@ from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.hyperbolic import Regularization
 from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
+from tests.contact.derivatives import tangent_times
 from tests.contact.scenes import synthetic
 
 
@@ -60,11 +61,6 @@ def state(problem: RubbingContact, seed: int) -> FloatArray:
     rng = np.random.default_rng(seed + 1)
     m = problem.m
     return np.concatenate([rng.uniform(0.1, 3.0, 2 * m), rng.normal(size=problem.k + problem.n)])
-
-
-def tangent_times(problem: RubbingContact, x: FloatArray, lam: float, v: FloatArray) -> FloatArray:
-    """The derivative of the residual along v; central differences are exact for quadratic equations."""
-    return 0.5 * (problem.residual(x + v, lam) - problem.residual(x - v, lam))
 
 
 sizes = {"m": st.integers(2, 7), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}
