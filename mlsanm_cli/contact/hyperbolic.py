@@ -18,6 +18,7 @@ import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,12 @@ class HyperbolicTangent:
     def __init__(self, problem: HyperbolicContact, x: FloatArray) -> None:
         self._problem = problem
         p, h, _ = problem.split(x)
-        gap, balance = problem.condensed.gap, problem.condensed.balance
+        balance = problem.condensed.balance
         m, k = problem.m, problem.k
         self._stress = p + problem.law.eta
-        matrix = np.empty((m + k, m + k))
-        np.multiply(gap.pressure, self._stress[:, None], out=matrix[:m, :m])
+        matrix = np.empty((m + k, m + k), order="F")
+        np.multiply(problem.rows, self._stress[:, None], out=matrix[:m])
         matrix[np.arange(m), np.arange(m)] += h
-        matrix[:m, m:] = self._stress[:, None] * gap.motion
         matrix[m:, :m] = balance.pressure / problem.law.force[:, None]
         matrix[m:, m:] = balance.motion / problem.law.force[:, None]
         matrix[:m] /= problem.law.pressure * problem.law.gap
@@ -67,11 +67,30 @@ class HyperbolicTangent:
         )
         solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
         p, q = solution[:m], solution[m:]
-        gap = problem.condensed.gap
-        h = shift + gap.pressure @ p
-        if problem.k:
-            h += gap.motion @ q
+        h = shift + problem.rows @ solution
         return np.concatenate([p, h, q])
+
+    def orders(
+        self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
+    ) -> None:
+        """Fill the orders of a series from 2 on."""
+        problem, law, none = self._problem, self._problem.law, np.zeros(0, dtype=np.int64)
+        hyperbola_orders(
+            x,
+            lam,
+            slope,
+            normal,
+            size,
+            self._factor.T,
+            self._pivots.astype(np.int64),
+            problem.rows.T,
+            problem.m,
+            law.pressure * law.gap,
+            1.0,
+            none,
+            np.zeros(0),
+            none,
+        )
 
 
 class HyperbolicContact:
@@ -87,6 +106,7 @@ class HyperbolicContact:
         self.change = end - start
         self.scale = np.concatenate([np.full(self.m, law.pressure), np.full(self.m, law.gap), law.motion])
         gap, balance = condensed.gap, condensed.balance
+        self.rows = np.asfortranarray(np.hstack([gap.pressure, gap.motion]))
         self._load_derivative = np.concatenate(
             [np.zeros(self.m), -(gap.load @ self.change) / law.gap, (balance.load @ self.change) / law.force]
         )

@@ -25,6 +25,7 @@ from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coulomb import Sets, Values
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.hyperbolic import Regularization
+from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 
 UNBOUNDED = 1e8
 """Rates above so many times the reference pressure or slip per stage are those of a singular system."""
@@ -59,7 +60,7 @@ class Rubbing:
             law,
             np.concatenate([one.constant for one in maps]) / scale,
             np.vstack([one.load for one in maps]) / scale[:, None],
-            matrix / scale[:, None],
+            np.asfortranarray(matrix / scale[:, None]),
         )
 
 
@@ -71,11 +72,10 @@ class RubbingTangent:
         law, m = problem.law, problem.m
         p, h, _, _ = problem.split(x)
         self._stress = (p + law.eta) / law.pressure
-        matrix = problem.reduced.copy()
+        matrix = problem.reduced.copy(order="F")
         matrix[:m] *= self._stress[:, None]
         matrix[np.arange(m), np.arange(m)] += h / (law.pressure * law.gap)
-        # LAPACK takes columns: the transpose is factorised where it is.
-        self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix.T, overwrite_a=1)
+        self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError("singular tangent of the contact problem")
 
@@ -94,12 +94,34 @@ class RubbingTangent:
             held = held - by_known[m + stuck]
             three = three - by_known[m + n :]
         reduced = np.concatenate([one - self._stress * two, held, three])
-        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, trans=1, overwrite_b=1)
+        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
         p, q = solution[:m], solution[m + len(stuck) :]
         t = known + problem.drag * p[problem.condensed.rubbing]
         t[stuck] = solution[m : m + len(stuck)]
         h = (two + problem.reduced[:m] @ solution) * law.gap
         return np.concatenate([p, h, q, t])
+
+    def orders(
+        self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
+    ) -> None:
+        """Fill the orders of a series from 2 on."""
+        problem, law = self._problem, self._problem.law
+        hyperbola_orders(
+            x,
+            lam,
+            slope,
+            normal,
+            size,
+            self._factor.T,
+            self._pivots.astype(np.int64),
+            problem.reduced.T,
+            problem.m,
+            law.pressure * law.gap,
+            law.gap,
+            problem.stuck,
+            problem.drag,
+            problem.condensed.rubbing,
+        )
 
 
 class RubbingContact:
@@ -136,13 +158,15 @@ class RubbingContact:
 
         The tractions of slipping nodes go with their pressures.
         """
-        m, n, matrix = self.m, self.n, self.base.matrix
-        kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(matrix))])
-        rows = matrix.take(kept, axis=0)
-        reduced: FloatArray = rows.take(kept, axis=1)
+        m, n = self.m, self.n
+        # LAPACK takes columns: they are the rows of the transposed matrices.
+        columns = self.base.matrix.T
+        kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(columns))])
+        reduced = columns.take(kept, axis=0).take(kept, axis=1)
         rubbing = np.flatnonzero(self.drag)
-        reduced[:, self.condensed.rubbing[rubbing]] += rows.take(m + rubbing, axis=1) * self.drag[rubbing]
-        return reduced
+        dragged = columns.take(m + rubbing, axis=0).take(kept, axis=1)
+        reduced[self.condensed.rubbing[rubbing]] += dragged * self.drag[rubbing, None]
+        return reduced.T
 
     def factors(self, lam: float) -> FloatArray:
         """Load factors (L,) at path parameter ``lam``."""

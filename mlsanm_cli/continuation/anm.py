@@ -29,8 +29,6 @@ _STEEP = 1e7
 _LEVEL = 1e-3
 # The direction at the end of a step is taken between this part of its length and the end.
 _BEFORE = 0.98
-# Events mostly come so soon that a series of this order reaches them.
-_EARLY = 10
 # Shortest step that the size of the next one is guessed from.
 _SHORT = 1e-6
 
@@ -127,11 +125,13 @@ class AnmFollower:
         while not self._stopped:
             if self._steps == self._options.max_steps:
                 raise _Stop(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
-            begun, cut = self._early(here, direction, unit)
-            branch = cut or self._branch(here, direction, unit, begun)
+            series = self._series(here, direction, unit)
+            cut = self._soon(series)
+            branch = cut or self._branch(here, series)
             limit = branch.length if self._barrier is None or cut else self._barrier(branch)
             if cut or limit < branch.length:
-                yield self._record(*self._cut(here, branch.shortened(limit)), unit)
+                piece = branch.shortened(limit)
+                yield self._record(piece, self._cut(here, piece), unit)
                 raise _Stop(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._arrive(here, branch)
             yield self._record(branch, end, unit)
@@ -160,40 +160,28 @@ class AnmFollower:
         direction = branch.x[1], float(branch.lam[1])
         return direction, _power_of_two(branch.length * self._metric.norm(*direction))
 
-    def _early(
-        self, here: Station, direction: tuple[FloatArray, float], unit: float
-    ) -> tuple[Series | None, Branch | None]:
-        """Return a series and, if one of low order is good up to an event, the piece that ends there."""
-        series = None
-        for order in sorted({min(_EARLY, self._options.order), self._options.order}):
-            if self._barrier is None:
-                break
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                known = series.lam.size - 1 if series else 0
-                series = expand(self._problem, self._metric, here, order, direction, unit, series)
-                self._effort.solves += order - known
-                piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
-                crossing = piece.first_crossing(self._lam_end)
-                piece = piece if crossing is None else piece.shortened(crossing)
-                limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
-                if limit < piece.length and self._gauge.good(piece, limit):
-                    return None, piece.shortened(limit)
-        return series, None
-
-    def _branch(
-        self,
-        here: Station,
-        direction: tuple[FloatArray, float],
-        unit: float,
-        begun: Series | None,
-    ) -> Branch:
-        """Return the longest good piece of path that begins at ``here``; ``begun`` are its first orders."""
-        order = self._options.order
+    def _series(self, here: Station, direction: tuple[FloatArray, float], unit: float) -> Series:
         with np.errstate(over="ignore", invalid="ignore"):
-            series = expand(self._problem, self._metric, here, order, direction, unit, begun)
-        self._effort.solves += order - (begun.lam.size - 1 if begun else 0)
+            series = expand(self._problem, self._metric, here, self._options.order, direction, unit)
+        self._effort.solves += self._options.order
+        return series
+
+    def _soon(self, series: Series) -> Branch | None:
+        """Return the piece of path up to an event if the power series is good that far, else None."""
+        if self._barrier is None:
+            return None
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
+            crossing = piece.first_crossing(self._lam_end)
+            piece = piece if crossing is None else piece.shortened(crossing)
+            limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
+            good = limit < piece.length and self._gauge.good(piece, limit)
+        return piece.shortened(limit) if good else None
+
+    def _branch(self, here: Station, series: Series) -> Branch:
+        """Return the longest good piece of path that begins at ``here``."""
         branch = self._gauge.branch(series)
-        shortest = self._options.min_length / unit
+        shortest = self._options.min_length / series.unit
         if branch.length > shortest or branch.first_crossing(self._lam_end) is not None:
             return branch
         place = f"at load factor {here.lam:.9g}"
@@ -229,14 +217,14 @@ class AnmFollower:
             length *= _RETREAT
         raise failure
 
-    def _cut(self, here: Station, piece: Branch) -> tuple[Branch, Correction]:
-        """Return a piece that ends at the barrier, and its end, corrected: what follows has another series,
+    def _cut(self, here: Station, piece: Branch) -> Correction:
+        """Return the end, corrected, of a piece that ends at the barrier: what follows has another series,
         whose length this one's residual would not suit."""
-        end = self._corrected(here, piece.evaluate(piece.length), None)
+        x, lam = piece.evaluate(piece.length)
+        end = self._corrected(here, (x, lam), None)
         if end is None:
-            place = f"near load factor {piece.load_factor(piece.length):.9g}"
-            raise _Stop(StopReason.CORRECTION_FAILED, f"the state at an event did not converge {place}")
-        return piece, end
+            raise _Stop(StopReason.CORRECTION_FAILED, f"no state at the event near load factor {lam:.9g}")
+        return end
 
     def _finish(self, here: Station, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
         """Correct the end of the last step, which lies exactly at the load factor asked for."""

@@ -91,7 +91,6 @@ def expand(
     order: int,
     direction: tuple[FloatArray, float],
     unit: float,
-    begun: Series | None = None,
 ) -> Series:
     """Return the series of the path at ``start`` (``order`` solves).
 
@@ -99,7 +98,6 @@ def expand(
     ----------
     direction : the path goes to the side where the product with this direction is positive
     unit : length of the tangent, a guess of the length of the step
-    begun : the same series of lower order, whose coefficients need not be solved for again
 
     Coefficients that overflow are returned as they come; the caller's residuals will show it.
     """
@@ -111,16 +109,19 @@ def expand(
     normal = metric.weight * (rise * slope)
     # <v, T_x> + T_lam, the denominator of every lam_k
     denominator = rise * size * size
-    solve, series_rhs = start.tangent.solve, problem.series_rhs
+    solve = start.tangent.solve
     x[0], lam[0] = start.x, start.lam
-    known = 0 if begun is None else begun.lam.size - 1
-    if begun is not None:
-        x[: known + 1], lam[: known + 1] = begun.x, begun.lam
-    for k in range(known + 1, order + 1):
-        free = solve(series_rhs(x[:k], lam[:k]) if k > 1 else -problem.residual(start.x, start.lam))
+    free = solve(-problem.residual(start.x, start.lam))
+    lam[1] = rise - float(normal @ free) / denominator
+    x[1] = free + lam[1] * slope
+    # A look at the attribute: isinstance would take as long as some orders.
+    orders = getattr(start.tangent, "orders", None)
+    if orders is not None:
+        orders(x, lam, slope, normal, denominator)
+        return Series(x, lam, unit)
+    for k in range(2, order + 1):
+        free = solve(problem.series_rhs(x[:k], lam[:k]))
         lam[k] = -float(normal @ free) / denominator
-        if k == 1:
-            lam[1] += rise
         np.multiply(slope, lam[k], out=x[k])
         x[k] += free
     return Series(x, lam, unit)

@@ -27,6 +27,20 @@ class Tangent(Protocol):
         ...
 
 
+class SeriesTangent(Tangent, Protocol):
+    """A tangent that goes through the high orders of a series by itself, faster than order by order."""
+
+    def orders(
+        self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
+    ) -> None:
+        """Fill the coefficients ``x`` (N + 1, size) and ``lam`` (N + 1,) of the orders from 2 on.
+
+        Each is z + lam_k ``slope`` with dR/dx z = ``series_rhs`` of the lower ones and
+        lam_k = -``normal`` z / ``size``.
+        """
+        ...
+
+
 class Problem(Protocol):
     """A smooth system of ``size`` equations in ``size`` unknowns x and one load factor lam.
 

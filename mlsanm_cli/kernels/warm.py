@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.kernels.fill import advance_front, spacing_at
+from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.kernels.stencils import mls_weights
 
@@ -22,3 +23,7 @@ def load_all() -> None:
     mls_weights(square, indptr, indices, center, center, radius, 1, 4.0, 1, np.empty((4, 3)), np.empty(1))
     along = np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 3.0], [3.0, 4.0]])
     cut_lines(center, square, indices[None], indptr, indices, edges, along, np.full(4, 4.0), square, 3.0)
+    one, first, none = np.ones((1, 1)), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    slope, series, factors = np.ones(2), np.ones((3, 2)), np.ones(3)
+    shape = (slope, slope, 1.0, one, first, one, 1, 1.0, 1.0, none, slope[:0], none)
+    hyperbola_orders(series, factors, *shape)

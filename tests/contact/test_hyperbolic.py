@@ -13,7 +13,7 @@ from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
 from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.scales import WIDEST, regularize
 from mlsanm_cli.errors import NumericalError
-from tests.contact.derivatives import tangent_times
+from tests.contact.derivatives import lack_of_orders, tangent_times
 from tests.contact.scenes import Small, cylinder, synthetic
 
 
@@ -64,6 +64,13 @@ def test_load_derivative(m: int, k: int, seed: int) -> None:
     expected = problem.residual(x, 1.0) - problem.residual(x, 0.0)
     assert problem.load_derivative(x, 0.3) == pytest.approx(expected, abs=1e-10)
     assert np.abs(expected).max() > 0.0
+
+
+@given(**sizes)
+def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    x = state(problem, seed)
+    assert lack_of_orders(problem, problem.tangent(x, 0.3), x, seed) <= 1e-8
 
 
 @given(order=st.integers(1, 8), **sizes)

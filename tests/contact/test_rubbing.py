@@ -15,7 +15,7 @@ from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.hyperbolic import Regularization
 from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
-from tests.contact.derivatives import tangent_times
+from tests.contact.derivatives import lack_of_orders, tangent_times
 from tests.contact.scenes import synthetic
 
 
@@ -80,6 +80,13 @@ def test_load_derivative(m: int, k: int, seed: int) -> None:
     x = state(problem, seed)
     expected = problem.residual(x, 1.0) - problem.residual(x, 0.0)
     assert problem.load_derivative(x, 0.3) == pytest.approx(expected, abs=1e-10)
+
+
+@given(**sizes)
+def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    x = state(problem, seed)
+    assert lack_of_orders(problem, problem.tangent(x, 0.3), x, seed) <= 1e-8
 
 
 @given(order=st.integers(1, 6), **sizes)

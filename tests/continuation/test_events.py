@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import AnmOptions, Branch, FloatArray, StopReason, follow
-from mlsanm_cli.continuation.expansion import Metric, expand, station
 
 from .problems import Scalar
 
@@ -48,15 +47,6 @@ def test_a_barrier_that_is_never_reached_changes_nothing() -> None:
     assert np.array(results[0]) == pytest.approx(np.array(results[1]), rel=1e-12)
 
 
-def test_near_events_need_few_solves() -> None:
-    problem, far = Scalar(0.0, 1.0, 1.0), Scalar(0.0, 1.0, 1.0)
-    _, near = wall(1e-3)
-    for one, barrier in ((problem, near), (far, None)):
-        follower = follow(one, np.zeros(1), 0.0, 1.0, AnmOptions(order=30), barrier=barrier)  # type: ignore[arg-type]
-        next(follower.steps())
-    assert problem.counts.solves <= 0.5 * far.counts.solves
-
-
 def test_a_path_goes_on_upwards_when_told_so() -> None:
     # Behind a piece along which the load factor fell, the direction asked for decides.
     problem = Scalar(0.0, 1.0, 1.0)
@@ -79,14 +69,3 @@ def test_derivative_weights_are_derivatives(denominator: FloatArray | None) -> N
         ahead, behind = (branch.weights(a + s) @ values for s in (step, -step))
         found = branch.derivative_weights(a) @ values
         assert found == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-7, abs=1e-8), place
-
-
-def test_a_series_begun_is_the_same_series() -> None:
-    problem = Scalar(0.0, 1.0, 1.0)
-    metric, here = Metric(problem.scale), station(problem, np.zeros(1), 0.0)
-    direction = (np.zeros(1), 1.0)
-    whole = expand(problem, metric, here, 12, direction, 0.5)
-    begun = expand(problem, metric, here, 5, direction, 0.5)
-    done = expand(problem, metric, here, 12, direction, 0.5, begun)
-    assert (done.x == whole.x).all()
-    assert (done.lam == whole.lam).all()

@@ -1,0 +1,84 @@
+"""High orders of a power series whose only nonlinear equations are hyperbolas."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.kernels.jit import kernel
+
+
+@kernel
+def subtract(target: FloatArray, factor: float, values: FloatArray) -> None:
+    """Take ``factor`` times ``values`` (n,) from ``target`` (n,)."""
+    for i in range(values.size):
+        target[i] -= factor * values[i]
+
+
+@kernel
+def hyperbola_orders(
+    x: FloatArray,
+    lam: FloatArray,
+    slope: FloatArray,
+    normal: FloatArray,
+    denominator: float,
+    factor: FloatArray,
+    pivots: IntArray,
+    equations: FloatArray,
+    m: int,
+    product: float,
+    gap: float,
+    stuck: IntArray,
+    drag: FloatArray,
+    rubbing: IntArray,
+) -> None:
+    """Fill orders 2 and on of the series ``x`` (N + 1, 2m + k + n), ``lam`` (N + 1,).
+
+    The unknowns are pressures p (m,), gaps h (m,), motions q (k,) and tractions t (n,), of which those of the
+    nodes ``stuck`` (s,) are free and the others ``drag`` (n,) times the pressures of the nodes ``rubbing``
+    (n,). ``factor`` (r, r), transposed, and ``pivots`` (r,) are LAPACK's LU factor, r = m + s + k, of the
+    equations for (p, t of stuck nodes, q); the first m columns of ``equations`` (r, r or more) give of their
+    solution the gaps, as parts of ``gap``. The hyperbolas are (p h), as parts of ``product``. Each order is
+    the solution to the products of the lower ones plus lam_k times ``slope``, lam_k such that the product
+    with ``normal`` vanishes; ``denominator`` is that of ``slope``.
+    """
+    r = len(factor)
+    s, n = stuck.size, drag.size
+    k = r - m - s
+    y = np.empty(r)
+    free = np.empty(2 * m + k + n)
+    for order in range(2, lam.size):
+        y[:] = 0.0
+        for j in range(1, order):
+            for i in range(m):
+                y[i] += x[j, i] * x[order - j, m + i]
+        for i in range(m):
+            y[i] /= -product
+        for i in range(r):
+            other = pivots[i]
+            if other != i:
+                y[i], y[other] = y[other], y[i]
+        # Column by column, with no sums across them; counted from zero, so that loops become vectors.
+        for j in range(r):
+            subtract(y[j + 1 :], y[j], factor[j, j + 1 :])
+        for back in range(1, r + 1):
+            j = r - back
+            y[j] /= factor[j, j]
+            subtract(y[:j], y[j], factor[j, :j])
+        free[:m] = y[:m]
+        free[m : 2 * m] = 0.0
+        for j in range(r):
+            subtract(free[m : 2 * m], -y[j], equations[j, :m])
+        for i in range(m, 2 * m):
+            free[i] *= gap
+        free[2 * m : 2 * m + k] = y[m + s :]
+        for i in range(n):
+            free[2 * m + k + i] = drag[i] * y[rubbing[i]]
+        for i in range(s):
+            free[2 * m + k + stuck[i]] = y[m + i]
+        along = 0.0
+        for i in range(free.size):
+            along += normal[i] * free[i]
+        lam[order] = -along / denominator
+        for i in range(free.size):
+            x[order, i] = free[i] + lam[order] * slope[i]
