@@ -18,8 +18,9 @@ from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.condensed import Condensed, condense
-from mlsanm_cli.contact.coulomb import CoulombState, NoStateError, increment, residual, unloaded
+from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.set_search import NoStateError
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import CACHE_NOTE, is_warm
 from mlsanm_cli.kernels.warm import load_all

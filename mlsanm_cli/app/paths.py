@@ -12,8 +12,10 @@ from mlsanm_cli.app.series_path import anm_path, is_holonomic
 from mlsanm_cli.app.states import PathStep, State, factors_at, stops, wanted_positions
 from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.coulomb import OPEN, SLIP, CoulombState, residual
-from mlsanm_cli.contact.history import Event, SlidingError, follow, start
+from mlsanm_cli.contact.coulomb import CoulombState, residual
+from mlsanm_cli.contact.history import Event, follow, start
+from mlsanm_cli.contact.sets import OPEN, SLIP
+from mlsanm_cli.contact.sliding import SlidingError
 from mlsanm_cli.errors import NumericalError
 
 ROWS = 40

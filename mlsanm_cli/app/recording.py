@@ -12,9 +12,9 @@ from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact.coulomb import SLIP, STICK
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.profile import half_width
+from mlsanm_cli.contact.sets import SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, StepRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState

@@ -8,9 +8,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.coulomb import Sets, Values, Watch, find_sets
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.rubbing import RubbingContact
+from mlsanm_cli.contact.set_search import Watch, find_sets
+from mlsanm_cli.contact.sets import Sets, Values
 from mlsanm_cli.continuation import Branch
 
 SAMPLES = 17

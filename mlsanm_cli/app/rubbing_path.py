@@ -23,9 +23,10 @@ from mlsanm_cli.app.series_path import (
 )
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.coulomb import NoStateError, Sets
-from mlsanm_cli.contact.history import SlidingError, slides_freely
 from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
+from mlsanm_cli.contact.set_search import NoStateError
+from mlsanm_cli.contact.sets import Sets
+from mlsanm_cli.contact.sliding import SlidingError, slides_freely
 from mlsanm_cli.continuation import AnmOptions, Branch, Step, StopReason, correct, follow
 from mlsanm_cli.errors import NumericalError
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.coulomb import OPEN, SLIP, STICK
 from mlsanm_cli.contact.holonomic import HolonomicContact
 from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
 from mlsanm_cli.contact.scales import regularize
+from mlsanm_cli.contact.sets import OPEN, SLIP, STICK
 from mlsanm_cli.continuation import (
     AnmOptions,
     Branch,

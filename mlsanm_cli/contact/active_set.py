@@ -15,6 +15,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.dense import DenseSystem, SingularSystemError
+from mlsanm_cli.contact.violation import violation
 from mlsanm_cli.errors import NumericalError
 
 ROUND_OFF = 1e-11
@@ -57,13 +58,15 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
         gap[active] = 0.0
         wrong = _violations(condensed, active, pressure, gap)
         if not wrong.any():
-            residual = _residual(condensed, factors, pressure, motion, active)
+            nothing = np.zeros(len(condensed.rubbing))
+            unknowns = (factors, motion, pressure, nothing)
+            residual = violation(condensed, unknowns, active, np.full(len(nothing), np.nan))
             return ExactState(
                 factors,
                 pressure,
                 gap,
                 motion,
-                np.zeros(len(condensed.rubbing)),
+                nothing,
                 active,
                 np.zeros_like(active),
                 count,
@@ -125,21 +128,3 @@ def _violations(condensed: Condensed, active: BoolArray, pressure: FloatArray, g
     tension = active & (pressure < -ROUND_OFF * typical)
     overlap = ~active & (gap < -ROUND_OFF * elastic)
     return np.asarray(tension | overlap, dtype=bool)
-
-
-def _residual(
-    condensed: Condensed, factors: FloatArray, pressure: FloatArray, motion: FloatArray, active: BoolArray
-) -> float:
-    """Largest of gap left on closed nodes, tension, overlap and force balance, each made relative."""
-    typical = float(np.abs(pressure).max(initial=0.0)) or 1.0
-    elastic = float(np.abs(condensed.gap.pressure @ pressure).max(initial=0.0)) or 1.0
-    gap = condensed.gap(factors, motion, pressure)
-    lack = condensed.balance(factors, motion, pressure)
-    force = np.abs(condensed.balance.load @ factors) + np.abs(condensed.balance.pressure) @ np.abs(pressure)
-    parts = (
-        np.abs(gap[active]).max(initial=0.0) / elastic,
-        max(0.0, -gap[~active].min(initial=0.0)) / elastic,
-        max(0.0, -pressure.min(initial=0.0)) / typical,
-        (np.abs(lack) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),
-    )
-    return float(max(parts))

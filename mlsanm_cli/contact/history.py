@@ -15,26 +15,16 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.coulomb import (
-    CoulombState,
-    NoStateError,
-    Sets,
-    SetSystem,
-    Values,
-    Watch,
-    find_sets,
-    increment,
-    unloaded,
-)
-from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.contact.coulomb import CoulombState, increment, unloaded
+from mlsanm_cli.contact.set_search import NoStateError, Watch, find_sets
+from mlsanm_cli.contact.sets import Sets, SetSystem, Values
+from mlsanm_cli.contact.sliding import SlidingError, slides_freely
 
 NEAR = 1e-9
 """A condition is at its limit where it is this close to it, relative to peak pressure and elastic gap."""
 JUMPS = tuple(10.0**power for power in range(-6, 0))
 """Where no rates continue the path, finite increments of these parts of the stage are tried in turn."""
 STANDSTILL = 1e-13
-TILT = 0.2
-"""A platen whose motion opens or closes the contact by less than this part of it is resisted by friction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,16 +36,6 @@ class Event:
     state: CoulombState
     solves: int
     jumped: bool = False
-
-
-class SlidingError(NumericalError):
-    """All of a contact slips and nothing else carries the load: there is no state beyond this one."""
-
-    def __init__(self, fraction: float) -> None:
-        super().__init__(
-            "the contact slides as a whole", "prescribe the displacement instead of the force to go on"
-        )
-        self.fraction = fraction
 
 
 def start(condensed: Condensed, factors: FloatArray) -> Event:
@@ -87,7 +67,7 @@ def follow(
             try:
                 state, fraction, solves = _jump(condensed, state, begin, change, fraction, pending[0])
             except NoStateError as failure:
-                if error.sliding or failure.sliding or state.slides:
+                if error.sliding or failure.sliding or slides_freely(condensed, state.sets):
                     raise SlidingError(fraction) from error
                 raise
             standing = 0
@@ -180,17 +160,3 @@ def _jump(
             continue
         return found, ahead, solves
     raise failure
-
-
-def slides_freely(condensed: Condensed, sets: Sets) -> bool:
-    """Whether a platen that a force pushes along a contact is held by nothing there."""
-    if sets.stuck.any() or not (sets.sense != 0.0).any():
-        return False
-    sliding, closed = sets.sense != 0.0, sets.closed
-    for motion in range(len(condensed.balance.constant)):
-        along = np.linalg.norm(condensed.slip.motion[sliding, motion])
-        across = np.linalg.norm(condensed.gap.motion[closed, motion])
-        free = not condensed.balance.motion[motion].any()
-        if free and along > 0.0 and across < TILT * np.hypot(along, across):
-            return True
-    return False

@@ -46,6 +46,8 @@ class HolonomicTangent:
         matrix[m : m + n] /= problem.work[:, None]
         matrix[m + n :] = np.hstack([balance.pressure, balance.traction, balance.motion])
         matrix[m + n :] /= law.force[:, None]
+        # Pivots are chosen among the unknowns, whose units are unlike.
+        matrix *= problem.columns
         self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix.T, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError("singular tangent of the contact problem")
@@ -64,6 +66,7 @@ class HolonomicTangent:
             ]
         )
         solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, trans=1, overwrite_b=1)
+        solution *= problem.columns
         p, t, q = solution[:m], solution[m : m + n], solution[m + n :]
         h = shift + c.gap.pressure @ p + c.gap.traction @ t + c.gap.motion @ q
         s = c.slip.pressure @ p + c.slip.traction @ t + c.slip.motion @ q
@@ -81,6 +84,7 @@ class HolonomicContact:
         self.small: FloatArray = law.creep * limit
         self.work: FloatArray = limit * law.slip
         slips = np.full(self.n, law.slip)
+        self.columns = np.concatenate([np.full(self.m, law.pressure), limit, law.motion])
         self.scale = np.concatenate(
             [np.full(self.m, law.pressure), np.full(self.m, law.gap), law.motion, limit, slips]
         )

@@ -22,9 +22,9 @@ import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.coulomb import Sets, Values
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.hyperbolic import Regularization
+from mlsanm_cli.contact.sets import Sets, Values
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 
 UNBOUNDED = 1e8
@@ -75,6 +75,7 @@ class RubbingTangent:
         matrix = problem.reduced.copy(order="F")
         matrix[:m] *= self._stress[:, None]
         matrix[np.arange(m), np.arange(m)] += h / (law.pressure * law.gap)
+        # Pivots are chosen among the rows, which are dimensionless, and not among unknowns of unlike units.
         self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError("singular tangent of the contact problem")

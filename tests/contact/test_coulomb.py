@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.coulomb import CoulombState, Sets, SetSystem, Values, increment, residual, unloaded
+from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.sets import Sets, SetSystem, Values
 from tests.contact.friction import half_planes
 from tests.contact.scenes import synthetic
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
-from mlsanm_cli.contact.history import Event, SlidingError, follow, start
+from mlsanm_cli.contact.history import Event, follow, start
+from mlsanm_cli.contact.sliding import SlidingError
 from tests.contact.friction import HalfPlanes, half_planes
 
 UP, BACK, TURNED = (1.0, 0.5), (1.0, 0.0), (1.0, -0.5)

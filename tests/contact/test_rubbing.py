@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.coulomb import Sets
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.hyperbolic import Regularization
 from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
+from mlsanm_cli.contact.sets import Sets
 from tests.contact.derivatives import lack_of_orders, tangent_times
 from tests.contact.scenes import synthetic
 

@@ -1,0 +1,120 @@
+"""The search for sets of open, sticking and slipping nodes that obey all rules.
+
+Nodes that break their own rule are exchanged (Hüeber, Stadler and Wohlmuth 2008, doi:10.1137/060671061), many
+at once at first, one by one should a set come back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.dense import SingularSystemError
+from mlsanm_cli.contact.sets import Sets, Values
+from mlsanm_cli.errors import NumericalError
+
+ROUND_OFF = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """Which rules count: closed nodes that may open (m,), open ones that may close (m,), sticking ones that
+    may slip (n,) and to which ``side`` (n,): 1, -1, or 0 for both."""
+
+    opening: BoolArray
+    closing: BoolArray
+    slipping: BoolArray
+    side: FloatArray
+
+
+class NoStateError(NumericalError):
+    """No sets of open, sticking and slipping nodes obey all rules; ``sliding`` where nothing sticks."""
+
+    def __init__(self, sliding: bool) -> None:
+        super().__init__(
+            "no contact state balances the loads",
+            "a force-controlled platen may push its body away from the contact, or nothing resists its "
+            "direction; prescribe that direction's displacement instead",
+        )
+        self.sliding = sliding
+
+
+System = TypeVar("System")
+
+
+def find_sets(
+    condensed: Condensed,
+    first: Sets,
+    watch: Watch,
+    solve: Callable[[Sets], tuple[System, Values, FloatArray]],
+) -> tuple[Sets, System, Values, int]:
+    """Sets that obey every watched rule, their system and values, and how many systems it took.
+
+    ``solve`` gives the system of some sets, the values that the rules are about, and the slips (n,) whose
+    signs must be against friction; SingularSystemError where there are none. Raises NoStateError.
+    """
+    sets, seen, one_by_one = first, set(), False
+    limit = 60 + 6 * len(first.closed)
+    for count in range(1, limit + 1):
+        try:
+            system, values, slipped = solve(sets)
+        except SingularSystemError:
+            if one_by_one:
+                raise NoStateError(sliding=bool(sets.closed.any() and not sets.stuck.any())) from None
+            # Too many exchanges at once have freed what friction holds.
+            sets, one_by_one = first, True
+            continue
+        better, wrong = _exchange(condensed, sets, watch, values, slipped)
+        if not wrong.any():
+            return sets, system, values, count
+        one_by_one |= sets.key in seen
+        seen.add(sets.key)
+        sets = _only(condensed, sets, better, int(np.flatnonzero(wrong)[0])) if one_by_one else better
+    raise NoStateError(sliding=False)
+
+
+def _exchange(
+    condensed: Condensed, sets: Sets, watch: Watch, values: Values, slipped: FloatArray
+) -> tuple[Sets, BoolArray]:
+    """The sets with every node that breaks its rule exchanged, and which nodes (m,) these are.
+
+    A node that closes, or slips with friction, is judged by the pressure and traction that its own compliance
+    asks for to undo its overlap and its slip.
+    """
+    rub = condensed.rubbing
+    own_normal, own_tangential = np.diagonal(condensed.gap.pressure), np.diagonal(condensed.slip.traction)
+    p, t = values.pressure, values.traction
+    force = ROUND_OFF * max(float(np.abs(p).max(initial=0.0)), float(np.abs(t).max(initial=0.0)))
+    opening = sets.closed & watch.opening & (p < -force)
+    closing = ~sets.closed & watch.closing & (values.gap < -ROUND_OFF * np.abs(values.gap).max(initial=0.0))
+    closed = (sets.closed & ~opening) | closing
+    asked = np.where(sets.stuck, t, t - slipped / own_tangential)
+    limit = condensed.friction * np.where(closing, p - values.gap / own_normal, p)[rub]
+    side = np.where(watch.side == 0.0, np.sign(asked), watch.side)
+    over = side * asked - limit
+    still = closed[rub] & sets.closed[rub]
+    slips = still & sets.stuck & watch.slipping & (over > force)
+    with_friction = sets.sense * slipped > ROUND_OFF * np.abs(slipped).max(initial=0.0)
+    turns = still & with_friction & ((over <= 0.0) | (side == sets.sense))
+    reverses = still & with_friction & ~turns
+    holds = closing[rub] & (over <= 0.0)
+    rubs = closing[rub] & ~holds
+    stuck = (sets.stuck & still & ~slips) | turns | holds
+    sense = np.where(slips | reverses | rubs, side, np.where(turns | ~closed[rub] | holds, 0.0, sets.sense))
+    wrong = opening | closing
+    wrong[rub] |= slips | turns | reverses
+    return Sets(closed, stuck, sense), wrong
+
+
+def _only(condensed: Condensed, sets: Sets, better: Sets, node: int) -> Sets:
+    """The exchange of one node alone."""
+    closed, stuck, sense = sets.closed.copy(), sets.stuck.copy(), sets.sense.copy()
+    closed[node] = better.closed[node]
+    own = condensed.rubbing == node
+    stuck[own], sense[own] = better.stuck[own], better.sense[own]
+    return Sets(closed, stuck, sense)
