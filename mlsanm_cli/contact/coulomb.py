@@ -46,9 +46,11 @@ def unloaded(condensed: Condensed, factors: FloatArray) -> CoulombState:
     return CoulombState(factors, values, sets, np.zeros(n), np.zeros(n))
 
 
-def increment(condensed: Condensed, state: CoulombState, factors: FloatArray) -> tuple[CoulombState, int]:
+def increment(
+    condensed: Condensed, state: CoulombState, factors: FloatArray, slipping: bool = True
+) -> tuple[CoulombState, int]:
     """The state after one finite increment to ``factors`` (L,), friction by return mapping; and the systems
-    solved. Raises NoStateError."""
+    solved. Without ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError."""
     before = state.values.slip
     closed = state.sets.closed | (state.values.gap <= 0.0)
     if len(condensed.balance.constant) and not closed.any():
@@ -56,7 +58,7 @@ def increment(condensed: Condensed, state: CoulombState, factors: FloatArray) ->
     stuck = closed[condensed.rubbing] & (state.sets.sense == 0.0)
     sense = np.where(closed[condensed.rubbing], state.sets.sense, 0.0)
     both = np.ones(len(condensed.weight), dtype=bool)
-    watch = Watch(both, both, both[condensed.rubbing], np.zeros(len(before)))
+    watch = Watch(both, both, np.full(len(before), slipping), np.zeros(len(before)))
 
     def solve(sets: Sets) -> tuple[SetSystem, Values, FloatArray]:
         system = SetSystem(condensed, sets)

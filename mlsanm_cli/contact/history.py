@@ -15,7 +15,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.coulomb import CoulombState, increment, unloaded
+from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.set_search import NoStateError, Watch, find_sets
 from mlsanm_cli.contact.sets import Sets, SetSystem, Values
 from mlsanm_cli.contact.sliding import SlidingError, slides_freely
@@ -42,7 +42,12 @@ def start(condensed: Condensed, factors: FloatArray) -> Event:
     """The state before the first stage; surfaces that overlap as drawn push each other apart."""
     state, solves = unloaded(condensed, factors), 0
     if (state.values.gap < 0.0).any():
-        state, solves = increment(condensed, state, factors)
+        # A body that is free to move goes straight out of the other: no traction speaks against sliding.
+        held, solves = increment(condensed, state, factors, slipping=False)
+        if residual(condensed, held) <= NEAR:
+            return Event(0.0, held, solves)
+        state, more = increment(condensed, state, factors)
+        solves += more
     return Event(0.0, state, solves)
 
 

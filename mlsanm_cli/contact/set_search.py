@@ -23,8 +23,8 @@ ROUND_OFF = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """Which rules count: closed nodes that may open (m,), open ones that may close (m,), sticking ones that
-    may slip (n,) and to which ``side`` (n,): 1, -1, or 0 for both."""
+    """Which rules count: closed nodes that may open (m,), open ones that may close (m,), sticking and closing
+    ones that may slip (n,) and to which ``side`` (n,): 1, -1, or 0 for both."""
 
     opening: BoolArray
     closing: BoolArray
@@ -89,7 +89,7 @@ def _exchange(
     rub = condensed.rubbing
     own_normal, own_tangential = np.diagonal(condensed.gap.pressure), np.diagonal(condensed.slip.traction)
     p, t = values.pressure, values.traction
-    force = ROUND_OFF * max(float(np.abs(p).max(initial=0.0)), float(np.abs(t).max(initial=0.0)))
+    force = ROUND_OFF * max(np.abs(p).max(initial=0.0), np.abs(t).max(initial=0.0), _moving(condensed, values))
     opening = sets.closed & watch.opening & (p < -force)
     closing = ~sets.closed & watch.closing & (values.gap < -ROUND_OFF * np.abs(values.gap).max(initial=0.0))
     closed = (sets.closed & ~opening) | closing
@@ -102,13 +102,19 @@ def _exchange(
     with_friction = sets.sense * slipped > ROUND_OFF * np.abs(slipped).max(initial=0.0)
     turns = still & with_friction & ((over <= 0.0) | (side == sets.sense))
     reverses = still & with_friction & ~turns
-    holds = closing[rub] & (over <= 0.0)
-    rubs = closing[rub] & ~holds
+    rubs = closing[rub] & watch.slipping & (over > 0.0)
+    holds = closing[rub] & ~rubs
     stuck = (sets.stuck & still & ~slips) | turns | holds
     sense = np.where(slips | reverses | rubs, side, np.where(turns | ~closed[rub] | holds, 0.0, sets.sense))
     wrong = opening | closing
     wrong[rub] |= slips | turns | reverses
     return Sets(closed, stuck, sense), wrong
+
+
+def _moving(condensed: Condensed, values: Values) -> float:
+    """A pressure that would move the surfaces as far as the platens do."""
+    moved = float(np.abs(condensed.gap.motion @ values.motion).max(initial=0.0))
+    return moved / float(np.abs(condensed.gap.pressure).max()) if moved else 0.0
 
 
 def _only(condensed: Condensed, sets: Sets, better: Sets, node: int) -> Sets:

@@ -32,8 +32,9 @@ def violation(
     elastic = max(float(np.abs(gap_map.pressure @ pressure).max(initial=0.0)), least * softest) or 1.0
     gap, slip, lack = (one(*unknowns) for one in (gap_map, condensed.slip, balance))
     limit = condensed.friction * pressure[condensed.rubbing]
-    force = np.abs(balance.load @ factors) + np.abs(balance.traction) @ np.abs(limit)
-    force += np.abs(balance.pressure) @ np.maximum(np.abs(pressure), least)
+    size = np.maximum(np.abs(pressure), least)
+    force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
+    force += np.abs(balance.traction) @ (condensed.friction * size[condensed.rubbing])
     stuck = np.isfinite(held)
     parts = (
         np.abs(gap[closed]).max(initial=0.0) / elastic,
