@@ -87,7 +87,7 @@ def _first(built: Built, options: AnmOptions) -> _Point:
     anchor, full = nothing, law.threshold
     for _ in range(OPENINGS):
         pressed = np.zeros(len(pressure), dtype=bool)
-        pressed[c.rubbing] = pressure[c.rubbing] > -FREE * law.eta
+        pressed[c.rubbing] = pressure[c.rubbing] > -FREE * law.eta[c.rubbing]
         stuck = pressed[c.rubbing]
         own = 0.5 * np.maximum(pressure[c.rubbing], 0.0)
         law = replace(law, threshold=np.where(stuck, np.minimum(full, own), full))

@@ -84,11 +84,13 @@ def is_holonomic(built: Built) -> bool:
 
 def regularization(built: Built) -> Regularization:
     """The case's smooth law with the scene's scales."""
-    regular = {contact.name: contact.regularization for contact in built.case.contact}
-    spans = built.condensed.tangential.items()
-    stick = [np.full(span.stop - span.start, regular[name].stick) for name, span in spans]
-    eta = built.case.contact[0].regularization.eta
-    return regularize(built.condensed, built.ends, eta, np.concatenate([np.zeros(0), *stick]))
+    condensed = built.condensed
+    eta, stick = np.empty(len(condensed.weight)), np.empty(len(condensed.rubbing))
+    for contact in built.case.contact:
+        eta[condensed.spans[contact.name]] = contact.regularization.eta
+        if contact.friction:
+            stick[condensed.tangential[contact.name]] = contact.regularization.stick
+    return regularize(condensed, built.ends, eta, stick)
 
 
 def _problem(built: Built, law: Regularization, stage: int) -> Memoryless:

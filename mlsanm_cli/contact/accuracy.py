@@ -10,7 +10,7 @@ import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.condensed import Condensed, spans
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows
 from mlsanm_cli.mechanics.scene import Scene
@@ -62,8 +62,9 @@ def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
         thin = replace(
             condensed,
             weight=join.T @ condensed.weight,
-            spans=_spans(condensed, [len(own) for own in kept]),
+            spans=spans([pairing.name for pairing in condensed.pairings], [len(own) for own in kept]),
             gap=_joined(condensed.gap.take(rows), join),
+            slip=_joined(condensed.slip, join),
             balance=_joined(condensed.balance, join),
         )
         total += join @ solve_exact(thin, state.factors, state.active[rows]).pressure
@@ -82,8 +83,3 @@ def _shifted(linear: LinearMap, change: FloatArray) -> LinearMap:
 
 def _joined(linear: LinearMap, join: FloatArray) -> LinearMap:
     return replace(linear, pressure=linear.pressure @ join)
-
-
-def _spans(condensed: Condensed, counts: list[int]) -> dict[str, slice]:
-    ends = np.cumsum([0, *counts])
-    return {p.name: slice(int(ends[i]), int(ends[i + 1])) for i, p in enumerate(condensed.pairings)}

@@ -14,7 +14,7 @@ factorised once; every column costs one block solve, of which only the functiona
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,7 +99,7 @@ class Condensed:
 def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     """Condense the scene on the candidates of ``pairings``."""
     rough = tuple(pairing for pairing in pairings if pairing.friction)
-    spans, tangential = _spans(pairings), _spans(rough)
+    normal, tangential = _places(pairings), _places(rough)
     columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
     held = [(name, surface) for name, body in scene.bodies.items() for surface in body.held]
 
@@ -135,7 +135,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     forces = Forces(
         scene,
         pairings,
-        spans,
+        normal,
         tangential,
         columns,
         {where: columns.split(reacting[3 * i : 3 * i + 3]) for i, where in enumerate(held)},
@@ -147,10 +147,10 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     gap, watched = gap.take(candidate), gap.take(~candidate)
     slip = columns.split(slips).take(_candidates(rough))
     slip = resolved_slip(slip, rough, tangential, softness)
-    rubbing = _numbers([spans[pairing.name] for pairing in rough])
+    rubbing = _numbers([normal[pairing.name] for pairing in rough])
     return Condensed(
         pairings=pairings,
-        spans=spans,
+        spans=normal,
         weight=weight,
         modulus=modulus,
         tangential=tangential,
@@ -179,6 +179,10 @@ def _count(pairings: tuple[Pairing, ...]) -> int:
     return sum(int(pairing.candidate.sum()) for pairing in pairings)
 
 
+def _places(pairings: tuple[Pairing, ...]) -> dict[str, slice]:
+    return spans([pairing.name for pairing in pairings], [int(pair.candidate.sum()) for pair in pairings])
+
+
 def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:
     return np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
 
@@ -187,7 +191,7 @@ def _numbers(spans: list[slice]) -> IntArray:
     return np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(s.start, s.stop) for s in spans)])
 
 
-def _spans(pairings: tuple[Pairing, ...]) -> dict[str, slice]:
-    """Places of every contact's candidates when they are counted through all of ``pairings``."""
-    ends = np.cumsum([0, *(int(pairing.candidate.sum()) for pairing in pairings)]).tolist()
-    return {pair.name: slice(a, b) for pair, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)}
+def spans(names: Iterable[str], counts: Sequence[int]) -> dict[str, slice]:
+    """Places of every contact's nodes when they are counted through all contacts."""
+    ends = np.cumsum([0, *counts]).tolist()
+    return {name: slice(a, b) for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}

@@ -19,12 +19,15 @@ from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unload
 from mlsanm_cli.contact.set_search import NoStateError, Watch, find_sets
 from mlsanm_cli.contact.sets import Sets, SetSystem, Values
 from mlsanm_cli.contact.sliding import SlidingError, slides_freely
+from mlsanm_cli.errors import NumericalError
 
 NEAR = 1e-9
 """A condition is at its limit where it is this close to it, relative to peak pressure and elastic gap."""
 JUMPS = tuple(10.0**power for power in range(-6, 0))
 """Where no rates continue the path, finite increments of these parts of the stage are tried in turn."""
 STANDSTILL = 1e-13
+OVERLAP = "surfaces with friction overlap as drawn, and forces alone do not tell how the bodies give way"
+OVERLAP_HINT = "move one body so that the surfaces at most touch, or prescribe its platen's displacement"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,16 +42,23 @@ class Event:
 
 
 def start(condensed: Condensed, factors: FloatArray) -> Event:
-    """The state before the first stage; surfaces that overlap as drawn push each other apart."""
-    state, solves = unloaded(condensed, factors), 0
-    if (state.values.gap < 0.0).any():
-        # A body that is free to move goes straight out of the other: no traction speaks against sliding.
+    """The state before the first stage; surfaces that overlap as drawn push each other apart.
+
+    Raises NumericalError where it is not plain how.
+    """
+    state = unloaded(condensed, factors)
+    if not (state.values.gap < 0.0).any():
+        return Event(0.0, state, 0)
+    if not len(condensed.balance.constant):
+        return Event(0.0, *increment(condensed, state, factors))
+    # Where nothing presses, friction would let a free body slide anywhere: it goes straight out.
+    try:
         held, solves = increment(condensed, state, factors, slipping=False)
-        if residual(condensed, held) <= NEAR:
-            return Event(0.0, held, solves)
-        state, more = increment(condensed, state, factors)
-        solves += more
-    return Event(0.0, state, solves)
+    except NoStateError as error:
+        raise NumericalError(OVERLAP, OVERLAP_HINT) from error
+    if not residual(condensed, held) <= NEAR:
+        raise NumericalError(OVERLAP, OVERLAP_HINT)
+    return Event(0.0, held, solves)
 
 
 def follow(

@@ -120,7 +120,7 @@ class HolonomicContact:
                 ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap),
                 (h - c.gap(f, q, p, t)) / law.gap,
                 c.balance(f, q, p, t) / law.force,
-                (t * r + c.friction * (p[c.rubbing] + law.eta) * s) / self.work,
+                (t * r + c.friction * (p + law.eta)[c.rubbing] * s) / self.work,
                 (r**2 - s**2 - self.small**2) / law.slip**2,
             ]
         )
@@ -139,7 +139,7 @@ class HolonomicContact:
                 np.zeros(self.m),
                 -(c.gap.load @ self.change) / law.gap,
                 (c.balance.load @ self.change) / law.force,
-                c.friction * (p[c.rubbing] + law.eta) * moved / self.work,
+                c.friction * (p + law.eta)[c.rubbing] * moved / self.work,
                 -2.0 * self.slip(x, lam) * moved / law.slip**2,
             ]
         )

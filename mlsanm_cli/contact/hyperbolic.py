@@ -23,11 +23,11 @@ from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 
 @dataclass(frozen=True)
 class Regularization:
-    """``eta`` (a pressure), ``delta`` (m,) lengths, and the reference pressure, gap, force and motion that
+    """``eta`` (m,) pressures, ``delta`` (m,) lengths, and the reference pressure, gap, force and motion that
     scale residuals and unknowns; with friction a reference ``slip`` and the asperities' softness ``creep``
     (n,), a length per traction."""
 
-    eta: float
+    eta: FloatArray
     delta: FloatArray
     pressure: float
     gap: float

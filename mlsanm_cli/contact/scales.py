@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,15 +20,21 @@ WITH_FRICTION = 0.15
 """The law's length over that of scenes without friction, whose tractions remember how nodes have closed."""
 PRESSED = 10.0
 """Friction begins where the pressure is above so many times the hyperbolic law's eta."""
+LEAST = 0.01
+"""A contact's own pressure is at least this part of the scene's, whose tolerance resolves no less."""
 
 
 def regularize(
-    condensed: Condensed, states: Sequence[ExactState], eta: float, stick: float | FloatArray = 0.0
+    condensed: Condensed,
+    states: Sequence[ExactState],
+    eta: float | FloatArray,
+    stick: float | FloatArray = 0.0,
 ) -> Regularization:
-    """The hyperbolic law with ``eta`` relative to the largest pressure of the exact ``states``.
+    """The hyperbolic law with ``eta`` relative to every contact's largest pressure in the exact ``states``.
 
     ``stick``, of all or of each node with friction (n,), is the slip of an asperity at its friction limit,
-    relative to the largest slip that friction at its limit everywhere would cause in those states.
+    relative to the largest slip in its contact that friction at its limit everywhere would cause in those
+    states. ``eta`` is that of all or of each candidate (m,).
 
     Every length in it is proportional to the elastic change of the gap in those states, so that neither units
     nor the size of a load change the relative result. Raises NumericalError when no state has any pressure.
@@ -53,16 +59,28 @@ def regularize(
     ]
     force = np.array(forces).max(axis=0)
     limits = [condensed.friction * np.abs(state.pressure[condensed.rubbing]) for state in states]
-    slip = max(float(np.abs(condensed.slip.traction @ limit).max(initial=0.0)) for limit in limits)
+    slips = np.max([np.abs(condensed.slip.traction @ limit) for limit in limits], axis=0)
+    slip = float(slips.max(initial=0.0))
+    own = _largest(condensed.spans, np.max([state.pressure for state in states], axis=0), LEAST * pressure)
+    own_slip = _largest(condensed.tangential, slips, LEAST * slip)
+    small = eta * own
     motion = np.array([np.abs(state.motion) for state in states]).max(axis=0)
     return Regularization(
-        eta=eta * pressure,
+        eta=small,
         delta=delta,
         pressure=pressure,
         gap=gap,
         force=np.where(force > 0.0, force, 1.0),
         motion=np.where(motion > 0.0, motion, elastic),
         slip=slip,
-        threshold=np.full(len(condensed.rubbing), PRESSED * eta * pressure),
-        creep=stick * slip / (condensed.friction * pressure),
+        threshold=PRESSED * small[condensed.rubbing],
+        creep=stick * own_slip / (condensed.friction * own[condensed.rubbing]),
     )
+
+
+def _largest(spans: Mapping[str, slice], values: FloatArray, least: float) -> FloatArray:
+    """The largest of the values (r,) of every contact, at least ``least``, at each of its places."""
+    largest = np.full(len(values), least)
+    for span in spans.values():
+        largest[span] = max(float(values[span].max(initial=0.0)), least)
+    return largest

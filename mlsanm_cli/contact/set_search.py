@@ -16,6 +16,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.sets import Sets, Values
+from mlsanm_cli.contact.sliding import slides_freely
 from mlsanm_cli.errors import NumericalError
 
 ROUND_OFF = 1e-10
@@ -33,7 +34,8 @@ class Watch:
 
 
 class NoStateError(NumericalError):
-    """No sets of open, sticking and slipping nodes obey all rules; ``sliding`` where nothing sticks."""
+    """No sets of open, sticking and slipping nodes obey all rules; ``sliding`` where nothing
+    holds a platen along its contacts."""
 
     def __init__(self, sliding: bool) -> None:
         super().__init__(
@@ -65,7 +67,7 @@ def find_sets(
             system, values, slipped = solve(sets)
         except SingularSystemError:
             if one_by_one:
-                raise NoStateError(sliding=bool(sets.closed.any() and not sets.stuck.any())) from None
+                raise NoStateError(sliding=slides_freely(condensed, sets)) from None
             # Too many exchanges at once have freed what friction holds.
             sets, one_by_one = first, True
             continue
@@ -89,7 +91,8 @@ def _exchange(
     rub = condensed.rubbing
     own_normal, own_tangential = np.diagonal(condensed.gap.pressure), np.diagonal(condensed.slip.traction)
     p, t = values.pressure, values.traction
-    force = ROUND_OFF * max(np.abs(p).max(initial=0.0), np.abs(t).max(initial=0.0), _moving(condensed, values))
+    largest = max(np.abs(p).max(initial=0.0), np.abs(t).max(initial=0.0))
+    force = ROUND_OFF * max(largest, _moving(condensed, values))
     opening = sets.closed & watch.opening & (p < -force)
     closing = ~sets.closed & watch.closing & (values.gap < -ROUND_OFF * np.abs(values.gap).max(initial=0.0))
     closed = (sets.closed & ~opening) | closing

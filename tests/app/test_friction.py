@@ -92,6 +92,29 @@ def test_series_hold_tractions(tmp_path: Path) -> None:
         assert step["traction"][0] == pytest.approx(before, abs=1e-6 * np.abs(before).max())
 
 
+@pytest.mark.parametrize("depth", [0.0, 1e-5, 1e-3])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_overlaps_as_drawn_give_way_straight(tmp_path: Path, depth: float, swapped: bool) -> None:
+    text = SHEARED.replace("center = [0.0, 1.0]", f"center = [0.0, {1.0 - depth!r}]")
+    text = text.replace("spacing = 0.012", "spacing = 0.008")
+    if swapped:
+        text = text.replace('slave = "cylinder.arc"', 'slave = "block.top"')
+        text = text.replace('master = "block.top"', 'master = "cylinder.arc"')
+    # With the flat surface as slave, a node overlaps by a last bit even where the bodies just touch.
+    summary = solve(text, tmp_path / "run", EXACT, "output.at=[1.0]")
+    assert summary["status"] == "done"
+    path = read_run(tmp_path / "run").path
+    assert path.displacements["press"][0] == pytest.approx([0.0, depth], abs=1e-12)
+
+
+def test_overlaps_that_nothing_tells_how_to_undo_are_named(tmp_path: Path) -> None:
+    text = SHEARED.replace("center = [0.0, 1.0]", "center = [0.0, 0.999]")
+    text = text.replace('slave = "cylinder.arc"', 'slave = "block.top"')
+    text = text.replace('master = "block.top"', 'master = "cylinder.arc"')
+    summary = solve(text, tmp_path / "run", EXACT)
+    assert summary["stop_reason"].startswith("surfaces with friction overlap as drawn")
+
+
 def test_sliding_as_a_whole_ends_the_run(tmp_path: Path) -> None:
     for law in ("exact", "hyperbolic"):
         summary = solve(

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coulomb import CoulombState
 from mlsanm_cli.contact.history import follow, start
+from mlsanm_cli.contact.hyperbolic import Regularization
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from tests.contact.scenes import synthetic
 
@@ -91,3 +93,62 @@ def half_planes(
         balance=balance,
     )
     return HalfPlanes(condensed, x, half, force, friction)
+
+
+def side_by_side(one: Condensed, other: Condensed) -> Condensed:
+    """Two problems of one contact each, "one" and "other", that know nothing of each other."""
+    m, n = len(one.weight), len(one.rubbing)
+    both = {"one": slice(0, m), "other": slice(m, m + len(other.weight))}
+    rough = {"one": slice(0, n), "other": slice(n, n + len(other.rubbing))}
+
+    def joined(a: LinearMap, b: LinearMap) -> LinearMap:
+        parts = ("load", "motion", "pressure", "traction")
+        blocks = [linalg.block_diag(getattr(a, part), getattr(b, part)) for part in parts]
+        return LinearMap(np.concatenate([a.constant, b.constant]), *blocks)
+
+    return replace(
+        one,
+        spans=both,
+        tangential=rough,
+        weight=np.concatenate([one.weight, other.weight]),
+        rubbing=np.concatenate([one.rubbing, m + other.rubbing]),
+        friction=np.concatenate([one.friction, other.friction]),
+        gap=joined(one.gap, other.gap),
+        slip=joined(one.slip, other.slip),
+        balance=joined(one.balance, other.balance),
+    )
+
+
+def in_units(
+    condensed: Condensed, law: Regularization, length: float, stress: float
+) -> tuple[Condensed, Regularization]:
+    """The same problem with lengths and stresses in other units; for powers of two to the last bit."""
+    soft, force = length / stress, length * stress
+
+    def told(one: LinearMap, unit: float, per_motion: float, per_stress: float) -> LinearMap:
+        return LinearMap(
+            one.constant * unit,
+            one.load * unit,
+            one.motion * per_motion,
+            one.pressure * per_stress,
+            one.traction * per_stress,
+        )
+
+    changed = replace(
+        condensed,
+        weight=condensed.weight * length,
+        gap=told(condensed.gap, length, 1.0, soft),
+        slip=told(condensed.slip, length, 1.0, soft),
+        balance=told(condensed.balance, force, stress, length),
+    )
+    return changed, Regularization(
+        eta=law.eta * stress,
+        delta=law.delta * length,
+        pressure=law.pressure * stress,
+        gap=law.gap * length,
+        force=law.force * force,
+        motion=law.motion * length,
+        slip=law.slip * length,
+        creep=law.creep * soft,
+        threshold=law.threshold * stress,
+    )

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.holonomic import HolonomicContact
 from tests.contact.derivatives import tangent_times
+from tests.contact.friction import in_units
 from tests.contact.test_rubbing import random_problem as random_rubbing
 
 
@@ -65,12 +66,23 @@ def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed
     assert np.abs(coefficients[order] - expected).max() <= 1e-7 * scale
 
 
+@given(**sizes)
+def test_units_change_no_digit(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    changed = in_units(problem.condensed, problem.law, 2.0**-20, 2.0**40)
+    other = HolonomicContact(*changed, problem.start, problem.start + problem.change)
+    x, rhs = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
+    unit = other.scale / problem.scale
+    assert (other.residual(x * unit, 0.3) == problem.residual(x, 0.3)).all()
+    assert (other.tangent(x * unit, 0.3).solve(rhs) == unit * problem.tangent(x, 0.3).solve(rhs)).all()
+
+
 def test_traction_is_the_laws() -> None:
     problem = random_problem(6, 1, 2)
     x = state(problem, 2)
     p, h, q, t, _ = problem.split(x)
     law, c, s = problem.law, problem.condensed, problem.slip(x, 0.4)
-    t[:] = -c.friction * (p[c.rubbing] + law.eta) * s / np.hypot(s, problem.small)
+    t[:] = -c.friction * (p + law.eta)[c.rubbing] * s / np.hypot(s, problem.small)
     bare = np.concatenate([p, h, q, t])
     assert bare == pytest.approx(x[: len(bare)])
     # The traction changes the slip in turn: only the auxiliary unknown must go with it.
@@ -78,7 +90,7 @@ def test_traction_is_the_laws() -> None:
     s = problem.slip(whole, 0.4)
     *_, four, five = problem.split(problem.residual(whole, 0.4))
     assert five == pytest.approx(np.zeros(problem.n), abs=1e-12)
-    expected = t * np.hypot(s, problem.small) + c.friction * (p[c.rubbing] + law.eta) * s
+    expected = t * np.hypot(s, problem.small) + c.friction * (p + law.eta)[c.rubbing] * s
     assert four * problem.work == pytest.approx(expected)
     assert problem.admissible(whole, 0.4)
     whole[-1] = -whole[-1]

@@ -16,6 +16,7 @@ from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
 from mlsanm_cli.contact.sets import Sets
 from tests.contact.derivatives import lack_of_orders, tangent_times
+from tests.contact.friction import in_units
 from tests.contact.scenes import synthetic
 
 
@@ -38,7 +39,7 @@ def random_problem(m: int, k: int, seed: int) -> RubbingContact:
         balance=balance,
     )
     law = Regularization(
-        eta=0.1,
+        eta=rng.uniform(0.05, 0.2, m),
         delta=rng.uniform(0.5, 2.0, m),
         pressure=3.0,
         gap=0.2,
@@ -112,7 +113,7 @@ def test_residual_is_the_laws_the_gap_and_the_balance() -> None:
     p, h, q, t = problem.split(x)
     law, c, f = problem.law, problem.condensed, problem.factors(0.25)
     one, two, three, four = problem.split(problem.residual(x, 0.25))
-    assert one * law.pressure * law.gap == pytest.approx((p + 0.1) * h - 0.1 * law.delta)
+    assert one * law.pressure * law.gap == pytest.approx((p + law.eta) * h - law.eta * law.delta)
     assert two * law.gap == pytest.approx(h - c.gap(f, q, p, t))
     assert three * law.force == pytest.approx(c.balance(f, q, p, t))
     sticking, slipping = problem.sets.stuck, problem.sets.sense != 0.0
@@ -149,6 +150,20 @@ def test_nothing_resists_is_told() -> None:
     )
     with pytest.raises((SingularSystemError, np.linalg.LinAlgError)):
         free.rates(state(free, 8), 0.0)
+
+
+@given(**sizes)
+def test_units_change_no_digit(m: int, k: int, seed: int) -> None:
+    problem = random_problem(m, k, seed)
+    length, stress = 2.0**-20, 2.0**40
+    base = Rubbing.of(*in_units(problem.condensed, problem.law, length, stress))
+    end = problem.start + problem.change
+    other = RubbingContact(base, problem.start, end, problem.sets, problem.anchor * length)
+    x, rhs = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
+    unit = other.scale / problem.scale
+    assert (other.residual(x * unit, 0.3) == problem.residual(x, 0.3)).all()
+    # Pivots chosen by their units would round elsewhere.
+    assert (other.tangent(x * unit, 0.3).solve(rhs) == unit * problem.tangent(x, 0.3).solve(rhs)).all()
 
 
 def test_tractions_are_brought_within_the_cone() -> None:

@@ -1,0 +1,72 @@
+"""What holds a platen along its contacts, whatever the axes and whatever other contacts do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.history import follow, start
+from mlsanm_cli.contact.linear_map import LinearMap
+from mlsanm_cli.contact.sets import Sets
+from mlsanm_cli.contact.sliding import SlidingError, slides_freely
+from tests.contact.friction import half_planes, side_by_side
+
+
+def turned(condensed: Condensed, angle: float) -> Condensed:
+    """The same contact with its platen's motions counted along axes that are turned by an angle."""
+    axes = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    def of(one: LinearMap) -> LinearMap:
+        return replace(one, motion=one.motion @ axes)
+
+    return replace(condensed, gap=of(condensed.gap), slip=of(condensed.slip))
+
+
+def all_slip(condensed: Condensed, but: tuple[int, ...] = ()) -> Sets:
+    sense = np.ones(len(condensed.rubbing))
+    sense[list(but)] = 0.0
+    return Sets(np.ones(len(condensed.weight), dtype=bool), sense == 0.0, sense)
+
+
+@pytest.mark.parametrize("angle", np.radians([0.0, 37.0, 90.0, 180.0, 233.0]).tolist())
+def test_axes_mean_nothing(angle: float) -> None:
+    c = turned(half_planes(20).condensed, angle)
+    assert slides_freely(c, all_slip(c))
+    assert not slides_freely(c, all_slip(c, (3,)))
+    nothing = np.zeros(20)
+    assert not slides_freely(c, Sets(nothing > 0.0, nothing > 0.0, nothing))
+
+
+def test_a_surface_that_rises_holds() -> None:
+    c = half_planes(20).condensed
+    for slope, slides in ((0.1, True), (-1.0, False)):
+        # Half of the nodes face one way, half the other: sliding either way closes some of them.
+        motion = c.gap.motion + np.outer(slope * np.sign(np.arange(20) - 9.5), [0.0, 1.0])
+        assert slides_freely(replace(c, gap=replace(c.gap, motion=motion)), all_slip(c)) == slides
+
+
+def test_a_prescribed_displacement_holds() -> None:
+    c = half_planes(20).condensed
+    stiff = replace(c.balance, motion=np.eye(2))
+    assert not slides_freely(replace(c, balance=stiff), all_slip(c))
+
+
+def test_other_contacts_have_no_say() -> None:
+    one = half_planes(20)
+    c = side_by_side(one.condensed, one.condensed)
+    assert slides_freely(c, all_slip(c, tuple(range(20))))
+    assert not slides_freely(c, all_slip(c, (3, 33)))
+
+
+def test_one_of_two_contacts_that_slides_is_named() -> None:
+    one = half_planes(20)
+    c = side_by_side(one.condensed, one.condensed)
+    state = start(c, np.zeros(4)).state
+    for event in follow(c, state, np.array([1.0, 0.0, 1.0, 0.0]), [1.0]):
+        state = event.state
+    with pytest.raises(SlidingError) as caught:
+        list(follow(c, state, np.array([1.0, 0.4, 1.0, 1.25]), [1.0]))
+    assert caught.value.fraction == pytest.approx(0.8, abs=1e-9)
