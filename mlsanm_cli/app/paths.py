@@ -101,10 +101,10 @@ def friction_path(built: Built) -> Iterator[PathStep]:
     yield PathStep(state, (state,) if 0.0 in wanted else (), factorizations=event.solves)
     for stage, end in enumerate(built.stages[1:]):
         halts = sorted({position - stage for position in stops(built) if stage < position <= stage + 1})
-        rows = _Rows(built, stage, set(halts), wanted)
+        rows, reached = _Rows(built, stage, set(halts), wanted), 0.0
         try:
-            for ahead in follow(condensed, event.state, end, halts):
-                event = ahead
+            for event in follow(condensed, event.state, end, halts):
+                reached = event.fraction
                 yield from rows.add(event)
         except SlidingError as error:
             yield from rows.last()
@@ -113,7 +113,7 @@ def friction_path(built: Built) -> Iterator[PathStep]:
         except NumericalError as error:
             yield from rows.last()
             raise NumericalError(
-                f"{error.message} beyond position {stage + event.fraction:.9g}", error.hint
+                f"{error.message} beyond position {stage + reached:.9g}", error.hint
             ) from error
 
 

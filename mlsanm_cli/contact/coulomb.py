@@ -26,9 +26,17 @@ class CoulombState:
 
     def moved(self, factors: FloatArray, values: Values, sets: Sets, anchor: FloatArray) -> CoulombState:
         """The next state; between the two, tractions and slips go straight."""
-        mean = 0.5 * (self.values.traction + values.traction)
-        work = self.work - np.where(sets.sense != 0.0, mean * (values.slip - self.values.slip), 0.0)
-        return CoulombState(factors, values, sets, anchor, work)
+        return self._next(factors, values, sets, anchor, 0.5 * (self.values.traction + values.traction))
+
+    def jumped(self, factors: FloatArray, values: Values, sets: Sets, anchor: FloatArray) -> CoulombState:
+        """The next state after a finite increment, over which friction acts as at its end."""
+        return self._next(factors, values, sets, anchor, values.traction)
+
+    def _next(
+        self, factors: FloatArray, values: Values, sets: Sets, anchor: FloatArray, traction: FloatArray
+    ) -> CoulombState:
+        slipped = np.where(sets.sense != 0.0, values.slip - self.values.slip, 0.0)
+        return CoulombState(factors, values, sets, anchor, self.work - traction * slipped)
 
 
 def unloaded(condensed: Condensed, factors: FloatArray) -> CoulombState:
@@ -66,7 +74,7 @@ def increment(
         return system, values, values.slip - before
 
     sets, _, values, count = find_sets(condensed, Sets(closed, stuck, sense), watch, solve)
-    return state.moved(factors, values, sets, np.where(sets.stuck, before, values.slip)), count
+    return state.jumped(factors, values, sets, np.where(sets.stuck, before, values.slip)), count
 
 
 def _closest(condensed: Condensed, gap: FloatArray) -> BoolArray:

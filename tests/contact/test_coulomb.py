@@ -78,6 +78,17 @@ def test_strong_friction_is_solved_too(seed: int, friction: float) -> None:
     assert residual(c, state) <= 1e-9
 
 
+@given(seed=st.integers(0, 300), friction=st.floats(0.05, 1.5))
+def test_increments_never_give_work_back(seed: int, friction: float) -> None:
+    c = random_problem(8, seed, friction)
+    state = unloaded(c, np.zeros(1))
+    # There and back: nodes turn, and what presses them falls meanwhile.
+    for load in (FULL, -0.5 * FULL, FULL):
+        before = state.work
+        state, _ = increment(c, state, load)
+        assert (state.work >= before - 1e-9).all()
+
+
 def changed(state: CoulombState, **arrays: np.ndarray) -> CoulombState:
     return replace(state, values=replace(state.values, **arrays))
 
