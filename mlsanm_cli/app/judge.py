@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.app.build import Built, reach_error
+from mlsanm_cli.app.series_path import is_holonomic
 from mlsanm_cli.app.states import State
 from mlsanm_cli.contact.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
@@ -22,6 +23,9 @@ BALANCE_WARNING = 0.03
 
 SPACING_LIMIT = 4.0
 """Largest ratio of facing spacings under pressure that passes; beyond, pressures are wrong but look right."""
+
+CONE = 1e-8
+"""Tractions may pass their friction limits by this part of the peak pressure at the stages' ends."""
 
 LINEAR_LIMIT = 1e-6
 """Largest part of an elastic solution that may still change when its equations are solved again."""
@@ -68,11 +72,27 @@ def judge_state(built: Built, state: State) -> None:
         )
     if not all(np.isfinite(a).all() for a in (state.pressure, state.gap, state.motion)):
         raise NumericalError(f"the state at position {state.position:.6g} is not finite")
+    _judge_cone(built, state)
     touched = condensed.touched(*state.unknowns)
     for pairing in condensed.pairings:
         gaps = pairing.gap[touched[pairing.name]]
         if len(gaps):
             raise reach_error(pairing.name, float(gaps.max()))
+
+
+def _judge_cone(built: Built, state: State) -> None:
+    """NumericalError where tractions pass the friction limit; laws without memory do so by mu eta."""
+    condensed = built.condensed
+    if not len(condensed.rubbing) or is_holonomic(built):
+        return
+    limit = condensed.friction * np.maximum(state.pressure[condensed.rubbing], 0.0)
+    beyond = np.abs(state.traction) - limit
+    peak = max(float(end.pressure.max()) for end in built.ends)
+    if not beyond.max() <= CONE * peak:
+        raise NumericalError(
+            f"a traction is beyond the friction limit at position {state.position:.6g}",
+            'lower solver.tolerance, or use contact.regularization.law = "exact"',
+        )
 
 
 def judge_balance(verdict: Verdict) -> str:

@@ -103,8 +103,8 @@ def friction_path(built: Built) -> Iterator[PathStep]:
         halts = sorted({position - stage for position in stops(built) if stage < position <= stage + 1})
         rows, reached = _Rows(built, stage, set(halts), wanted), 0.0
         try:
-            for event in follow(condensed, event.state, end, halts):
-                reached = event.fraction
+            for ahead in follow(condensed, event.state, end, halts):
+                event, reached = ahead, ahead.fraction
                 yield from rows.add(event)
         except SlidingError as error:
             yield from rows.last()

@@ -12,7 +12,7 @@ from mlsanm_cli.app.plot import plot
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
-from tests.app.scenes import Quiet, hertz, solve
+from tests.app.scenes import PUNCHES, Quiet, hertz, solve
 
 SHEARED = (
     hertz()
@@ -113,6 +113,17 @@ def test_overlaps_that_nothing_tells_how_to_undo_are_named(tmp_path: Path) -> No
     text = text.replace('master = "block.top"', 'master = "cylinder.arc"')
     summary = solve(text, tmp_path / "run", EXACT)
     assert summary["stop_reason"].startswith("surfaces with friction overlap as drawn")
+
+
+def test_contacts_have_etas_of_their_own(tmp_path: Path) -> None:
+    etas = {"under-left": 1e-2, "under-right": 1e-4}
+    overrides = [f"contact.{name}.regularization.eta={eta}" for name, eta in etas.items()]
+    assert solve(PUNCHES, tmp_path / "run", *overrides)["status"] == "done"
+    contacts = read_run(tmp_path / "run").contacts
+    # What open nodes feel is proportional to eta.
+    left, right = (contacts[name].pressure[-1] for name in etas)
+    ratio = left.min() / left.max() / (right.min() / right.max())
+    assert ratio >= 20.0
 
 
 def test_sliding_as_a_whole_ends_the_run(tmp_path: Path) -> None:

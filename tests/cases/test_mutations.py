@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from mlsanm_cli.app.rubbing_events import Barrier
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.mechanics import body as mechanics
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from tests.app.scenes import Quiet
@@ -98,3 +100,28 @@ def test_a_fine_zone_shifted_by_one_contact_width(widths: float, tmp_path: Path)
     summary = outcome("hertz", tmp_path / "run", EXACT, *shifted)
     assert summary["status"] == "failed"
     assert "spacings pressed on each other differ" in summary["stop_reason"]
+
+
+def test_friction_limits_of_the_step_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    changes = (
+        'contact.interface.regularization.law="hyperbolic"',
+        "stage=[{press=1.0},{push=1.0},{press=0.5}]",
+        "output.at=[3.0]",
+    )
+    assert outcome("block_slide", tmp_path / "sound", *changes)["status"] == "done"
+    proper, first = RubbingContact.pressed, dict[bytes, FloatArray]()
+
+    def faulty(problem: RubbingContact, p: FloatArray) -> FloatArray:
+        """The pressures at the start of the stage."""
+        return first.setdefault(problem.start.tobytes(), proper(problem, p))
+
+    monkeypatch.setattr(RubbingContact, "pressed", faulty)
+    summary = outcome("block_slide", tmp_path / "faulty", *changes)
+    assert summary["status"] == "failed"
+
+
+def test_friction_limits_that_are_never_noticed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    changes = ('contact.interface.regularization.law="hyperbolic"', "stage=[{press=1.0},{push=1.0}]")
+    monkeypatch.setattr(Barrier, "__call__", lambda barrier, piece: np.inf)
+    summary = outcome("block_slide", tmp_path / "run", *changes)
+    assert "beyond the friction limit" in summary["stop_reason"]
