@@ -16,6 +16,7 @@ OPPOSED = -0.2
 WINDOW = 2.0
 """Half-width of the window over which pressures are carried to the master, in spacings."""
 SLACK = 1e-6
+ROUND_OFF = 1e-13
 WINDOW_SHARPNESS = 4.0
 """Squared residuals in the window are weighted by exp(-2 WINDOW_SHARPNESS r^2)."""
 
@@ -102,6 +103,8 @@ def pair_surfaces(
     facing = (slave.normal * normal).sum(axis=1) < OPPOSED
     position = _along(slave, np.flatnonzero(facing & (tangential < 1e-6 * spacing)))
     gap = (away * normal).sum(axis=1)[position]
+    # Surfaces drawn in one place neither overlap nor gape by the last bits of their coordinates.
+    gap[np.abs(gap) <= ROUND_OFF * np.abs(points).max()] = 0.0
     return Pairing(
         name=name,
         slave_body=slave_body,
