@@ -18,6 +18,17 @@ def run_text(summary: Mapping[str, Any], color: bool = False) -> str:
     for name, contact in contacts.items():
         rows = [(label(key), number(contact[key])) for key in _CONTACT if key in contact]
         parts.append(table(f"contact {name}", rows, color))
+    polish = summary.get("polish")
+    if polish:
+        rows = [
+            (
+                "largest change",
+                f"pressure {100 * polish['pressure']:.2g} %, traction "
+                f"{100 * polish['traction']:.2g} % of the peak pressure",
+            ),
+            ("cost", f"{polish['levels']} levels, {polish['factorizations']} factorizations"),
+        ]
+        parts.append(table("polished with the exact laws", rows, color))
     parts.append(table("quality and cost", _quality(summary), color))
     return "\n".join(parts)
 
