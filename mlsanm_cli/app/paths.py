@@ -66,7 +66,13 @@ def exact_path(built: Built) -> Iterator[PathStep]:
 
 def exact_step(exact: ExactState, position: float) -> PathStep:
     """An exact state without friction as a step with nothing saved."""
-    return PathStep(_exact_state(exact, position), (), factorizations=exact.solves, solves=2 * exact.solves)
+    return PathStep(
+        _exact_state(exact, position),
+        (),
+        iterations=exact.solves,
+        factorizations=exact.solves,
+        solves=2 * exact.solves,
+    )
 
 
 def unloaded_state(built: Built) -> State:
@@ -150,6 +156,7 @@ class _Rows:
         yield PathStep(
             state,
             (state,) if position in self._wanted else (),
+            iterations=self._solves,
             factorizations=self._solves,
             solves=4 * self._solves,
             warning=self._jump,

@@ -57,14 +57,16 @@ class Polish:
 class PathStep:
     """A finished step: the state at its end, the wanted states in it (its end included), what it cost.
 
-    ``series`` holds the arrays from which any state of the step can be had again (ANM only); ``warning`` is
-    what the user should know about the step, ``polish`` what the exact laws changed at its end.
+    ``series`` holds the arrays from which any state of the step can be had again (ANM only);
+    ``iterations`` are updates of the nonlinear solution; ``warning`` is what the user should know about the
+    step, ``polish`` what the exact laws changed at its end.
     """
 
     state: State
     saved: tuple[State, ...]
     length: float = 0.0
     order: int = 0
+    iterations: int = 0
     factorizations: int = 0
     solves: int = 0
     series: Mapping[str, FloatArray] = field(default_factory=dict)
