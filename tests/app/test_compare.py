@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from mlsanm_cli.app.differences import AMPLIFIED, Difference, other_law_limit
 from mlsanm_cli.app.methods import chosen_methods, law_of
 from mlsanm_cli.app.polish import load_path
 from mlsanm_cli.app.states import PathStep
-from mlsanm_cli.case import Case, load_case
+from mlsanm_cli.case import Case, Solver, load_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.io.run_reader import read_run
@@ -253,3 +253,15 @@ def test_refined_clouds_are_shared(tmp_path: Path) -> None:
     found = compared(tmp_path, hertz(), QUICK, "adapt.passes=1")
     assert found["nodes"] > compared(tmp_path, hertz())["nodes"]
     assert found["status"] == "agree"
+
+
+def test_every_method_of_the_case_file_can_be_compared(tmp_path: Path) -> None:
+    methods = {*get_args(Solver.model_fields["method"].annotation)} - {"auto", "anm"}
+    formulations = {*get_args(Solver.model_fields["formulation"].annotation)} - {"condensed"}
+    found = compared(tmp_path, hertz(), replace(QUICK, levels=2, methods=(*methods, *formulations)))
+    assert found["status"] == "agree"
+    assert len(found["methods"]) == (1 + ("newton" in methods)) * (1 + len(formulations)) + 1
+    for row in found["methods"]:
+        sparse = row["method"].endswith("monolithic")
+        assert (row["dense_factorizations"] == 0) is sparse
+        assert row["sparse_factorizations"] == 2 or sparse
