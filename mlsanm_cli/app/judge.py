@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mlsanm_cli.app.build import Built, reach_error
 from mlsanm_cli.app.series_path import is_holonomic
-from mlsanm_cli.app.states import State
+from mlsanm_cli.app.states import Polish, State
 from mlsanm_cli.contact.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
 
@@ -29,6 +29,11 @@ CONE = 1e-8
 
 LINEAR_LIMIT = 1e-6
 """Largest part of an elastic solution that may still change when its equations are solved again."""
+
+
+POLISH_WARNING = 0.1
+"""Polishing that changes a pressure by more than this part of the peak is warned of: the smooth path between
+the saved levels is that far from the exact one."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,18 @@ def judge_balance(verdict: Verdict) -> str:
     if not verdict.force_balance <= BALANCE_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if verdict.force_balance > BALANCE_WARNING else ""
+
+
+def judge_polish(levels: Sequence[Polish]) -> str:
+    """A warning where the smooth law is far from the exact one, "" where it is not."""
+    change = max((max(level.pressure, level.traction) for level in levels), default=0.0)
+    if change <= POLISH_WARNING:
+        return ""
+    return (
+        f"polishing changed contact pressures or tractions by up to {100 * change:.2g} % of the peak; "
+        f"between the saved levels the path is that far from the exact laws: lower "
+        f"contact.regularization.eta"
+    )
 
 
 def judge_linear(residual: float) -> None:

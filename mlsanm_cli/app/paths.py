@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -55,29 +56,39 @@ def linear_path(built: Built) -> Iterator[PathStep]:
 def exact_path(built: Built) -> Iterator[PathStep]:
     """Exact contact at the stages' ends and wherever fields are wanted, each from the set before."""
     wanted = wanted_positions(built)
-    first = _unloaded(built)
+    first = unloaded_state(built)
     yield PathStep(first, (first,) if 0.0 in wanted else ())
     active: BoolArray | None = None
     for position in stops(built)[1:]:
         exact = solve_exact(built.condensed, factors_at(built.stages, position), active)
         active = exact.active
-        state = _state_of(exact, position)
-        saved = (state,) if position in wanted else ()
-        yield PathStep(state, saved, factorizations=exact.solves, solves=2 * exact.solves)
+        step = exact_step(exact, position)
+        yield replace(step, saved=(step.state,) if position in wanted else ())
 
 
-def _unloaded(built: Built) -> State:
+def exact_step(exact: ExactState, position: float) -> PathStep:
+    """An exact state without friction as a step with nothing saved."""
+    return PathStep(
+        _exact_state(exact, position),
+        (),
+        iterations=exact.solves,
+        factorizations=exact.solves,
+        solves=2 * exact.solves,
+    )
+
+
+def unloaded_state(built: Built) -> State:
     """The start of the path: as drawn, unless the surfaces overlap there."""
     gap, factors = built.condensed.gap, built.stages[0]
     if gap.constant.min() < 0.0:
-        return _state_of(solve_exact(built.condensed, factors), 0.0)
+        return _exact_state(solve_exact(built.condensed, factors), 0.0)
     zero, nothing = np.zeros(len(gap.constant)), np.zeros(0)
     motion = np.zeros(len(built.condensed.balance.constant))
     status = np.where(gap.constant <= 0.0, SLIP, OPEN).astype(np.int8)
     return State(0.0, factors, zero, gap.constant, motion, nothing, nothing, nothing, status, residual=0.0)
 
 
-def _state_of(exact: ExactState, position: float) -> State:
+def _exact_state(exact: ExactState, position: float) -> State:
     nothing = np.zeros(0)
     return State(
         position,
@@ -97,7 +108,7 @@ def friction_path(built: Built) -> Iterator[PathStep]:
     """Exact contact with Coulomb friction, followed from event to event."""
     wanted, condensed = wanted_positions(built), built.condensed
     event = start(condensed, built.stages[0])
-    state = _rubbing_state(built, event.state, 0.0)
+    state = coulomb_state(built, event.state, 0.0)
     yield PathStep(state, (state,) if 0.0 in wanted else (), factorizations=event.solves)
     for stage, end in enumerate(built.stages[1:]):
         halts = sorted({position - stage for position in stops(built) if stage < position <= stage + 1})
@@ -143,10 +154,11 @@ class _Rows:
         if self._pending is None:
             return
         position = self._stage + self._pending.fraction
-        state = _rubbing_state(self._built, self._pending.state, position)
+        state = coulomb_state(self._built, self._pending.state, position)
         yield PathStep(
             state,
             (state,) if position in self._wanted else (),
+            iterations=self._solves,
             factorizations=self._solves,
             solves=4 * self._solves,
             warning=self._jump,
@@ -154,7 +166,8 @@ class _Rows:
         self._before, self._solves, self._jump, self._pending = self._pending.fraction, 0, "", None
 
 
-def _rubbing_state(built: Built, state: CoulombState, position: float) -> State:
+def coulomb_state(built: Built, state: CoulombState, position: float) -> State:
+    """An exact state with friction at a path position."""
     values, sets = state.values, state.sets
     return State(
         position,

@@ -14,7 +14,7 @@ from mlsanm_cli.app import recording
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.states import PathStep, State
+from mlsanm_cli.app.states import PathStep, Polish, State
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_file import RunFile
@@ -52,6 +52,7 @@ class Recorder:
         self.linear_residual: float | None = None
         self.warnings: list[str] = []
         self.cone: dict[str, float] = {}
+        self.polished: list[Polish] = []
 
     def start(self, built: Built) -> None:
         """Store the model."""
@@ -78,6 +79,8 @@ class Recorder:
         for name in built.condensed.tangential:
             ratios = [recording.cone_ratio(built, name, s) for s in (state, *step.saved)]
             self.cone[name] = max(self.cone.get(name, 0.0), *ratios)
+        if step.polish is not None:
+            self.polished.append(step.polish)
         if step.warning:
             self.warn(step.warning)
         peak = float(state.pressure.max(initial=0.0))

@@ -10,8 +10,15 @@ from mlsanm_cli.app.adapt import Adapted, adapt
 from mlsanm_cli.app.build import Built, build_scene
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.judge import force_balance, judge_balance, judge_linear, judge_spacing, judge_state
-from mlsanm_cli.app.paths import path_of
+from mlsanm_cli.app.judge import (
+    force_balance,
+    judge_balance,
+    judge_linear,
+    judge_polish,
+    judge_spacing,
+    judge_state,
+)
+from mlsanm_cli.app.polish import load_path
 from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess, law_warnings
 from mlsanm_cli.app.recorder import Recorder
@@ -87,7 +94,7 @@ def run(
 
 def _follow(built: Built, recorder: Recorder, clock: Clock, stopper: Stopper) -> None:
     """Go along the path; raises NumericalError as soon as a state cannot be believed."""
-    steps = path_of(built)
+    steps = load_path(built)
     while True:
         stopper.check()
         with clock.phase("continuation"):
@@ -102,6 +109,6 @@ def _follow(built: Built, recorder: Recorder, clock: Clock, stopper: Stopper) ->
         linear = recorder.check_linear(built)
     judge_linear(linear)
     judge_spacing(built, recorder.last)
-    warning = judge_balance(force_balance(built, recorder.last))
-    if warning:
-        recorder.warn(warning)
+    for warning in (judge_balance(force_balance(built, recorder.last)), judge_polish(recorder.polished)):
+        if warning:
+            recorder.warn(warning)

@@ -46,6 +46,7 @@ def anm_path(built: Built) -> Iterator[PathStep]:
             yield PathStep(
                 start,
                 (start,) if 0.0 in wanted else (),
+                iterations=corrected.updates,
                 factorizations=corrected.factorizations,
                 solves=corrected.solves,
             )
@@ -125,7 +126,12 @@ def sharpened(problem: Problem, step: Step) -> Step:
         return step
     x = step.x + tangent.solve(-problem.residual(step.x, step.lam))
     residual = float(np.abs(problem.residual(x, step.lam)).max())
-    step = replace(step, factorizations=step.factorizations + 1, solves=step.solves + 1)
+    step = replace(
+        step,
+        corrections=step.corrections + 1,
+        factorizations=step.factorizations + 1,
+        solves=step.solves + 1,
+    )
     if residual < step.residual and problem.admissible(x, step.lam):
         step = replace(step, x=x, residual=residual)
     return step
@@ -172,6 +178,7 @@ def path_step(
         saved=saved,
         length=step.arc_length,
         order=step.order,
+        iterations=step.corrections,
         factorizations=step.factorizations,
         solves=step.solves,
         series=series,

@@ -44,22 +44,35 @@ class State:
 
 
 @dataclass(frozen=True)
+class Polish:
+    """What polishing a state with the exact laws changed of pressures and tractions, at most, over the
+    largest exact pressure at the ends of the stages; and the dense systems it took."""
+
+    pressure: float
+    traction: float
+    factorizations: int
+
+
+@dataclass(frozen=True)
 class PathStep:
     """A finished step: the state at its end, the wanted states in it (its end included), what it cost.
 
-    ``series`` holds the arrays from which any state of the step can be had again (ANM only); ``warning`` is
-    what the user should know about the step.
+    ``series`` holds the arrays from which any state of the step can be had again (ANM only);
+    ``iterations`` are updates of the nonlinear solution; ``warning`` is what the user should know about the
+    step, ``polish`` what the exact laws changed at its end.
     """
 
     state: State
     saved: tuple[State, ...]
     length: float = 0.0
     order: int = 0
+    iterations: int = 0
     factorizations: int = 0
     solves: int = 0
     series: Mapping[str, FloatArray] = field(default_factory=dict)
     series_attributes: Mapping[str, float | str] = field(default_factory=dict)
     warning: str = ""
+    polish: Polish | None = None
 
 
 def wanted_positions(built: Built) -> tuple[float, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,7 @@ from mlsanm_cli.app.judge import force_balance
 from mlsanm_cli.app.quality import Quality
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import reference_profile
-from mlsanm_cli.app.states import State
+from mlsanm_cli.app.states import Polish, State
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,8 @@ def summarise(
         summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
         summary["force_balance"] = verdict.force_balance
         summary["force_balance_bodies"] = dict(verdict.bodies)
+    if recorder.polished:
+        summary["polish"] = polish_figures(recorder.polished)
     summary["stability"] = built.stability if built is not None else ending.stability
     summary["quality"] = quality.figures
     if adapted is not None and adapted.refined:
@@ -74,6 +77,16 @@ def summarise(
     summary["peak_memory_mb"] = peak_memory_mb()
     summary["warnings"] = recorder.warnings
     return summary
+
+
+def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:
+    """What polishing changed over all levels, and its cost."""
+    return {
+        "levels": len(levels),
+        "pressure": max(level.pressure for level in levels),
+        "traction": max(level.traction for level in levels),
+        "factorizations": sum(level.factorizations for level in levels),
+    }
 
 
 def _contact(built: Built, name: str, state: State, cone: float | None) -> dict[str, Any]:

@@ -59,9 +59,6 @@ PLANNED: tuple[Planned, ...] = (
     Planned(("contact", "*", "obstacle"), "a rigid obstacle", part=2, hint="give slave and master"),
     Planned(("solver", "method"), 'method "{}"', _one_of("newton"), hint='use "anm" or "active-set"'),
     Planned(("solver", "formulation"), 'formulation "{}"', _one_of("monolithic"), hint='use "condensed"'),
-    Planned(
-        ("solver", "polish"), "polishing with the exact laws", lambda v: v is True, hint="set it to false"
-    ),
     Planned(("probe",), "[[probe]]", part=1, hint="remove the table"),
 )
 

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import difflib
-import shutil
 import sys
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 
 from mlsanm_cli import __version__
-from mlsanm_cli.cli.console import TerminalConsole
+from mlsanm_cli.cli.compare import compare
+from mlsanm_cli.cli.options import (
+    FILE,
+    common,
+    console_for,
+    pretty_result,
+    print_result,
+    set_option,
+    threads_option,
+)
 from mlsanm_cli.cli.results import run_text
 from mlsanm_cli.cli.settings import Settings, set_threads
-from mlsanm_cli.cli.text import as_json, pretty
 from mlsanm_cli.errors import RunError
 
-Function = TypeVar("Function", bound=Callable[..., Any])
-
 # Names that later versions will bring; they are refused by name, not as typing errors.
-LATER = ("cache", "collect", "compare", "explain", "new", "probe", "resume", "schema", "sweep")
+LATER = ("cache", "collect", "explain", "new", "probe", "resume", "schema", "sweep")
 _STATUS_CODES = {"failed": 3, "stopped": 75}
-_PATH = click.Path(path_type=Path)
 
 
 class Commands(click.Group):
@@ -70,75 +72,13 @@ def cli() -> None:
     """
 
 
-def _store(context: click.Context, parameter: click.Parameter, value: Any) -> None:
-    if parameter.name is not None:
-        setattr(context.ensure_object(Settings), parameter.name, value)
-
-
-def _common_option(*names: str, **settings: Any) -> Callable[[Function], Function]:
-    # Eager: read first, so that they hold for errors in the other options too.
-    return click.option(*names, is_eager=True, expose_value=False, callback=_store, **settings)
-
-
-def common(function: Function) -> Function:
-    """The options that every command has; they go into the settings."""
-    for decorate in (
-        _common_option("--debug", is_flag=True, help="Show tracebacks."),
-        _common_option(
-            "--color",
-            type=click.Choice(["auto", "always", "never"]),
-            default="auto",
-            help="Colours; auto follows the terminal and NO_COLOR.",
-        ),
-        _common_option("--json", is_flag=True, help="Result as JSON on stdout."),
-        _common_option("--quiet", "-q", is_flag=True, help="Only warnings and errors."),
-    ):
-        function = decorate(function)
-    return function
-
-
-def threads_option(function: Function) -> Function:
-    """``--threads``."""
-    option = click.option(
-        "--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Threads to use."
-    )
-    return option(function)
-
-
-def set_option(function: Function) -> Function:
-    """``--set``, repeatable."""
-    option = click.option(
-        "--set",
-        "overrides",
-        metavar="KEY=VALUE",
-        multiple=True,
-        help="Change a key of the case; repeatable. As in --set solver.order=15.",
-    )
-    return option(function)
-
-
-def _console(settings: Settings) -> TerminalConsole:
-    return TerminalConsole(sys.stderr, settings)
-
-
-def _print_result(settings: Settings, result: Mapping[str, Any], text: str) -> None:
-    """The result on stdout: as JSON if asked for, as text otherwise, unless quiet."""
-    if settings.json:
-        click.echo(as_json(result))
-    elif not settings.quiet:
-        # The text is coloured or plain already; click would decide again by its own rules.
-        click.echo(text, color=True)
-
-
-def _pretty(settings: Settings, result: Mapping[str, Any]) -> str:
-    width = shutil.get_terminal_size((100, 24)).columns
-    return pretty(result, color=settings.paints(sys.stdout), width=width)
+cli.add_command(compare)
 
 
 @cli.command()
-@click.argument("case", type=_PATH)
+@click.argument("case", type=FILE)
 @set_option
-@click.option("--out", type=_PATH, help="Run directory.  [default: results/<case name>]")
+@click.option("--out", type=FILE, help="Run directory.  [default: results/<case name>]")
 @click.option("--force", is_flag=True, help="Overwrite an existing run.")
 @threads_option
 @common
@@ -150,7 +90,7 @@ def run(
     set_threads(threads)
     from mlsanm_cli.app.run import run as run_case
 
-    console = _console(settings)
+    console = console_for(settings)
     try:
         summary = run_case(
             case,
@@ -163,16 +103,16 @@ def run(
         )
     finally:
         console.close()
-    _print_result(settings, summary, run_text(summary, settings.paints(sys.stdout)))
+    print_result(settings, summary, run_text(summary, settings.paints(sys.stdout)))
     if not settings.quiet and not settings.json and "directory" in summary:
         click.echo(f"pictures: mlsanm plot {summary['directory']}")
     return _STATUS_CODES.get(str(summary.get("status")), 0)
 
 
 @cli.command()
-@click.argument("case", type=_PATH)
+@click.argument("case", type=FILE)
 @set_option
-@click.option("--write", type=_PATH, help="Write the model as VTU: tags, normals, pairs.")
+@click.option("--write", type=FILE, help="Write the model as VTU: tags, normals, pairs.")
 @threads_option
 @common
 @click.pass_obj
@@ -186,19 +126,19 @@ def check(
     set_threads(threads)
     from mlsanm_cli.app.check import check as check_case
 
-    console = _console(settings)
+    console = console_for(settings)
     try:
         result = check_case(case, overrides=overrides, write=write, threads=threads, console=console)
     finally:
         console.close()
     # The warnings are on stderr already.
     shown = {key: value for key, value in result.items() if key != "warnings"}
-    _print_result(settings, result, _pretty(settings, shown))
+    print_result(settings, result, pretty_result(settings, shown))
     return 0
 
 
 @cli.command()
-@click.argument("rundir", type=_PATH)
+@click.argument("rundir", type=FILE)
 @common
 @click.pass_obj
 def info(settings: Settings, rundir: Path) -> int:
@@ -207,12 +147,12 @@ def info(settings: Settings, rundir: Path) -> int:
     from mlsanm_cli.app.info import info as run_info
 
     result = run_info(rundir)
-    _print_result(settings, result, _pretty(settings, result))
+    print_result(settings, result, pretty_result(settings, result))
     return 0
 
 
 @cli.command()
-@click.argument("rundir", type=_PATH)
+@click.argument("rundir", type=FILE)
 @click.option(
     "--format",
     "formats",
@@ -233,7 +173,7 @@ def plot(settings: Settings, rundir: Path, formats: tuple[str, ...]) -> int:
     from mlsanm_cli.app.plot import plot as plot_run
 
     files = plot_run(rundir, formats=tuple(dict.fromkeys(formats)))
-    _print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
+    print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
     return 0
 
 
@@ -246,10 +186,10 @@ def warmup(settings: Settings, threads: int) -> int:
     set_threads(threads)
     from mlsanm_cli.app.warmup import warmup as warm_up
 
-    console = _console(settings)
+    console = console_for(settings)
     try:
         result = warm_up(console)
     finally:
         console.close()
-    _print_result(settings, result, _pretty(settings, result))
+    print_result(settings, result, pretty_result(settings, result))
     return 0

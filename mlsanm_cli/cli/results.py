@@ -1,11 +1,11 @@
-"""The closing table of a run: what an engineer wants to know first."""
+"""The closing tables of a run and of a comparison: what an engineer wants to know first."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from mlsanm_cli.cli.text import label, number, table
+from mlsanm_cli.cli.text import grid, label, number, table
 
 _CONTACT = ("peak_pressure", "half_width", "force", "min_gap", "stick_nodes", "slip_nodes")
 _QUALITY = ("residual", "force_balance", "stability", "peak_memory_mb")
@@ -18,8 +18,75 @@ def run_text(summary: Mapping[str, Any], color: bool = False) -> str:
     for name, contact in contacts.items():
         rows = [(label(key), number(contact[key])) for key in _CONTACT if key in contact]
         parts.append(table(f"contact {name}", rows, color))
+    polish = summary.get("polish")
+    if polish:
+        rows = [
+            (
+                "largest change",
+                f"pressure {100 * polish['pressure']:.2g} %, traction "
+                f"{100 * polish['traction']:.2g} % of the peak pressure",
+            ),
+            ("cost", f"{polish['levels']} levels, {polish['factorizations']} factorizations"),
+        ]
+        parts.append(table("polished with the exact laws", rows, color))
     parts.append(table("quality and cost", _quality(summary), color))
     return "\n".join(parts)
+
+
+_WORK = {
+    "method": "",
+    "law": "law",
+    "steps": "steps",
+    "iterations": "iterations",
+    "dense_factorizations": "dense fact.",
+    "dense_solves": "solves",
+    "sparse_factorizations": "sparse fact.",
+    "sparse_solves": "solves",
+    "seconds_setup": "set-up s",
+    "seconds_path": "path s",
+}
+_APART = ("pressure", "traction", "displacement")
+
+
+def comparison_text(result: Mapping[str, Any], color: bool = False) -> str:
+    """A comparison as text: what the methods did, and how far they are apart."""
+    methods = result["methods"]
+    work = [[_cell(method, key) for key in _WORK] for method in methods]
+    parts = [grid("work and CPU seconds", list(_WORK.values()), work, color)]
+    columns = ["", "against", *(f"{name} diff." for name in _APART), "limit", "agrees"]
+    analytic = any("reference_error" in method for method in methods)
+    columns += ["reference error"] if analytic else []
+    rows = [_apart(method) + ([_worst(method)] if analytic else []) for method in methods]
+    title = f"largest differences at {len(result['levels'])} load levels, over the peak"
+    parts.append(grid(title, columns, rows, color))
+    parts += [
+        f"{method['method']} failed: {method['reason']}" + (f"; {method['hint']}" if method["hint"] else "")
+        for method in methods
+        if method["status"] == "failed"
+    ]
+    parts.append(f"{_VERDICTS[result['status']]}; written to {result['directory']}")
+    return "\n".join(parts)
+
+
+_VERDICTS = {"agree": "the methods agree", "disagree": "the methods disagree", "failed": "ANM failed"}
+
+
+def _cell(method: Mapping[str, Any], key: str) -> str:
+    value = method[key]
+    return f"{value:.3g}" if isinstance(value, float) else number(value)
+
+
+def _apart(method: Mapping[str, Any]) -> list[str]:
+    difference = method.get("difference")
+    if difference is None:
+        return [method["method"], *["-"] * (len(_APART) + 3)]
+    values = [f"{difference[name]:.2g}" for name in _APART]
+    return [method["method"], method["against"], *values, f"{method['limit']:.2g}", number(method["agrees"])]
+
+
+def _worst(method: Mapping[str, Any]) -> str:
+    known = [error for error in method.get("reference_error", {}).values() if error is not None]
+    return f"{max(known):.2g}" if known else "-"
 
 
 def _headline(summary: Mapping[str, Any]) -> str:

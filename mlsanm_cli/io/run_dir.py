@@ -21,6 +21,7 @@ RESOLVED_FILE = "resolved.toml"
 EVENTS_FILE = "events.jsonl"
 COLLECTION_FILE = "fields.pvd"
 FAILURE_FILE = "failure.vtu"
+COMPARISON_FILE = "comparison.json"
 
 _FIXED = frozenset({RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, COLLECTION_FILE, FAILURE_FILE})
 _FIELDS = re.compile(r"fields_\d{4,}\.vtu")
@@ -28,6 +29,7 @@ _INTERFACE = re.compile(r"interface(_.+)?\.csv")
 _PICTURE = re.compile(r"plot_.+\.(png|svg|pdf)")
 # Every picture carries this in its metadata, see the plots module.
 PICTURE_MARK = b"mlsanm"
+_COMPARISON = frozenset({COMPARISON_FILE, "plot_comparison.png"})
 
 
 def fields_name(index: int) -> str:
@@ -75,15 +77,64 @@ def prepare(directory: Path, force: bool) -> None:
         raise cannot_write(directory, error) from error
 
 
-def _plan(directory: Path, force: bool) -> list[Path]:
-    """The files to remove, or a RunError."""
+def check_comparison(directory: Path, force: bool) -> None:
+    """Raise RunError if `prepare_comparison` would refuse ``directory``; touches nothing.
+
+    A comparison may lie beside a run, which it leaves alone.
+    """
     _check_place(directory)
+    entries = _entries(directory)
+    known = [path for path in entries if path.name in _COMPARISON]
+    for path in known:
+        if not _is_comparison(path):
+            raise RunError(
+                f"{path} is no file of mlsanm", hint="nothing was touched; use another --out, or move it"
+            )
+    if known and not force:
+        raise RunError(
+            f"{directory} already holds a comparison", hint="use --force to replace it, or another --out"
+        )
+    if entries and not known and not force and not _is_run(directory / RUN_FILE):
+        raise RunError(
+            f"{directory} is not empty and holds no run of mlsanm",
+            hint="use another --out, or --force to write the comparison beside the files in it",
+        )
+
+
+def prepare_comparison(directory: Path, force: bool) -> None:
+    """Make ``directory`` ready for a comparison; with ``force`` an earlier one in it is removed. RunError."""
+    check_comparison(directory, force)
+    try:
+        for path in _entries(directory):
+            if path.name in _COMPARISON:
+                path.unlink()
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(directory, error) from error
+
+
+def _entries(directory: Path) -> list[Path]:
+    """What lies in a directory, nothing if it is not there."""
     if not directory.exists():
         return []
     try:
-        entries = sorted(directory.iterdir())
+        return sorted(directory.iterdir())
     except OSError as error:
         raise RunError(f"{directory} cannot be read: {error.strerror}", hint="use another --out") from error
+
+
+def _is_comparison(path: Path) -> bool:
+    """Whether mlsanm wrote a file that bears the name of one of a comparison's."""
+    if not path.is_file():
+        return False
+    content = path.read_bytes()
+    return PICTURE_MARK in content if path.suffix == ".png" else b'"mlsanm"' in content
+
+
+def _plan(directory: Path, force: bool) -> list[Path]:
+    """The files to remove, or a RunError."""
+    _check_place(directory)
+    entries = [path for path in _entries(directory) if path.name not in _COMPARISON]
     if not entries:
         return []
     holds_run = _is_run(directory / RUN_FILE)

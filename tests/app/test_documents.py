@@ -11,6 +11,8 @@ import h5py
 import pytest
 from pydantic import BaseModel
 
+from mlsanm_cli.app.compare import Wishes, compare
+from mlsanm_cli.app.differences import AMPLIFIED, ROUNDED_EDGE, SOFT_STICK
 from mlsanm_cli.app.judge import BALANCE_LIMIT, BALANCE_WARNING
 from mlsanm_cli.case import Body, Case, Contact, load_case, resolved_mapping
 from mlsanm_cli.case.loads import LOADS
@@ -19,12 +21,14 @@ from mlsanm_cli.case.shapes import SHAPES
 from mlsanm_cli.cli import main
 from mlsanm_cli.cli.commands import LATER, cli
 from mlsanm_cli.cli.main import BUG, STOPPED, USAGE
+from tests.app.scenes import PATCH, Quiet
 from tests.app.test_run_directory import summary_of
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 CASE_FILE = (ROOT / "docs" / "case-file.md").read_text()
 RUN_DIRECTORY = (ROOT / "docs" / "run-directory.md").read_text()
+COMPARED = (ROOT / "docs" / "methods-compared.md").read_text()
 METHOD = (ROOT / "docs" / "method.md").read_text()
 
 
@@ -150,3 +154,13 @@ def test_run_file_is_documented(hertz_run: Path) -> None:
 
 def test_limits_are_documented() -> None:
     assert f"above {100 * BALANCE_LIMIT:g} % on any body; above {100 * BALANCE_WARNING:g} %" in METHOD
+
+
+def test_comparisons_are_documented(tmp_path: Path) -> None:
+    (tmp_path / "patch.toml").write_text(PATCH)
+    found = compare(tmp_path / "patch.toml", Wishes(analytic=True), out=tmp_path / "out", console=Quiet())
+    section = RUN_DIRECTORY[RUN_DIRECTORY.index("## `comparison.json`") :]
+    for key in {*found, *(key for row in found["methods"] for key in row)} - {"directory"}:
+        assert f"`{key}`" in section, key
+    assert f"| {AMPLIFIED:g} `solver.tolerance`" in COMPARED
+    assert f"| {ROUNDED_EDGE:g} √eta + {SOFT_STICK:g} `stick`" in COMPARED

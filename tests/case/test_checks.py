@@ -229,7 +229,6 @@ def test_method_and_law(method: str, law: str, fits: bool) -> None:
         ('contact.interface={name="interface", slave="cylinder.arc", obstacle={kind="plane"}}', "obstacle"),
         ('solver.method="newton"', "newton"),
         ('solver.formulation="monolithic"', "monolithic"),
-        ("solver.polish=true", "polishing"),
         ('probe=[{name="tip"}]', "[[probe]]"),
     ],
 )

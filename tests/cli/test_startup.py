@@ -22,7 +22,7 @@ def mlsanm(*arguments: str, code: str = "") -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, env=environment, check=False, cwd=ROOT)
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["run", "--help"], ["compare"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["run", "--help"], ["compare", "--help"]])
 def test_nothing_heavy_is_imported(arguments: list[str]) -> None:
     code = (
         "import sys; from mlsanm_cli.cli import main; main(sys.argv[1:]);"

@@ -130,3 +130,42 @@ def test_file_names(tmp_path: Path) -> None:
     assert len(parts) == 5
     for part in parts:
         (tmp_path / part).touch()
+
+
+def compared(directory: Path) -> None:
+    directory.mkdir(exist_ok=True)
+    (directory / run_dir.COMPARISON_FILE).write_text('{"provenance": {"mlsanm": "0.1.0"}}')
+    (directory / "plot_comparison.png").write_bytes(b"\x89PNG Software mlsanm 0.1 ...")
+
+
+def test_a_comparison_lies_beside_a_run(tmp_path: Path) -> None:
+    """Neither command removes the other's files or stumbles over them."""
+    directory = tmp_path / "run"
+    compared(directory)
+    run_dir.prepare(directory, force=False)
+    RunFile.create(directory / "run.h5", {}).close()
+    run_dir.prepare(directory, force=True)
+    assert names(directory) == {"comparison.json", "plot_comparison.png"}
+    RunFile.create(directory / "run.h5", {}).close()
+    with pytest.raises(RunError, match="already holds a comparison"):
+        run_dir.prepare_comparison(directory, force=False)
+    run_dir.prepare_comparison(directory, force=True)
+    assert names(directory) == {"run.h5"}
+    run_dir.prepare_comparison(directory, force=False)
+    run_dir.prepare_comparison(tmp_path / "new" / "place", force=False)
+    assert (tmp_path / "new" / "place").is_dir()
+
+
+def test_a_comparison_touches_no_foreign_file(tmp_path: Path) -> None:
+    directory = tmp_path / "mine"
+    directory.mkdir()
+    (directory / "notes.txt").write_text("mine")
+    with pytest.raises(RunError, match="is not empty"):
+        run_dir.check_comparison(directory, force=False)
+    run_dir.check_comparison(directory, force=True)
+    for name in ("comparison.json", "plot_comparison.png"):
+        (directory / name).write_text("mine")
+        with pytest.raises(RunError, match="no file of mlsanm"):
+            run_dir.prepare_comparison(directory, force=True)
+        assert (directory / name).read_text() == "mine"
+        (directory / name).unlink()

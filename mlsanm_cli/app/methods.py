@@ -1,0 +1,74 @@
+"""The methods that `mlsanm compare` knows, each a few changes to the case, as ``--set`` takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from mlsanm_cli.case import Case
+
+ANM, NEWTON, ACTIVE_SET, POLISHED = "anm", "newton", "active-set", "anm polished"
+MONOLITHIC = " monolithic"
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method's ``name`` in the table and the ``changes`` that make the case ask for it."""
+
+    name: str
+    changes: tuple[str, ...]
+
+    @property
+    def is_monolithic(self) -> bool:
+        """Whether the bodies' displacements are among its unknowns."""
+        return self.name.endswith(MONOLITHIC)
+
+
+def method_of(case: Case, name: str, eta_factor: float = 1.0) -> Method:
+    """A method for the case's scene, with every contact's eta multiplied."""
+    law = "exact" if name == ACTIVE_SET else "hyperbolic"
+    changes = [f'contact.{contact.name}.regularization.law="{law}"' for contact in case.contact]
+    if eta_factor != 1.0:
+        changes += [
+            f"contact.{contact.name}.regularization.eta={eta_factor * contact.regularization.eta!r}"
+            for contact in case.contact
+        ]
+    formulation = "monolithic" if name.endswith(MONOLITHIC) else "condensed"
+    solver = name.removesuffix(MONOLITHIC)
+    changes += [
+        f'solver.method="{ANM if solver == POLISHED else solver}"',
+        f'solver.formulation="{formulation}"',
+        f"solver.polish={'true' if solver == POLISHED else 'false'}",
+    ]
+    return Method(name, tuple(changes))
+
+
+def chosen_methods(case: Case, asked: Iterable[str]) -> tuple[Method, ...]:
+    """ANM, the methods ``asked`` for, and the one that the case itself asks for, in the table's order.
+
+    ``asked`` may hold "newton", "active-set" and "monolithic", which stands for every smooth method.
+    """
+    wanted = {ANM, *asked, *_own(case)}
+    names = [name for name in (ANM, NEWTON) if name in wanted]
+    if "monolithic" in wanted:
+        names += [f"{name}{MONOLITHIC}" for name in names]
+    names += [name for name in (POLISHED, ACTIVE_SET) if name in wanted]
+    return tuple(method_of(case, name) for name in names)
+
+
+def _own(case: Case) -> Iterator[str]:
+    if case.contact and case.contact[0].regularization.law == "exact":
+        yield ACTIVE_SET
+    if case.solver.polish:
+        yield POLISHED
+    yield case.solver.method
+    yield case.solver.formulation
+
+
+def law_of(case: Case) -> str:
+    """What a method's states at the levels obey; states of equal laws differ by tolerances only."""
+    regular = case.contact[0].regularization
+    holonomic = any(c.friction and c.regularization.friction_law == "holonomic" for c in case.contact)
+    if regular.law == "exact" or case.solver.polish:
+        return "exact holonomic" if holonomic else "exact"
+    return "holonomic" if holonomic else "hyperbolic"

@@ -1,0 +1,132 @@
+"""``solver.polish``: the saved levels of a smooth path end with the exact laws.
+
+Without memory an exact state depends on its load alone: it is found from the sets of nodes that the smooth
+state leaves, in one to three dense solves. So it is for friction that knows the total slip only, whose exact
+state is one increment from the unloaded scene. Friction with memory depends on the whole history, of which
+the smooth path keeps a slightly different one: there the exact history is followed alongside, from event to
+event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.paths import coulomb_state, exact_step, friction_path, path_of, unloaded_state
+from mlsanm_cli.app.series_path import is_holonomic
+from mlsanm_cli.app.states import PathStep, Polish, State
+from mlsanm_cli.contact.active_set import solve_exact
+from mlsanm_cli.contact.coulomb import increment, unloaded
+from mlsanm_cli.contact.sets import STICK, Sets
+from mlsanm_cli.errors import NumericalError
+
+Polisher = Callable[[State], PathStep]
+"""The exact state at a smooth one's position as a row of its own, with what it cost."""
+
+
+def load_path(built: Built) -> Iterator[PathStep]:
+    """The path of the scene, polished where the case asks for it."""
+    return _polished(built) if built.case.solver.polish else path_of(built)
+
+
+def _polished(built: Built) -> Iterator[PathStep]:
+    """Every saved state and the last one as the exact laws have them, each in a row of its own.
+
+    A saved level inside a step gets the step's series too, for the part of the path before it.
+    """
+    polish, end = _polisher(built), float(len(built.case.stage))
+    for step in path_of(built):
+        for state in step.saved:
+            if state.position != step.state.position:
+                better = _improved(built, polish, state)
+                yield replace(better, series=step.series, series_attributes=step.series_attributes)
+        saved = any(state.position == step.state.position for state in step.saved)
+        if not saved and step.state.position != end:
+            yield replace(step, saved=())
+            continue
+        better = _improved(built, polish, step.state)
+        yield replace(
+            step,
+            state=better.state,
+            saved=better.saved if saved else (),
+            factorizations=step.factorizations + better.factorizations,
+            solves=step.solves + better.solves,
+            warning="; ".join(text for text in (step.warning, better.warning) if text),
+            polish=better.polish,
+        )
+
+
+def _improved(built: Built, polish: Polisher, state: State) -> PathStep:
+    """A row with the exact state, which takes the smooth one's place."""
+    try:
+        row = polish(state)
+    except NumericalError as error:
+        where = f"at position {state.position:.9g} the exact laws have no state"
+        raise NumericalError(
+            f"{where}: {error.message}", error.hint or "set solver.polish = false"
+        ) from error
+    peak = max(float(end.pressure.max()) for end in built.ends)
+    pressure, traction = row.state.pressure - state.pressure, row.state.traction - state.traction
+    changed = Polish(
+        pressure=float(np.abs(pressure).max(initial=0.0)) / peak,
+        traction=float(np.abs(traction).max(initial=0.0)) / peak,
+        factorizations=row.factorizations,
+    )
+    return replace(row, saved=(row.state,), polish=changed)
+
+
+def _polisher(built: Built) -> Polisher:
+    if not len(built.condensed.rubbing):
+        return _frictionless(built)
+    return _holonomic(built) if is_holonomic(built) else _alongside(built)
+
+
+def _frictionless(built: Built) -> Polisher:
+    def polish(state: State) -> PathStep:
+        if state.position == 0.0:
+            return PathStep(unloaded_state(built), ())
+        return exact_step(solve_exact(built.condensed, state.factors, state.closed), state.position)
+
+    return polish
+
+
+def _holonomic(built: Built) -> Polisher:
+    """Coulomb's law for the total slip: one increment from the unloaded scene, whatever the load."""
+    c = built.condensed
+
+    def polish(state: State) -> PathStep:
+        stuck = state.status[c.rubbing] == STICK
+        slides = state.closed[c.rubbing] & ~stuck
+        sets = Sets(state.closed, stuck, np.where(slides, np.sign(state.traction), 0.0))
+        start = replace(unloaded(c, built.stages[0]), sets=sets)
+        found, systems = increment(c, start, state.factors)
+        # Dissipation is a matter of history, which this law does not know.
+        exact = replace(coulomb_state(built, found, state.position), work=state.work)
+        return PathStep(exact, (), factorizations=systems, solves=2 * systems)
+
+    return polish
+
+
+def _alongside(built: Built) -> Polisher:
+    """The exact history, followed from one level asked for to the next."""
+    exact = friction_path(built)
+
+    def polish(state: State) -> PathStep:
+        passed: list[PathStep] = []
+        for step in exact:
+            passed.append(step)
+            if step.state.position == state.position:
+                break
+        # Both paths halt at the same levels.
+        assert passed[-1].state.position == state.position
+        return replace(
+            passed[-1],
+            factorizations=sum(step.factorizations for step in passed),
+            solves=sum(step.solves for step in passed),
+            warning="; ".join(step.warning for step in passed if step.warning),
+        )
+
+    return polish

@@ -1,0 +1,92 @@
+"""``mlsanm compare``: options, table and exit codes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from mlsanm_cli.cli.options import FILE, common, console_for, print_result, set_option, threads_option
+from mlsanm_cli.cli.results import comparison_text
+from mlsanm_cli.cli.settings import Settings, set_threads
+
+_STATUS_CODES = {"disagree": 1, "failed": 3}
+
+
+@click.command()
+@click.argument("case", type=FILE)
+@click.option("--newton", is_flag=True, help="Newton-Raphson on the smooth law.")
+@click.option("--active-set", is_flag=True, help="The exact law.")
+@click.option(
+    "--monolithic", is_flag=True, help="Smooth methods with the bodies' displacements among their unknowns."
+)
+@click.option("--analytic", is_flag=True, help="Errors against the case's [reference].")
+@click.option(
+    "--levels",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="Load levels per stage at which states are compared, beside the case's own.",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Largest difference between methods with the same law.  [default: 1000 x solver.tolerance]",
+)
+@click.option(
+    "--repeat",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Follow every path so often; the median time counts.",
+)
+@click.option("--picture/--no-picture", default=True, help="Draw work and precision.  [default: draw]")
+@set_option
+@click.option("--out", type=FILE, help="Directory of comparison.json.  [default: results/<case name>]")
+@click.option("--force", is_flag=True, help="Overwrite an existing comparison.")
+@threads_option
+@common
+@click.pass_obj
+def compare(
+    settings: Settings,
+    case: Path,
+    newton: bool,
+    active_set: bool,
+    monolithic: bool,
+    analytic: bool,
+    levels: int,
+    tolerance: float | None,
+    repeat: int,
+    picture: bool,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    force: bool,
+    threads: int,
+) -> int:
+    """Solve CASE with ANM and the methods named, on the same operators.
+
+    The method that CASE itself asks for is always among them. Exit code 1 where methods disagree.
+    """
+    set_threads(threads)
+    from mlsanm_cli.app.compare import Wishes
+    from mlsanm_cli.app.compare import compare as compare_methods
+
+    asked = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
+    methods = tuple(name for name, wanted in asked.items() if wanted)
+    console = console_for(settings)
+    try:
+        result = compare_methods(
+            case,
+            Wishes(methods, analytic, levels, tolerance, repeat, picture),
+            overrides=overrides,
+            out=out,
+            force=force,
+            threads=threads,
+            console=console,
+            argv=tuple(sys.argv),
+        )
+    finally:
+        console.close()
+    print_result(settings, result, comparison_text(result, settings.paints(sys.stdout)))
+    return _STATUS_CODES.get(str(result["status"]), 0)

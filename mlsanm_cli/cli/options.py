@@ -1,0 +1,86 @@
+"""Options that commands share, and how they talk to a person."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from mlsanm_cli.cli.console import TerminalConsole
+from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.text import as_json, pretty
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+FILE = click.Path(path_type=Path)
+
+
+def _store(context: click.Context, parameter: click.Parameter, value: Any) -> None:
+    if parameter.name is not None:
+        setattr(context.ensure_object(Settings), parameter.name, value)
+
+
+def _common_option(*names: str, **settings: Any) -> Callable[[Function], Function]:
+    # Eager: read first, so that they hold for errors in the other options too.
+    return click.option(*names, is_eager=True, expose_value=False, callback=_store, **settings)
+
+
+def common(function: Function) -> Function:
+    """The options that every command has; they go into the settings."""
+    for decorate in (
+        _common_option("--debug", is_flag=True, help="Show tracebacks."),
+        _common_option(
+            "--color",
+            type=click.Choice(["auto", "always", "never"]),
+            default="auto",
+            help="Colours; auto follows the terminal and NO_COLOR.",
+        ),
+        _common_option("--json", is_flag=True, help="Result as JSON on stdout."),
+        _common_option("--quiet", "-q", is_flag=True, help="Only warnings and errors."),
+    ):
+        function = decorate(function)
+    return function
+
+
+def threads_option(function: Function) -> Function:
+    """``--threads``."""
+    option = click.option(
+        "--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Threads to use."
+    )
+    return option(function)
+
+
+def set_option(function: Function) -> Function:
+    """``--set``, repeatable."""
+    option = click.option(
+        "--set",
+        "overrides",
+        metavar="KEY=VALUE",
+        multiple=True,
+        help="Change a key of the case; repeatable. As in --set solver.order=15.",
+    )
+    return option(function)
+
+
+def console_for(settings: Settings) -> TerminalConsole:
+    """What a command says while it works, on stderr."""
+    return TerminalConsole(sys.stderr, settings)
+
+
+def print_result(settings: Settings, result: Mapping[str, Any], text: str) -> None:
+    """The result on stdout: as JSON if asked for, as text otherwise, unless quiet."""
+    if settings.json:
+        click.echo(as_json(result))
+    elif not settings.quiet:
+        # The text is coloured or plain already; click would decide again by its own rules.
+        click.echo(text, color=True)
+
+
+def pretty_result(settings: Settings, result: Mapping[str, Any]) -> str:
+    """The result as tables that fit the terminal."""
+    width = shutil.get_terminal_size((100, 24)).columns
+    return pretty(result, color=settings.paints(sys.stdout), width=width)

@@ -1,0 +1,269 @@
+"""``mlsanm compare``: methods side by side, what they agree on, and what it says where they do not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app import measure as measure_module
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.compare import Wishes, compare
+from mlsanm_cli.app.differences import AMPLIFIED, Difference, other_law_limit
+from mlsanm_cli.app.methods import chosen_methods, law_of
+from mlsanm_cli.app.polish import load_path
+from mlsanm_cli.app.states import PathStep
+from mlsanm_cli.case import Case, Solver, load_case
+from mlsanm_cli.cli import main
+from mlsanm_cli.errors import CaseError, NumericalError, RunError
+from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.io.summary import read_json
+from tests.app.scenes import BAR, PATCH, PUNCHES, Quiet, hertz, solve
+from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
+
+ONCE = "stage=[{press=1.0},{shear=1.0}]"
+QUICK = Wishes(("active-set",), levels=4, picture=False)
+
+
+def write(directory: Path, text: str) -> Path:
+    path = directory / "scene.toml"
+    path.write_text(text)
+    return path
+
+
+def compared(
+    directory: Path, text: str, wishes: Wishes = QUICK, *overrides: str, console: Quiet | None = None
+) -> dict[str, Any]:
+    case = write(directory, text)
+    found = compare(
+        case, wishes, overrides=overrides, out=directory / "out", force=True, console=console or Quiet()
+    )
+    return dict(found)
+
+
+def case_of(directory: Path, text: str, *overrides: str) -> Case:
+    return load_case(write(directory, text), overrides).case
+
+
+def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
+    """Counts and differences are those of two runs made by themselves."""
+    text = hertz()
+    found = compared(tmp_path, text, replace(QUICK, analytic=True), "output.at=[0.3, 1.0]")
+    assert found["status"] == "agree"
+    assert found["levels"] == [0.25, 0.3, 0.5, 0.75, 1.0]
+    smooth, exact = found["methods"]
+    levels = f"output.at={found['levels']}"
+    runs = {
+        "anm": solve(text, tmp_path / "anm", levels),
+        "active-set": solve(text, tmp_path / "exact", levels, EXACT),
+    }
+    for row in (smooth, exact):
+        run = runs[row["method"]]
+        assert row["steps"] == run["steps"]
+        assert row["dense_factorizations"] == run["factorizations"]
+        assert row["dense_solves"] == run["solves"]
+        assert (row["sparse_factorizations"], row["sparse_solves"]) == (2, run["condensation_solves"])
+        reference = run["contacts"]["interface"]["reference"]["pressure_error_l2"]
+        assert row["reference_error"]["interface"] == pytest.approx(reference, rel=1e-9)
+        assert 0.0 < row["seconds_path"] < 10.0
+        assert row["seconds_setup"] > 0.0
+    assert "against" not in smooth
+    ends = [read_run(tmp_path / name).contacts["interface"].pressure[-1] for name in ("anm", "exact")]
+    apart = exact["difference"]
+    assert apart["pressure"] >= np.abs(ends[0] - ends[1]).max() / ends[1].max() * 0.99
+    assert 1e-3 < apart["pressure"] <= exact["limit"] == found["limits"]["other_law"]
+    assert 0.0 < apart["displacement"] < apart["pressure"]
+    assert (exact["against"], exact["agrees"], apart["traction"]) == ("anm", True, 0.0)
+
+
+def test_the_file_and_the_picture(tmp_path: Path) -> None:
+    found = compared(tmp_path, hertz(), replace(QUICK, picture=True))
+    out = tmp_path / "out"
+    assert {path.name for path in out.iterdir()} == {"comparison.json", "plot_comparison.png"}
+    stored = json.loads((out / "comparison.json").read_text())
+    assert stored == json.loads(json.dumps({k: v for k, v in found.items() if k != "directory"}))
+    assert stored["provenance"]["case_hash"]
+    (points,) = stored["precision"]["smooth"].values()
+    assert [point["eta"] for point in points] == pytest.approx([1e-2, 1e-3, 1e-4])
+    errors = [point["error"] for point in points]
+    # The regularisation error falls about like the root of eta; faster where few nodes see the edge.
+    assert 2.0 < errors[0] / errors[1] < 8.0
+    assert 2.0 < errors[1] / errors[2] < 8.0
+    assert stored["precision"]["exact"]["factorizations"] == stored["methods"][1]["dense_factorizations"]
+
+
+@pytest.mark.parametrize(
+    ("text", "overrides"),
+    [
+        (PUNCHES, ()),
+        (SHEARED, ()),
+        (SHEARED, (EXACT,)),
+        (PATCH, ()),
+        (SHEARED, ("contact.interface.regularization.eta=1e-2",)),
+    ],
+    ids=["punches", "friction", "exact", "patch", "soft"],
+)
+def test_smooth_and_exact_laws_agree_within_their_limit(
+    text: str, overrides: tuple[str, ...], tmp_path: Path
+) -> None:
+    found = compared(tmp_path, text, QUICK, *overrides)
+    assert found["status"] == "agree"
+    assert [row["law"] for row in found["methods"]] == ["hyperbolic", "exact"]
+    if text == SHEARED:
+        assert found["methods"][1]["difference"]["traction"] > 1e-4
+
+
+@pytest.mark.parametrize("text", [hertz(), SHEARED], ids=["smooth", "friction"])
+def test_polished_states_are_the_exact_ones(text: str, tmp_path: Path) -> None:
+    found = compared(tmp_path, text, QUICK, "solver.polish=true")
+    names = [row["method"] for row in found["methods"]]
+    assert names == ["anm", "anm polished", "active-set"]
+    exact = found["methods"][2]
+    assert exact["against"] == "anm polished"
+    assert Difference(**exact["difference"]).within(1e-9)
+    assert exact["limit"] == found["limits"]["same_law"] == AMPLIFIED * 1e-8
+
+
+def test_friction_without_memory_has_an_exact_law_of_its_own(tmp_path: Path) -> None:
+    wishes = replace(QUICK, methods=(), picture=True)
+    found = compared(tmp_path, SHEARED, wishes, HOLONOMIC, ONCE, "output.at=[2.0]", "solver.polish=true")
+    assert [row["law"] for row in found["methods"]] == ["holonomic", "exact holonomic"]
+    assert found["status"] == "agree"
+    assert found["precision"]["exact"] is None
+    with pytest.raises(CaseError, match="the exact contact law remembers"):
+        compared(tmp_path, SHEARED, QUICK, HOLONOMIC, ONCE, "output.at=[2.0]")
+
+
+def perturbed(method: str, size: float) -> Any:
+    """A path whose pressures are off by a part, where the case asks for the method."""
+
+    def path(built: Built) -> Iterator[PathStep]:
+        for step in load_path(built):
+            if built.case.solver.method == method:
+                saved = tuple(replace(s, pressure=(1.0 + size) * s.pressure) for s in step.saved)
+                step = replace(step, saved=saved)
+            yield step
+
+    return path
+
+
+def test_a_method_that_is_wrong_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measure_module, "load_path", perturbed("active-set", 0.2))
+    found = compared(tmp_path, hertz())
+    assert found["status"] == "disagree"
+    assert found["methods"][1]["agrees"] is False
+    assert not Difference(0.0, np.nan, 0.0).within(1.0)
+
+
+def test_a_small_difference_between_equal_laws_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(measure_module, "load_path", perturbed("active-set", 1e-4))
+    found = compared(tmp_path, hertz(), QUICK, "solver.polish=true")
+    assert [row.get("agrees") for row in found["methods"]] == [None, True, False]
+    loose = compared(tmp_path, hertz(), replace(QUICK, tolerance=1e-3), "solver.polish=true")
+    assert loose["status"] == "agree"
+
+
+def failing(method: str) -> Any:
+    def path(built: Built) -> Iterator[PathStep]:
+        steps = load_path(built)
+        yield next(steps)
+        if built.case.solver.method == method:
+            raise NumericalError("no state", "another eta")
+        yield from steps
+
+    return path
+
+
+def test_a_method_that_fails_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measure_module, "load_path", failing("active-set"))
+    found = compared(tmp_path, hertz(), replace(QUICK, picture=True))
+    row = found["methods"][1]
+    assert (row["status"], row["reason"], row["hint"]) == ("failed", "no state", "another eta")
+    assert "difference" not in row
+    assert found["status"] == "disagree"
+    # The exact states for the picture then come from polishing.
+    assert len(found["precision"]["smooth"]["anm"]) == 3
+
+
+def test_exit_codes_and_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, hertz())
+    arguments = ["compare", "scene.toml", "--active-set", "--no-picture", "--levels", "2", "--quiet"]
+    assert main([*arguments, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["status"], found["directory"]) == ("agree", "results/scene")
+    assert main(arguments) == 2
+    assert "already holds a comparison" in capsys.readouterr().err
+    shown = [argument for argument in arguments if argument != "--quiet"]
+    assert main([*shown, "--force", "--analytic"]) == 0
+    text = capsys.readouterr().out
+    for words in ("active-set", "hyperbolic", "reference error", "the methods agree"):
+        assert words in text
+    assert main([*shown, "--force", "--set", "solver.max_steps=2"]) == 3
+    text = capsys.readouterr().out
+    assert "anm failed: the path stopped" in text
+    assert "raise solver.max_steps" in text
+    monkeypatch.setattr(measure_module, "load_path", failing("active-set"))
+    assert main([*shown, "--force"]) == 1
+    assert "active-set failed: no state; another eta" in capsys.readouterr().out
+
+
+def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
+    for text, wishes, overrides, words in (
+        (BAR, QUICK, (), "no [[contact]]"),
+        (hertz(), Wishes(), (), "nothing to compare"),
+        (SHEARED, Wishes(("active-set",), analytic=True), (), "--analytic"),
+    ):
+        with pytest.raises(RunError) as refused:
+            compared(tmp_path, text, wishes, *overrides)
+        assert words in refused.value.message
+        assert refused.value.hint
+    assert not (tmp_path / "out").exists()
+    only_formula = compared(tmp_path, hertz(), Wishes(analytic=True, levels=1, picture=False))
+    assert only_formula["status"] == "agree"
+
+
+def test_the_case_s_own_method_is_among_them(tmp_path: Path) -> None:
+    names = [method.name for method in chosen_methods(case_of(tmp_path, PATCH), ())]
+    assert names == ["anm", "active-set"]
+    names = [
+        m.name for m in chosen_methods(case_of(tmp_path, hertz()), ("newton", "monolithic", "active-set"))
+    ]
+    assert names == ["anm", "newton", "anm monolithic", "newton monolithic", "active-set"]
+    assert law_of(case_of(tmp_path, hertz(), "solver.polish=true")) == "exact"
+    case = case_of(tmp_path, SHEARED, "contact.interface.regularization.eta=1e-6")
+    assert other_law_limit(case) == pytest.approx(6e-3 + 1e-3)
+
+
+def test_repeated_paths_count_once(tmp_path: Path) -> None:
+    once, twice = (compared(tmp_path, PATCH, replace(QUICK, repeat=n)) for n in (1, 3))
+    for key in ("steps", "dense_factorizations", "difference"):
+        assert [row.get(key) for row in once["methods"]] == [row.get(key) for row in twice["methods"]]
+
+
+def test_refined_clouds_are_shared(hertz_run: Path, tmp_path: Path) -> None:
+    soft = "contact.interface.regularization.eta=1e-2"
+    found = compared(tmp_path, hertz(), replace(QUICK, levels=1), "adapt.passes=1", soft)
+    assert found["nodes"] > read_json(hertz_run / "summary.json")["nodes"]
+    assert found["status"] == "agree"
+
+
+def test_every_method_of_the_case_file_can_be_compared(tmp_path: Path) -> None:
+    methods = {*get_args(Solver.model_fields["method"].annotation)} - {"auto", "anm"}
+    formulations = {*get_args(Solver.model_fields["formulation"].annotation)} - {"condensed"}
+    found = compared(tmp_path, hertz(), replace(QUICK, levels=2, methods=(*methods, *formulations)))
+    assert found["status"] == "agree"
+    assert len(found["methods"]) == (1 + ("newton" in methods)) * (1 + len(formulations)) + 1
+    for row in found["methods"]:
+        sparse = row["method"].endswith("monolithic")
+        assert (row["dense_factorizations"] == 0) is sparse
+        assert row["sparse_factorizations"] == 2 or sparse
