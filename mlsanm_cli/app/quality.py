@@ -20,6 +20,8 @@ HOLE = 1.6
 """An empty circle with a radius of more spacings leaves stencils lopsided; sound clouds stay near 1.1."""
 GROWTH = 0.3
 """A spacing that grows faster than this per unit length mixes coarse and fine nodes in one stencil."""
+GROWTH_BROUGHT = 0.6
+"""Distances in meshes scatter: sound ones of triangles and quads had figures up to 0.5, without harm."""
 RATIO = 2.0
 """Facing spacings that differ by more can cost the contact compliance its stability."""
 STIFFER = 3.0
@@ -125,7 +127,7 @@ def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool) -> Iterator[s
     if cloud.hole > HOLE:
         message = f"a hole among the nodes has a radius of {cloud.hole:.3g} spacings"
         found.append((message, f"lower {grade}, or make body.{name}.spacing smaller"))
-    if cloud.growth > GROWTH * (1.0 + ROUND_OFF):
+    if cloud.growth > (GROWTH_BROUGHT if brought else GROWTH) * (1.0 + ROUND_OFF):
         message = f"the spacing grows by {cloud.growth:.3g} per unit length"
         found.append((message, f"lower {grade} to {GROWTH:g} or less"))
     for message, hint in found:

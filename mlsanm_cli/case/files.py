@@ -26,7 +26,7 @@ class _FileShape(Section):
     """
 
     file: Annotated[str, Field(min_length=1)]
-    corner: Degrees = 30.0
+    corner: Degrees = 40.0
     sha256: str | None = None
 
 

@@ -69,7 +69,7 @@ def _refuse_coincident(points: FloatArray) -> None:
     pairs = cKDTree(points).query_pairs(SMALL * size, output_type="ndarray")
     if len(pairs):
         raise GeometryError(
-            f"{len(pairs)} pairs of nodes coincide, the first at {_at(points, pairs[0])}",
+            f"{len(pairs)} pairs of nodes coincide, the first at {_at(points, pairs[:1, 0])}",
             "merge duplicate nodes before you write the file",
         )
 

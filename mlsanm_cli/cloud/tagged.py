@@ -100,7 +100,7 @@ def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
         step = np.hypot(*np.diff(nodes.points[chain], axis=0).T)
         beside = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
         leap = (step > LEAP * beside) & (len(step) > 1)
-        back = np.append(np.abs(turns(nodes.points[chain]))[1:-1] > BACK, False)
+        back = np.append(False, np.abs(turns(nodes.points[chain]))[1:-1] > BACK)
         if (leap | back).any():
             place = int(np.argmax(leap | back))
             one, other = (nodes.places[chain[k]] for k in (place, place + 1))
@@ -188,9 +188,10 @@ def _refuse_outside(nodes: TaggedNodes, loops: Sequence[Loop], outer: int) -> No
     for k, loop in enumerate(loops):
         others = [chords[j] for j in range(len(loops)) if j != k]
         if k != outer and not inside_polygon(np.concatenate(others), nodes.points[loop.nodes[:1]])[0]:
-            tag = nodes.tags[loop.nodes[0]]
+            first = int(loop.nodes.min())
+            tag = nodes.tags[first]
             raise GeometryError(
-                f'the loop of "{tag}" ({nodes.places[loop.nodes[0]]}) is no hole in the body',
+                f'the loop of "{tag}" ({nodes.places[first]}) is no hole in the body',
                 "one body per file",
             )
     inner = np.flatnonzero([not tag for tag in nodes.tags])
