@@ -21,7 +21,14 @@ from mlsanm_cli.case.model import (
     Support,
 )
 from mlsanm_cli.case.polygon import Polygon
-from mlsanm_cli.case.reading import LoadedCase, case_hash, load_case, parse_case, resolved_mapping
+from mlsanm_cli.case.reading import (
+    LoadedCase,
+    case_hash,
+    load_case,
+    parse_case,
+    resolved_mapping,
+    stored_case,
+)
 from mlsanm_cli.case.round_shapes import Annulus, Disk, HalfDisk, Sector
 from mlsanm_cli.case.shapes import AnyShape, DrawnShape, Rectangle, Shape
 
@@ -64,4 +71,5 @@ __all__ = [
     "parse_case",
     "resolved_mapping",
     "split_boundary",
+    "stored_case",
 ]

@@ -99,6 +99,17 @@ def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Sur
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
+def stored_case(text: str) -> Case:
+    """The resolved case of a run, which was checked when it ran: files it names need not be there any more.
+
+    Raises RunError for a text that is no such case.
+    """
+    try:
+        return Case.model_validate({key: _frozen(value) for key, value in tomllib.loads(text).items()})
+    except ValueError as error:
+        raise RunError("the case stored in the run is damaged, or of another version") from error
+
+
 def _anchored(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The content with the files of its shapes as absolute paths."""
     bodies = data.get("body")

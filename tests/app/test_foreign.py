@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.foreign import load_with_files
+from mlsanm_cli.app.plot import plot
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import case_hash
@@ -128,6 +129,10 @@ def test_points_with_tags_are_a_body_and_pull_evenly(tmp_path: Path) -> None:
 def test_the_resolved_case_names_the_file_and_its_content(tmp_path: Path) -> None:
     (tmp_path / "plate.msh").write_text((DATA / "plate22.msh").read_text())
     run(write(tmp_path, PULLED), out=tmp_path / "elsewhere" / "out", console=Quiet())
+    # Pictures need the run only.
+    (tmp_path / "plate.msh").rename(tmp_path / "gone.msh")
+    assert plot(tmp_path / "elsewhere" / "out")
+    (tmp_path / "gone.msh").rename(tmp_path / "plate.msh")
     resolved = tmp_path / "elsewhere" / "out" / "resolved.toml"
     first, second = load_with_files(tmp_path / "case.toml"), load_with_files(resolved)
     assert first.case == second.case
