@@ -4,6 +4,7 @@
 
     MlsanmError                 70   (never raised itself)
     +-- CaseError                2   the case file is wrong: every problem found, with file and line
+    +-- GeometryError            2   a file with a body's mesh or nodes cannot be used (told as CaseError)
     +-- RunError                 2   bad usage: run directory exists, file unreadable, scene too large
     +-- NumericalError           3   the solver could not finish, or a check of the result failed
     |   +-- UnstableError        3   the stability certificate of the discretisation failed
@@ -58,6 +59,15 @@ class CaseError(MlsanmError):
 
 class RunError(MlsanmError):
     """Bad usage outside the case file: an existing run directory, an unreadable file, too large a scene."""
+
+    exit_code = 2
+
+
+class GeometryError(MlsanmError):
+    """A file with a body's mesh or nodes cannot be used; the message says what is wrong in it and where.
+
+    Whoever knows the key of the case file that names the file makes a CaseError of it.
+    """
 
     exit_code = 2
 

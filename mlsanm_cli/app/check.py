@@ -13,11 +13,12 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.cost import cpu_seconds
 from mlsanm_cli.app.estimate import estimate
+from mlsanm_cli.app.foreign import load_with_files
 from mlsanm_cli.app.quality import Quality, assess, ratio_message
 from mlsanm_cli.app.recording import boundary_tags
 from mlsanm_cli.app.references import check_reference
 from mlsanm_cli.app.scene import Prepared
-from mlsanm_cli.case import Case, Displacement, Platen, Pressure, Traction, load_case
+from mlsanm_cli.case import Case, Displacement, Platen, Pressure, Traction
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.io.vtu import ModelBody, write_model
 
@@ -38,11 +39,11 @@ def check(
     ``write`` names a VTU file for a look at the model. Raises what ``run`` would raise before it solves.
     """
     clock = Clock()
-    loaded = load_case(case_path, overrides)
+    loaded = load_with_files(case_path, overrides)
     check_reference(loaded)
     case = loaded.case
     prepared = build_scene(loaded, clock, console)
-    quality = assess(prepared)
+    quality = assess(case, prepared)
     for warning in quality.warnings:
         console.warning(warning)
     if write is not None:

@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from itertools import accumulate
 
+from mlsanm_cli.app.foreign import foreign
 from mlsanm_cli.case.chains import Piece, Side
+from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.model import Body, Case
-from mlsanm_cli.case.shapes import Annulus, HalfDisk, Polygon, Rectangle, Sector
+from mlsanm_cli.case.polygon import Polygon
+from mlsanm_cli.case.round_shapes import Annulus, HalfDisk, Sector
+from mlsanm_cli.case.shapes import Rectangle
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone
@@ -26,6 +30,8 @@ def outline_of(body: Body) -> Outline:
         return sector(shape.center, shape.radii, (first, last))
     if isinstance(shape, Annulus):
         return annulus(shape.center, shape.radii)
+    if isinstance(shape, Mesh | Points):
+        return foreign(shape).traced.outline
     if isinstance(shape, Polygon):
         chain = [piece for loop in shape.loops for piece in loop]
         ends = accumulate(len(loop) for loop in shape.loops[:-1])
@@ -40,7 +46,8 @@ def _curve(piece: Piece) -> Curve:
 
 
 def spacing_of(body: Body) -> Spacing:
-    """The body's spacing field."""
+    """The spacing field of a body whose nodes we place."""
+    assert body.spacing is not None
     outline = outline_of(body)
     zones = []
     for refine in body.refine:
@@ -61,6 +68,9 @@ def clouds(case: Case, zones: tuple[Zone, ...] = ()) -> dict[str, Cloud]:
     """Node clouds of all bodies, refined in ``zones`` beyond what the case says."""
     placed = {}
     for body in case.body:
-        spacing = spacing_of(body).with_zones(zones)
-        placed[body.name] = build_cloud(outline_of(body), spacing, body.seed)
+        if isinstance(body.shape, Mesh | Points) and body.shape.brings_nodes:
+            placed[body.name] = foreign(body.shape).cloud
+        else:
+            spacing = spacing_of(body).with_zones(zones)
+            placed[body.name] = build_cloud(outline_of(body), spacing, body.seed)
     return placed

@@ -15,6 +15,7 @@ from mlsanm_cli.app.build import Built, build_scene, complete
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.differences import Difference, difference, other_law_limit, same_law_limit
+from mlsanm_cli.app.foreign import load_with_files
 from mlsanm_cli.app.judge import force_balance, judge_balance, judge_spacing
 from mlsanm_cli.app.measure import Measured, measure
 from mlsanm_cli.app.methods import Method, chosen_methods
@@ -23,7 +24,7 @@ from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess, law_warnings
 from mlsanm_cli.app.references import check_reference, reference_profile
 from mlsanm_cli.app.run import RESULTS
-from mlsanm_cli.case import Case, LoadedCase, load_case
+from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
@@ -68,14 +69,14 @@ def compare(
     for a case or a method that does not fit it, NumericalError for a scene that cannot be set up.
     """
     clock = Clock()
-    loaded = load_case(case_path, overrides)
+    loaded = load_with_files(case_path, overrides)
     check_reference(loaded)
     methods = chosen_methods(loaded.case, wishes.methods)
     _refuse(loaded.case, wishes, methods)
     levels = f"output.at={_levels(loaded.case, wishes.levels)!r}"
 
     def case_of(method: Method) -> Case:
-        return load_case(case_path, (*overrides, levels, *method.changes)).case
+        return load_with_files(case_path, (*overrides, levels, *method.changes)).case
 
     cases = [case_of(method) for method in methods]
     directory = out or RESULTS / case_path.stem
@@ -132,7 +133,7 @@ def _set_up(loaded: LoadedCase, clock: Clock, console: Console) -> tuple[Built, 
     """The scene that all methods share, and what to warn of."""
     prepared = build_scene(loaded, clock, console)
     with clock.phase("cloud"):
-        warnings = [*assess(prepared).warnings, *law_warnings(loaded.case)]
+        warnings = [*assess(loaded.case, prepared).warnings, *law_warnings(loaded.case)]
     for note in prepared.notes:
         console.note(note)
     if loaded.case.adapt.passes:

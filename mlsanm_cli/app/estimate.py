@@ -7,8 +7,9 @@ import os
 from dataclasses import dataclass
 
 from mlsanm_cli.app.clouds import outline_of, spacing_of
+from mlsanm_cli.app.foreign import foreign
 from mlsanm_cli.app.scene import mls_settings
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.errors import RunError
 
@@ -24,10 +25,16 @@ class Estimate:
 
 
 def estimate(case: Case) -> Estimate:
-    """Nodes by quadrature of the spacing field, memory by the model below."""
-    nodes = {body.name: estimate_nodes(outline_of(body), spacing_of(body), COUNT_LIMIT) for body in case.body}
+    """Nodes by quadrature of the spacing field or counted, memory by the model below."""
+    nodes = {body.name: _nodes(body) for body in case.body}
     stencil = mls_settings(case).stencil_size
     return Estimate(nodes, 150.0 + sum(_body_memory_mb(count, stencil) for count in nodes.values()))
+
+
+def _nodes(body: Body) -> float:
+    if isinstance(body.shape, Mesh | Points) and body.shape.brings_nodes:
+        return float(len(foreign(body.shape).points))
+    return estimate_nodes(outline_of(body), spacing_of(body), COUNT_LIMIT)
 
 
 def _body_memory_mb(nodes: float, stencil: int) -> float:

@@ -13,7 +13,7 @@ from mlsanm_cli.app.history import pressures_at
 from mlsanm_cli.app.references import ReferenceProfile, profile_on
 from mlsanm_cli.app.views import automatic_scale, boundary_edges, contact_window, scalar_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, parse_case
+from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.cloud.sight import look
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
@@ -44,7 +44,7 @@ def plot(rundir: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
     run = read_run(rundir)
     if not run.path.rows:
         raise RunError(f"{rundir} holds no finished step yet", "there is nothing to draw")
-    case = parse_case(run.case_resolved, run.directory / run_dir.RESOLVED_FILE).case
+    case = stored_case(run.case_resolved)
     files = []
     for kind, subject, draw in _pictures(run, case):
         for suffix in formats:

@@ -12,7 +12,7 @@ from mlsanm_cli.app.clouds import materials
 from mlsanm_cli.app.recording import slave_points
 from mlsanm_cli.app.states import State
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import AnyShape, Case, Contact, LoadedCase, Polygon, split_boundary
+from mlsanm_cli.case import Case, Contact, DrawnShape, LoadedCase, Mesh, Points, Polygon, split_boundary
 from mlsanm_cli.case.chains import Round
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -46,6 +46,10 @@ def check_reference(loaded: LoadedCase) -> None:
     solution = case.reference.solution
     problems = [] if case.contact else ["needs a [[contact]]"]
     for contact in case.contact:
+        unknown = [b for b in (contact.slave, contact.master) if _in_file(case, b)]
+        if unknown:
+            problems.append(f"needs radii that the case states, and {unknown[0]} comes from a file")
+            continue
         curved = _curvature(case, contact.slave) + _curvature(case, contact.master) > 0.0
         if curved != (solution == "hertz-line"):
             problems.append(
@@ -116,9 +120,16 @@ def _middle(
     return (centers[0] if centers else 0.5 * (points[0] + points[-1])), axis
 
 
-def _shape(case: Case, boundary: str) -> AnyShape:
+def _in_file(case: Case, boundary: str) -> bool:
     body, _ = split_boundary(boundary)
-    return next(b.shape for b in case.body if b.name == body)
+    return any(b.name == body and isinstance(b.shape, Mesh | Points) for b in case.body)
+
+
+def _shape(case: Case, boundary: str) -> DrawnShape:
+    body, _ = split_boundary(boundary)
+    shape = next(b.shape for b in case.body if b.name == body)
+    assert not isinstance(shape, Mesh | Points)
+    return shape
 
 
 def _center(case: Case, boundary: str) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from mlsanm_cli.app.adapt import Adapted, adapt
 from mlsanm_cli.app.build import Built, build_scene
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.foreign import load_with_files
 from mlsanm_cli.app.judge import (
     force_balance,
     judge_balance,
@@ -25,7 +26,6 @@ from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import check_reference
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.app.summary import Ending, summarise
-from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.io import run_dir
 
@@ -49,13 +49,13 @@ def run(
     CaseError or RunError, with nothing written, for a case that cannot be run.
     """
     clock = Clock()
-    loaded = load_case(case_path, overrides)
+    loaded = load_with_files(case_path, overrides)
     check_reference(loaded)
     directory = out or RESULTS / case_path.stem
     run_dir.check(directory, force)
     prepared = build_scene(loaded, clock, console)
     with clock.phase("cloud"):
-        quality = assess(prepared)
+        quality = assess(loaded.case, prepared)
     run_dir.prepare(directory, force)
     built: Built | None = None
     adapted: Adapted | None = None
@@ -70,7 +70,7 @@ def run(
             adapted = adapt(loaded.case, prepared, clock, console)
             built = adapted.built
             if adapted.refined:
-                told, quality = quality.warnings, assess(adapted.prepared)
+                told, quality = quality.warnings, assess(loaded.case, adapted.prepared)
                 for warning in quality.warnings:
                     if warning not in told:
                         recorder.warn(warning)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mlsanm_cli.case.base import split_boundary
+from mlsanm_cli.case.files import FileShape, Mesh, Points, Survey, Surveyed
 from mlsanm_cli.case.loads import Displacement, Load, Platen, Pressure, Traction
 from mlsanm_cli.case.model import (
     Adapt,
@@ -19,8 +20,17 @@ from mlsanm_cli.case.model import (
     Solver,
     Support,
 )
-from mlsanm_cli.case.reading import LoadedCase, case_hash, load_case, parse_case, resolved_mapping
-from mlsanm_cli.case.shapes import Annulus, AnyShape, Disk, HalfDisk, Polygon, Rectangle, Sector, Shape
+from mlsanm_cli.case.polygon import Polygon
+from mlsanm_cli.case.reading import (
+    LoadedCase,
+    case_hash,
+    load_case,
+    parse_case,
+    resolved_mapping,
+    stored_case,
+)
+from mlsanm_cli.case.round_shapes import Annulus, Disk, HalfDisk, Sector
+from mlsanm_cli.case.shapes import AnyShape, DrawnShape, Rectangle, Shape
 
 __all__ = [
     "Adapt",
@@ -31,14 +41,18 @@ __all__ = [
     "Contact",
     "Disk",
     "Displacement",
+    "DrawnShape",
+    "FileShape",
     "HalfDisk",
     "Load",
     "LoadedCase",
     "Material",
+    "Mesh",
     "Mls",
     "Model",
     "Output",
     "Platen",
+    "Points",
     "Polygon",
     "Pressure",
     "Rectangle",
@@ -49,10 +63,13 @@ __all__ = [
     "Shape",
     "Solver",
     "Support",
+    "Survey",
+    "Surveyed",
     "Traction",
     "case_hash",
     "load_case",
     "parse_case",
     "resolved_mapping",
     "split_boundary",
+    "stored_case",
 ]

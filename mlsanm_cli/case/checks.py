@@ -12,12 +12,15 @@ from mlsanm_cli.case.base import BOUNDARY_PATTERN, split_boundary
 from mlsanm_cli.case.conditions import check_conditions
 from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.drift import check_drift
+from mlsanm_cli.case.files import Geometry, Points
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.loads import Platen
 from mlsanm_cli.case.model import Body, Contact
+from mlsanm_cli.case.polygon import Polygon
 from mlsanm_cli.case.polygons import check_polygon
 from mlsanm_cli.case.report import Report, suggestion
-from mlsanm_cli.case.shapes import Annulus, AnyShape, Polygon, Rectangle, Sector
+from mlsanm_cli.case.round_shapes import Annulus, Sector
+from mlsanm_cli.case.shapes import AnyShape, Rectangle
 
 
 def run_checks(draft: Draft, report: Report) -> None:
@@ -28,7 +31,9 @@ def run_checks(draft: Draft, report: Report) -> None:
     for index, shape in draft.shapes.items():
         _check_shape(shape, ("body", index, "shape"), report)
     for index, body in draft.bodies.items():
-        _check_body(body, index, report)
+        _check_spacing(body, index, report)
+        if index in draft.geometries:
+            _check_body(body, draft.geometries[index], index, report)
     for index in draft.supports:
         _check_support_keys(draft, report, index)
     for index, load in draft.loads.items():
@@ -88,9 +93,25 @@ def _check_shape(shape: AnyShape, path: KeyPath, report: Report) -> None:
         check_polygon(shape, path, report)
 
 
-def _check_body(body: Body, index: int, report: Report) -> None:
+def _check_spacing(body: Body, index: int, report: Report) -> None:
+    """Who places the nodes needs a spacing; who brings them has one."""
     path: KeyPath = ("body", index)
-    shape = body.shape
+    if not body.brings_nodes:
+        if body.spacing is None:
+            report.add((*path, "spacing"), "missing, and it has no default")
+        return
+    where = 'the nodes are those of the file; use = "outline" would place others'
+    if isinstance(body.shape, Points):
+        where = "the nodes are those of the file"
+    for key, given in (("spacing", body.spacing is not None), ("refine", body.refine), ("seed", body.seed)):
+        if given:
+            report.add((*path, key), f"has no meaning here: {where}", "remove it")
+
+
+def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None:
+    path: KeyPath = ("body", index)
+    if body.spacing is None:
+        return
     if body.spacing > shape.size > 0.0:
         report.add((*path, "spacing"), f"{body.spacing:g} is larger than the body itself ({shape.size:g})")
     for place, refine in enumerate(body.refine):
@@ -130,7 +151,7 @@ def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) 
         near = suggestion(name, names, "bodies")
         report.add(path, f'"{boundary}": there is no body "{name}"', near)
         return
-    shape = draft.shape(name)
+    shape = draft.geometry(name)
     if shape is not None and edge not in shape.boundaries:
         options = [f"{name}.{valid}" for valid in shape.boundaries]
         hint = suggestion(boundary, options, "boundaries")
@@ -216,6 +237,10 @@ def _check_numerics(draft: Draft, report: Report) -> None:
             message = f"{mls.neighbors} nodes cannot carry the {terms} terms of degree {mls.degree}"
             report.add(("mls", "neighbors"), message, f'at least {terms}, better twice as many, or "auto"')
     _check_laws(draft, report, draft.contacts.values())
+    fixed = [body.name for body in draft.bodies.values() if body.brings_nodes]
+    if draft.adapt is not None and draft.adapt.passes and fixed:
+        message = f'body "{fixed[0]}" cannot be refined: its nodes are those of its file'
+        report.add(("adapt", "passes"), message, 'write 0, or take the outline only: use = "outline"')
     if draft.output is None:
         return
     for field, times in Counter(draft.output.fields).items():

@@ -72,7 +72,7 @@ def _components(draft: Draft, load: AnyLoad) -> Iterator[tuple[int, Kind]]:
     elif isinstance(load, Pressure):
         # On a straight boundary along an axis a pressure leaves the other direction alone.
         name, edge = split_boundary(load.boundary)
-        shape = draft.shape(name)
+        shape = draft.geometry(name)
         normal = shape.normal(edge) if shape is not None and edge in shape.boundaries else None
         for component in (0, 1):
             if normal is None or normal[component] != 0.0:

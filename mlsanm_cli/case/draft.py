@@ -7,14 +7,17 @@ the checks work on what is left, and know which names belong to parts that are b
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from mlsanm_cli.case.files import Geometry, Mesh, Points, Survey
 from mlsanm_cli.case.loads import Displacement, Load, Platen, Pressure, Traction
-from mlsanm_cli.case.model import Body, Contact, Material, Mls, Model, Output, Solver, Support
+from mlsanm_cli.case.model import Adapt, Body, Contact, Material, Mls, Model, Output, Solver, Support
+from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.shapes import AnyShape, Shape
+from mlsanm_cli.errors import GeometryError
 
 AnyLoad = Traction | Pressure | Displacement | Platen
 
@@ -29,17 +32,22 @@ _MODEL: TypeAdapter[Model] = TypeAdapter(Model)
 _MLS: TypeAdapter[Mls] = TypeAdapter(Mls)
 _SOLVER: TypeAdapter[Solver] = TypeAdapter(Solver)
 _OUTPUT: TypeAdapter[Output] = TypeAdapter(Output)
+_ADAPT: TypeAdapter[Adapt] = TypeAdapter(Adapt)
 
 
 @dataclass(frozen=True)
 class Draft:
-    """Sound items by their index in the file; ``data`` is the raw content with every name in it."""
+    """Sound items by their index in the file; ``data`` is the raw content with every name in it.
+
+    ``geometries`` are those of the sound shapes, once files have been looked into also of those in files.
+    """
 
     data: Mapping[str, Any]
     model: Model | None
     materials: dict[str, Material]
     bodies: dict[int, Body]
     shapes: dict[int, AnyShape]
+    geometries: dict[int, Geometry]
     supports: dict[int, Support]
     loads: dict[int, AnyLoad]
     contacts: dict[int, Contact]
@@ -47,14 +55,15 @@ class Draft:
     mls: Mls | None
     solver: Solver | None
     output: Output | None
+    adapt: Adapt | None
 
     def names(self, section: str) -> list[tuple[int, str]]:
         """Index and name of every named item of a list, broken ones included."""
         return self.texts(section, "name")
 
-    def shape(self, body: str) -> AnyShape | None:
-        """The shape of the body of that name, if it is sound."""
-        return next((self.shapes.get(index) for index, name in self.names("body") if name == body), None)
+    def geometry(self, body: str) -> Geometry | None:
+        """The geometry of the body of that name, if it is sound."""
+        return next((self.geometries.get(index) for index, name in self.names("body") if name == body), None)
 
     def texts(self, section: str, key: str) -> list[tuple[int, str]]:
         """Index and value of a key in every item of a list that gives it as text."""
@@ -81,12 +90,14 @@ def make_draft(data: Mapping[str, Any]) -> Draft:
         name: _sound(_MATERIAL, value)
         for name, value in (materials.items() if isinstance(materials, Mapping) else ())
     }
+    shapes = _list(_SHAPE, tuple(_get(body, "shape") for body in bodies))
     return Draft(
         data=data,
         model=_sound(_MODEL, data.get("model")),
         materials={name: material for name, material in sound.items() if material is not None},
         bodies=_list(_BODY, bodies),
-        shapes=_list(_SHAPE, tuple(_get(body, "shape") for body in bodies)),
+        shapes=shapes,
+        geometries={index: s for index, s in shapes.items() if not isinstance(s, Mesh | Points)},
         supports=_list(_SUPPORT, data.get("support")),
         loads=_list(_LOAD, data.get("load")),
         contacts=_list(_CONTACT, data.get("contact")),
@@ -94,7 +105,22 @@ def make_draft(data: Mapping[str, Any]) -> Draft:
         mls=_sound(_MLS, data.get("mls", {})),
         solver=_sound(_SOLVER, data.get("solver", {})),
         output=_sound(_OUTPUT, data.get("output", {})),
+        adapt=_sound(_ADAPT, data.get("adapt", {})),
     )
+
+
+def look_into_files(draft: Draft, survey: Survey, report: Report) -> tuple[Draft, dict[int, str]]:
+    """The draft with the geometries of shapes in files, and the files' SHA-256 by body."""
+    geometries, digests = dict(draft.geometries), {}
+    for index, shape in draft.shapes.items():
+        if isinstance(shape, Mesh | Points):
+            try:
+                found = survey(shape)
+            except GeometryError as error:
+                report.add(("body", index, "shape", "file"), error.message, error.hint)
+                continue
+            geometries[index], digests[index] = found, found.digest
+    return replace(draft, geometries=geometries), digests
 
 
 def _sound(adapter: TypeAdapter[Item], value: Any) -> Item | None:

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 from mlsanm_cli.case.base import split_boundary
 from mlsanm_cli.case.draft import Draft
+from mlsanm_cli.case.files import Geometry
 from mlsanm_cli.case.loads import Displacement, Platen
-from mlsanm_cli.case.model import Body
 from mlsanm_cli.case.report import Report
 
 Row = tuple[float, float, float]
@@ -48,9 +48,10 @@ def check_drift(draft: Draft, report: Report) -> None:
         for boundary in (contact.slave, contact.master)
     }
     for index, body in draft.bodies.items():
-        free = free_motions(list(held_rows(draft, body, body.name in in_contact)))
+        shape = draft.geometries[index]
+        free = free_motions(list(held_rows(draft, body.name, shape, body.name in in_contact)))
         if free:
-            what = " and ".join(_describe(motion, body) for motion in free)
+            what = " and ".join(_describe(motion, shape) for motion in free)
             needs = ", ".join(dict.fromkeys(_remedy(motion) for motion in free))
             hint = f"add a [[support]], a displacement or a platen: {needs}"
             if body.name in in_contact:
@@ -58,7 +59,7 @@ def check_drift(draft: Draft, report: Report) -> None:
             report.add(("body", index), f"can drift: nothing keeps it from {what}", hint)
 
 
-def held_rows(draft: Draft, body: Body, in_contact: bool) -> Iterator[Row]:
+def held_rows(draft: Draft, body: str, shape: Geometry, in_contact: bool) -> Iterator[Row]:
     """Forbidden combinations of (tx, ty, w * size) about the body's centre.
 
     A platen moved by a force grips its boundary: with a contact to push against, its own position is an
@@ -68,40 +69,40 @@ def held_rows(draft: Draft, body: Body, in_contact: bool) -> Iterator[Row]:
     """
     for support in draft.supports.values():
         held = (support.ux is not None, support.uy is not None)
-        if support.body == body.name and support.near is not None:
-            yield from _rows(body, support.near, held)
-        elif support.boundary is not None and split_boundary(support.boundary)[0] == body.name:
-            for point in body.shape.samples(split_boundary(support.boundary)[1]):
-                yield from _rows(body, point, held)
+        if support.body == body and support.near is not None:
+            yield from _rows(shape, support.near, held)
+        elif support.boundary is not None and split_boundary(support.boundary)[0] == body:
+            for point in shape.samples(split_boundary(support.boundary)[1]):
+                yield from _rows(shape, point, held)
     for load in draft.loads.values():
         name, edge = split_boundary(load.boundary)
-        if name != body.name:
+        if name != body:
             continue
-        points = body.shape.samples(edge)
+        points = shape.samples(edge)
         if isinstance(load, Displacement):
             for point in points:
-                yield from _rows(body, point, (True, True))
+                yield from _rows(shape, point, (True, True))
         elif isinstance(load, Platen):
-            yield from _platen_rows(body, points, load, in_contact)
+            yield from _platen_rows(shape, points, load, in_contact)
 
 
 def _platen_rows(
-    body: Body, points: tuple[tuple[float, float], ...], load: Platen, in_contact: bool
+    shape: Geometry, points: tuple[tuple[float, float], ...], load: Platen, in_contact: bool
 ) -> Iterator[Row]:
     middle = (sum(p[0] for p in points) / len(points), sum(p[1] for p in points) / len(points))
     for direction, (control, _) in load.control.items():
         held = (direction == "x", direction == "y")
-        at_middle = next(_rows(body, middle, held))
+        at_middle = next(_rows(shape, middle, held))
         if in_contact or control == "displacement":
             yield at_middle
         if in_contact or load.rotation == "fixed":
             for point in points:
-                turn = next(_rows(body, point, held))[2] - at_middle[2]
+                turn = next(_rows(shape, point, held))[2] - at_middle[2]
                 yield (0.0, 0.0, turn)
 
 
-def _rows(body: Body, point: tuple[float, float], held: tuple[bool, bool]) -> Iterator[Row]:
-    centre, size = body.shape.centre, body.shape.size
+def _rows(shape: Geometry, point: tuple[float, float], held: tuple[bool, bool]) -> Iterator[Row]:
+    centre, size = shape.centre, shape.size
     x, y = (point[0] - centre[0]) / size, (point[1] - centre[1]) / size
     if held[0]:
         yield (1.0, 0.0, -y)
@@ -154,14 +155,14 @@ def _dot(a: Row, b: Row) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _describe(motion: Row, body: Body) -> str:
+def _describe(motion: Row, shape: Geometry) -> str:
     for plain, name, _ in _NAMES:
         if motion == plain:
             return name
     tx, ty, w = motion
     if abs(w) <= _SMALL * math.hypot(tx, ty):
         return f"moving along ({tx:g}, {ty:g})"
-    centre, size = body.shape.centre, body.shape.size
+    centre, size = shape.centre, shape.size
     x, y = centre[0] - ty / w * size, centre[1] + tx / w * size
     return f"rotating about ({x:.6g}, {y:.6g})"
 

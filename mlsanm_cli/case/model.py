@@ -19,6 +19,7 @@ from mlsanm_cli.case.base import (
     Section,
     Vector,
 )
+from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.loads import Load
 from mlsanm_cli.case.shapes import Shape
 
@@ -51,14 +52,19 @@ class Refine(Section):
 
 
 class Body(Section):
-    """One elastic body and the spacing of its nodes."""
+    """One elastic body and the spacing of its nodes; None where a file brings the nodes."""
 
     name: Name
     material: str
-    spacing: Positive
+    spacing: Positive | None = None
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     shape: Shape
     refine: tuple[Refine, ...] = ()
+
+    @property
+    def brings_nodes(self) -> bool:
+        """Whether the nodes come with the shape and are not placed by us."""
+        return isinstance(self.shape, Mesh | Points) and self.shape.brings_nodes
 
 
 class Support(Section):

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from mlsanm_cli.case.chains import SMALL, corners, crossings, distance, inside, signed_area
 from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.polygon import Polygon
 from mlsanm_cli.case.report import Report
-from mlsanm_cli.case.shapes import Polygon
 
 
 def check_polygon(shape: Polygon, path: KeyPath, report: Report) -> None:

@@ -14,7 +14,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from mlsanm_cli.case.checks import run_checks
-from mlsanm_cli.case.draft import make_draft
+from mlsanm_cli.case.draft import look_into_files, make_draft
+from mlsanm_cli.case.files import Survey, no_files
 from mlsanm_cli.case.lines import KeyPath, key_lines, line_of
 from mlsanm_cli.case.model import Case
 from mlsanm_cli.case.overrides import apply_overrides, key_path
@@ -49,8 +50,10 @@ class LoadedCase:
         )
 
 
-def load_case(path: Path, overrides: Sequence[str] = ()) -> LoadedCase:
+def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey = no_files) -> LoadedCase:
     """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation.
+
+    ``survey`` looks into the files of bodies that are not drawn in the case itself.
 
     Raises RunError when the file cannot be read and CaseError with every problem found otherwise.
     """
@@ -65,15 +68,18 @@ def load_case(path: Path, overrides: Sequence[str] = ()) -> LoadedCase:
         raise RunError(f"there is no case file {path}") from error
     except OSError as error:
         raise RunError(f"cannot read {path}: {error.strerror or error}") from error
-    return parse_case(text, path, overrides)
+    return parse_case(text, path, overrides, survey)
 
 
-def parse_case(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedCase:
-    """The same from a text; ``path`` only names the source in messages. Raises CaseError."""
+def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Survey = no_files) -> LoadedCase:
+    """The same from a text; ``path`` names the source in messages and the folder of its files.
+
+    Raises CaseError.
+    """
     source = str(path)
     content, lines = _parse_toml(text, source)
     content, changed, bad_overrides = apply_overrides(content, overrides)
-    data = {key: _frozen(value) for key, value in content.items()}
+    data = _anchored({key: _frozen(value) for key, value in content.items()}, path.parent)
     report = Report(data, lines, source, changed)
     covered: list[KeyPath] = []
     for refusal in refusals(data):
@@ -84,11 +90,51 @@ def parse_case(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedCa
         case = Case.model_validate(data)
     except ValidationError as error:
         report_schema_errors(report, error, frozenset(covered))
-    run_checks(make_draft(data), report)
+    draft, digests = look_into_files(make_draft(data), survey, report)
+    run_checks(draft, report)
     problems = report.problems + bad_overrides
     if problems or case is None:
         raise CaseError(problems)
+    case = _with_digests(case, digests)
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
+
+
+def stored_case(text: str) -> Case:
+    """The resolved case of a run, which was checked when it ran: files it names need not be there any more.
+
+    Raises RunError for a text that is no such case.
+    """
+    try:
+        return Case.model_validate({key: _frozen(value) for key, value in tomllib.loads(text).items()})
+    except ValueError as error:
+        raise RunError("the case stored in the run is damaged, or of another version") from error
+
+
+def _anchored(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The content with the files of its shapes as absolute paths."""
+    bodies = data.get("body")
+    if not isinstance(bodies, tuple):
+        return data
+    return {**data, "body": tuple(_anchored_body(body, folder) for body in bodies)}
+
+
+def _anchored_body(body: Any, folder: Path) -> Any:
+    shape = body.get("shape") if isinstance(body, Mapping) else None
+    file = shape.get("file") if isinstance(shape, Mapping) else None
+    if not isinstance(file, str) or not file:
+        return body
+    assert isinstance(body, Mapping)
+    assert isinstance(shape, Mapping)
+    return {**body, "shape": {**shape, "file": str((folder / file).absolute())}}
+
+
+def _with_digests(case: Case, digests: Mapping[int, str]) -> Case:
+    """The case with the SHA-256 of the files it was checked with."""
+    bodies = list(case.body)
+    for index, digest in digests.items():
+        shape = bodies[index].shape.model_copy(update={"sha256": digest})
+        bodies[index] = bodies[index].model_copy(update={"shape": shape})
+    return case.model_copy(update={"body": tuple(bodies)})
 
 
 def resolved_mapping(case: Case) -> dict[str, Any]:
@@ -102,8 +148,12 @@ def resolved_mapping(case: Case) -> dict[str, Any]:
 
 
 def case_hash(case: Case) -> str:
-    """SHA-256 of the resolved content in a canonical writing."""
-    text = json.dumps(resolved_mapping(case), sort_keys=True, ensure_ascii=True, allow_nan=False)
+    """SHA-256 of the resolved content in a canonical writing; of files the content counts, not the path."""
+    content = resolved_mapping(case)
+    for body in content["body"]:
+        if "sha256" in body["shape"]:
+            del body["shape"]["file"]
+    text = json.dumps(content, sort_keys=True, ensure_ascii=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -25,8 +25,9 @@ from mlsanm_cli.case.model import (
     Solver,
     Support,
 )
+from mlsanm_cli.case.polygon import Hole
 from mlsanm_cli.case.report import Report, suggestion
-from mlsanm_cli.case.shapes import SHAPES, Hole
+from mlsanm_cli.case.shapes import SHAPES
 
 _TABLES: dict[tuple[str, ...], type[Any]] = {
     (): Case,

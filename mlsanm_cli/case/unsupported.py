@@ -45,13 +45,6 @@ _MOVING = "a support that moves its boundary"
 _MOVE = 'a support holds at 0.0; use a load of kind "displacement" to move a boundary'
 
 PLANNED: tuple[Planned, ...] = (
-    Planned(
-        ("body", "*", "shape", "kind"),
-        'shape "{}"',
-        _one_of("mesh", "points"),
-        part=3,
-        hint='use "polygon", or one of the simpler shapes',
-    ),
     Planned(("material", "*", "stiffness"), "a full stiffness matrix", part=2, hint="give E and nu instead"),
     Planned(("load", "*", "kind"), 'load kind "{}"', _one_of("body-force"), part=2),
     Planned(("support", "*", "ux"), _MOVING, _nonzero, hint=_MOVE),

@@ -36,8 +36,12 @@ class Curve(Protocol):
         """Arc lengths (n,) of the curve's points closest to ``points`` (n, 2); ends included."""
         ...
 
-    def zone(self) -> tuple[float, ...]:
-        """Six numbers by which the spacing kernel knows the curve."""
+    def curvature(self, s: FloatArray) -> FloatArray:
+        """Curvature (n,), positive where the material is convex."""
+        ...
+
+    def zones(self) -> tuple[tuple[float, ...], ...]:
+        """The lines and arcs, of six numbers each, by which the spacing kernel knows the curve."""
         ...
 
 
@@ -72,8 +76,11 @@ class Segment:
         s: FloatArray = np.clip((points - np.array(self.start)) @ self._tangent, 0.0, self.length)
         return s
 
-    def zone(self) -> tuple[float, ...]:
-        return (0.0, *self.start, *self.end, 0.0)
+    def curvature(self, s: FloatArray) -> FloatArray:
+        return np.zeros(len(s))
+
+    def zones(self) -> tuple[tuple[float, ...], ...]:
+        return ((0.0, *self.start, *self.end, 0.0),)
 
 
 @dataclass(frozen=True)
@@ -117,9 +124,12 @@ class Arc:
         s: FloatArray = self.radius * np.where(angle <= sweep, angle, beyond)
         return s
 
-    def zone(self) -> tuple[float, ...]:
+    def curvature(self, s: FloatArray) -> FloatArray:
+        return np.full(len(s), self._turn / self.radius)
+
+    def zones(self) -> tuple[tuple[float, ...], ...]:
         first = min(self.start, self.start + self.sweep)
-        return (1.0, *self.center, self.radius, first, min(abs(self.sweep), 2.0 * math.pi))
+        return ((1.0, *self.center, self.radius, first, min(abs(self.sweep), 2.0 * math.pi)),)
 
 
 @dataclass(frozen=True)

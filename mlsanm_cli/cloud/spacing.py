@@ -35,7 +35,11 @@ class Spacing:
 
     def table(self) -> FloatArray:
         """Zones as the rows (z, 9) that the kernels read."""
-        rows = [(*zone.curve.zone(), zone.spacing, zone.radius, zone.growth) for zone in self.zones]
+        rows = [
+            (*part, zone.spacing, zone.radius, zone.growth)
+            for zone in self.zones
+            for part in zone.curve.zones()
+        ]
         return np.array(rows, dtype=np.float64).reshape(-1, 9)
 
     def at(self, points: FloatArray) -> FloatArray:

@@ -64,6 +64,11 @@ class Pairing:
         """Length of slave surface per node (w,)."""
         return self.slave.weight[self.position]
 
+    @property
+    def all_around(self) -> bool:
+        """Whether the candidates are all nodes of a closed surface, with neighbours across its seam."""
+        return self.slave.curve.closed and int(self.candidate.sum()) == len(self.slave.index)
+
     def with_reach(self, reach: float) -> Pairing:
         """The same pairs with the nodes of initial gap up to ``reach`` as candidates."""
         return replace(self, candidate=self.gap <= reach)
@@ -101,10 +106,10 @@ def pair_surfaces(
     tangential = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     spacing = slave_cloud.spacing[slave.index]
     facing = (slave.normal * normal).sum(axis=1) < OPPOSED
-    position = _along(slave, np.flatnonzero(facing & (tangential < 1e-6 * spacing)))
-    gap = (away * normal).sum(axis=1)[position]
+    gap = (away * normal).sum(axis=1)
     # Surfaces drawn in one place neither overlap nor gape by the last bits of their coordinates.
     gap[np.abs(gap) <= ROUND_OFF * np.abs(points).max()] = 0.0
+    position = _along(slave, np.flatnonzero(facing & (tangential < 1e-6 * spacing)), gap)
     return Pairing(
         name=name,
         slave_body=slave_body,
@@ -114,17 +119,23 @@ def pair_surfaces(
         position=position,
         partner=partner[position],
         normal=normal[position],
-        gap=gap,
+        gap=gap[position],
         spacing=spacing[position],
         candidate=np.ones(len(position), dtype=bool),
         friction=friction,
     )
 
 
-def _along(slave: Surface, position: IntArray) -> IntArray:
-    """Positions in order along the slave; on a closed one, beginning behind the widest stretch left out."""
+def _along(slave: Surface, position: IntArray, gap: FloatArray) -> IntArray:
+    """Positions in order along the slave.
+
+    On a closed one they begin behind the widest stretch left out; if none is, as with a pin in a hole, where
+    the ``gap`` (b,) is widest.
+    """
     if not slave.curve.closed or not len(position):
         return position
+    if len(position) == len(slave.index):
+        return np.roll(position, -int(np.argmax(gap)))
     s = slave.arc_length[position]
     left_out = np.diff(np.append(s, s[0] + slave.curve.length))
     return np.roll(position, -(int(np.argmax(left_out)) + 1))
@@ -151,8 +162,12 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     two spacings asks for: a coarse master that only sampled a fine slave's pressures would take an
     oscillation from node to node for a smooth load, and the compliance would lose its positivity.
     """
-    chosen = pairing.position[pairing.candidate]
     arc = pairing.arc[pairing.candidate]
+    weight, spacing = pairing.weight[pairing.candidate], pairing.spacing[pairing.candidate]
+    count = len(arc)
+    if pairing.all_around:
+        turns = pairing.slave.curve.length * np.arange(-1, 2)
+        arc, weight, spacing = (turns[:, None] + arc).ravel(), np.tile(weight, 3), np.tile(spacing, 3)
     points = master_cloud.points[pairing.master.index]
     s = pairing.slave.curve.closest(points)
     shadow = pairing.slave.curve.normals(s)
@@ -164,12 +179,12 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     if pairing.slave.curve.closed:
         s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
     rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (beside <= slack))
-    own = np.interp(s[rows], arc, pairing.spacing[pairing.candidate])
+    own = np.interp(s[rows], arc, spacing)
     # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
     reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[pairing.master.index[rows]])
-    fit = surface_fit(arc, pairing.slave.weight[chosen], s[rows], reach).tocoo()
+    fit = surface_fit(arc, weight, s[rows], reach).tocoo()
     inner, columns = fit.coords
-    return sparse.csr_array((fit.data, (rows[inner], columns)), shape=(len(points), len(arc)))
+    return sparse.csr_array((fit.data, (rows[inner], columns % count)), shape=(len(points), count))
 
 
 def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: FloatArray) -> sparse.csr_array:

@@ -1,8 +1,4 @@
-"""VTU and PVD files for ParaView: node clouds as vertex cells, vectors of 3 and tensors of 9 components.
-
-The only user of meshio. It is imported when the first file is written, since its import alone takes as long
-as writing a dozen files.
-"""
+"""VTU and PVD files for ParaView: node clouds as vertex cells, vectors of 3 and tensors of 9 components."""
 
 from __future__ import annotations
 
@@ -13,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.io.atomic import replacing, write_text
+from mlsanm_cli.io.atomic import write_text
+from mlsanm_cli.io.meshes import write_vertices
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, fields_name
 
 if TYPE_CHECKING:
@@ -145,13 +142,7 @@ def _state_data(body: BodyState) -> dict[str, NDArray[Any]]:
 
 def _write_cloud(path: Path, points: FloatArray, data: Mapping[str, NDArray[Any]]) -> None:
     """Write a cloud as vertex cells with point data."""
-    import meshio
-
-    cells = [("vertex", np.arange(len(points))[:, None])]
-    mesh = meshio.Mesh(_vectors("points", points, len(points)), cells, point_data=dict(data))
-    with replacing(path) as temporary:
-        # Uncompressed: half as large again, ten times as fast.
-        meshio.write(temporary, mesh, file_format="vtu", compression=None)
+    write_vertices(path, _vectors("points", points, len(points)), data)
 
 
 def _vectors(what: str, array: FloatArray, count: int) -> FloatArray:

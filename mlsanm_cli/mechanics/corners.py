@@ -22,7 +22,6 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import Arc
 
 POWER = 1.5
 """Corner displacements behave like distance^0.7, whose weighted second derivatives are integrable above 0.3.
@@ -34,6 +33,9 @@ weights, 0.82 with power 1, 0.93 with 1.5; at 2 the stress at the clamped side b
 CLOSEST = 0.5
 """Distances are never taken below this part of the node spacing."""
 
+
+FLATTEST = 10.0
+"""Hollows of a radius above this many times the body's extent count as flat."""
 
 SHARP = 0.3
 """Corners that turn inward by less (radian) are as good as smooth: their displacements are nearly linear."""
@@ -70,7 +72,8 @@ def inward_corners(cloud: Cloud) -> IntArray:
 def inward_weight(cloud: Cloud) -> FloatArray:
     """Factor (n,) on the equilibrium and traction rows: (distance + radius) / its largest value.
 
-    The distance is that to the nearest inward corner, of radius 0, or inward arc: fillet, notch or hole.
+    The distance is that to the nearest inward corner, of radius 0, or hollow of the outline: fillet, notch
+    or hole.
     Without it, a square plate with a small hole, degree 2 and 63 nodes around the hole, has a stress
     concentration of 1.9 instead of 3, with it 2.7; a plate with a deep notch whose corners are rounded to
     1/30 of its depth opens by 13 % of what it should (degree 4, 10 nodes per radius), with it by 99 %.
@@ -79,11 +82,15 @@ def inward_weight(cloud: Cloud) -> FloatArray:
     corners = inward_corners(cloud)
     if len(corners):
         size = np.maximum(cKDTree(cloud.points[corners]).query(cloud.points)[0], CLOSEST * cloud.spacing)
+    flattest = FLATTEST * float(np.ptp(cloud.points, axis=0).max())
     for surface in cloud.surfaces.values():
         curve = surface.curve
-        if isinstance(curve, Arc) and curve.sweep < 0.0:
-            away = cloud.points - curve.points(curve.closest(cloud.points))
-            size = np.minimum(size, np.hypot(away[:, 0], away[:, 1]) + curve.radius)
+        if (curve.curvature(surface.arc_length) < 0.0).any():
+            near = curve.closest(cloud.points)
+            away = cloud.points - curve.points(near)
+            bend = np.minimum(curve.curvature(near), 0.0)
+            radius = 1.0 / np.maximum(-bend, 1.0 / flattest)
+            size = np.minimum(size, np.hypot(away[:, 0], away[:, 1]) + radius)
     if np.isinf(size).all():
         return np.ones(len(cloud.points))
     return np.asarray(size / size.max())

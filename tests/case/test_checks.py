@@ -221,8 +221,6 @@ def test_method_and_law(method: str, law: str, fits: bool) -> None:
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        *[(f'body.block.shape.kind="{kind}"', f'shape "{kind}"') for kind in ("mesh", "points")],
-        ('body.block.shape={kind="mesh", file="a.msh"}', 'shape "mesh"'),
         ("material.steel={stiffness=[[1,0,0],[0,1,0],[0,0,1]]}", "stiffness"),
         ('load.press={name="press", kind="body-force", bodyforce=[0,1]}', 'load kind "body-force"'),
         ("support.0.uy=0.1", "support that moves"),
@@ -244,6 +242,6 @@ def test_planned_keys_may_be_switched_off() -> None:
 
 
 def test_other_faults_are_told_beside_a_refusal() -> None:
-    found = problems(HERTZ, ['body.block.shape.kind="mesh"', "body.block.spacing=-1"])
-    assert [problem.key for problem in found] == ["body.block.shape.kind", "body.block.spacing"]
+    found = problems(HERTZ, ['probe=[{name="tip"}]', "body.block.spacing=-1"])
+    assert [problem.key for problem in found] == ["probe", "body.block.spacing"]
     assert len({planned.path for planned in PLANNED}) == len(PLANNED)

@@ -119,7 +119,9 @@ def test_ring() -> None:
     text = PLATE[: PLATE.index("kind")] + 'kind = "annulus"\ncenter = [0.0, 0.0]\nradii = [2.0, 1.0]\n'
     text += PLATE[PLATE.index("[[support]]") :].replace("plate.left", "plate.inner").replace("tip", "outer")
     assert only(text).key == "body.plate.shape.radii"
-    assert parse(text.replace("[2.0, 1.0]", "[1.0, 2.0]")).case.body[0].shape.size == 4.0
+    shape = parse(text.replace("[2.0, 1.0]", "[1.0, 2.0]")).case.body[0].shape
+    assert isinstance(shape, Annulus)
+    assert shape.size == 4.0
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,9 @@ def test_values_and_defaults() -> None:
 def test_whole_numbers_are_numbers_and_become_floats() -> None:
     case = parse(SQUARE + CLAMP + PULL).case
     assert isinstance(case.material["rubber"].E, float)
-    assert case.body[0].shape.size == 1.0
+    shape = case.body[0].shape
+    assert isinstance(shape, Rectangle)
+    assert shape.size == 1.0
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.reference.hertz import HertzLine
 from mlsanm_cli.reference.kirsch import KirschHole
 from mlsanm_cli.reference.lame import LameRing
+from mlsanm_cli.reference.persson import PinInHole
 from tests.app.scenes import Quiet
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -175,3 +176,18 @@ def test_kirsch(degree: int, nodes: int, overrides: tuple[str, ...], bar: float,
     assert ligament.sum() > 100
     assert np.abs(difference[ligament]).max() <= 3.5 * bar
     assert np.abs(difference).max() <= 3.5 * bar
+
+
+@pytest.mark.parametrize("clearance", [0.1, 0.03, 0.01])
+def test_pin_in_hole(clearance: float, tmp_path: Path) -> None:
+    hole = (
+        f"body.plate.shape.center=[0.0, {clearance}]",
+        f"body.plate.shape.radii=[{10 + clearance}, 200.0]",
+    )
+    summary, _ = solve("pin_in_hole", tmp_path / "pin", *hole)
+    pin = PinInHole(10.0, clearance, 5000.0, 210e3)
+    contact = summary["contacts"]["fit"]
+    assert summary["nodes"] <= 8000
+    assert contact["peak_pressure"] == pytest.approx(pin.peak_pressure, rel=0.01)
+    assert contact["half_width"] == pytest.approx(10.0 * pin.half_angle, rel=0.01)
+    assert contact["force"] == pytest.approx([0.0, 5000.0], abs=5.0)

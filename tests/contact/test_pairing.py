@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, Surface, build_cloud
-from mlsanm_cli.cloud.curves import Outline, Segment, disk, half_disk, rectangle
+from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle
+from mlsanm_cli.cloud.loops import Loop, trace
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.contact.pairing import OPPOSED, Pairing, pair_surfaces, spacing_ratio, transfer
 
@@ -210,3 +211,54 @@ def test_transfer_is_local() -> None:
     on_slave = one.points[pairing.node, 0][shares.coords[1]]
     on_master = other.points[other.surfaces["top"].index, 0][shares.coords[0]]
     assert np.abs(on_slave - on_master).max() <= 0.25
+
+
+def pin_in_hole(shift: float) -> tuple[Pairing, Cloud, Cloud]:
+    """A pin of radius 1 in a hole of radius 1.1, nearest to it ``shift`` radians from the top."""
+    place = 0.05 * np.array([-math.sin(shift), math.cos(shift)])
+    pin = disk((float(place[0]), float(place[1])), 1.0)
+    return pair(pin, "arc", annulus((0.0, 0.0), (1.1, 2.0)), "inner", even(0.1, 0.1))
+
+
+@given(shift=st.floats(-3.0, 3.0))
+@settings(max_examples=10)
+def test_a_pin_in_a_hole_is_cut_open_where_its_gap_is_widest(shift: float) -> None:
+    pairing, one, _ = pin_in_hole(shift)
+    assert len(pairing.position) == len(pairing.slave.index)
+    assert pairing.gap[0] == pairing.gap.max()
+    assert (np.diff(pairing.arc) > 0.0).all()
+    points = one.points[pairing.node]
+    assert np.abs(pairing.gap - (1.1 - np.hypot(*points.T))).max() <= 1e-14
+
+
+@given(shift=st.floats(-3.0, 3.0))
+@settings(max_examples=10)
+def test_a_pressure_all_around_reaches_every_node_of_the_hole(shift: float) -> None:
+    pairing, _, hole = pin_in_hole(shift)
+    assert pairing.all_around
+    carried = transfer(pairing, hole)
+    angle = np.arctan2(*hole.points[pairing.master.index].T)
+    assert np.abs(carried @ np.ones(len(pairing.gap)) - 1.0).max() <= 1e-13
+    own = np.arctan2(*(pairing.slave.curve.points(pairing.slave.arc_length)[pairing.position]).T)
+    assert np.abs(carried @ np.cos(own) - np.cos(angle)).max() <= 0.07
+    part = pairing.with_reach(0.1)
+    assert not part.all_around
+    assert 0 < (transfer(part, hole) @ np.ones(part.candidate.sum())).sum() < len(angle)
+
+
+def test_gaps_to_a_master_known_by_its_nodes_converge_to_those_of_its_circle() -> None:
+    pin = build_cloud(disk((0.0, -0.05), 1.0), Spacing(0.1), 0)
+    errors = []
+    for count in (20, 40, 80):
+        angle = -2.0 * np.pi * np.arange(count) / count
+        rim = 1.1 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        outer = np.array([[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]])
+        loops = [Loop(np.arange(4), ("",) * 4), Loop(4 + np.arange(count), ("hole",) * count)]
+        hole = build_cloud(trace(np.concatenate([outer, rim]), loops, 0.7).outline, Spacing(0.1), 0)
+        pairing = pair_surfaces("c", "pin", pin, pin.surfaces["arc"], "hole", hole, hole.surfaces["hole"])
+        assert len(pairing.position) == len(pin.surfaces["arc"].index)
+        exact = 1.1 - np.hypot(*pin.points[pairing.node].T)
+        errors.append(np.abs(pairing.gap - exact).max())
+    assert np.log2(errors[0] / errors[1]) >= 3.7
+    assert np.log2(errors[1] / errors[2]) >= 3.7
+    assert errors[-1] <= 1e-6

@@ -1,0 +1,182 @@
+"""The boundary of a body given as elements, and everything that makes elements no body.
+
+Elements are rings of nodes: corners and mid-side nodes around each, in either direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.loops import Loop, signed_area
+from mlsanm_cli.errors import GeometryError
+
+SMALL = 1e-9
+"""Nodes nearer than this part of the extent are one; elements flatter than this part of a square are none."""
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What names the boundary's edges.
+
+    ``lines`` (l, 2) of nodes have ``names`` (l,), empty for none. A set of nodes names the edges between its
+    nodes, unless it has nodes inside the body.
+    """
+
+    lines: IntArray
+    names: tuple[str, ...]
+    node_sets: Mapping[str, IntArray]
+
+
+def boundary_loops(points: FloatArray, rings: Sequence[IntArray], marks: Marks) -> tuple[Loop, ...]:
+    """The boundary of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use.
+
+    Raises GeometryError for coincident nodes, degenerate or overlapping elements, edges of three elements,
+    separate parts, a boundary that touches itself, and marks that do not fit.
+    """
+    _refuse_coincident(points)
+    turned = [_counter_clockwise(points, ring) for ring in rings]
+    edges = np.concatenate([_ring_edges(ring) for ring in turned])
+    _refuse_overlaps(points, edges)
+    _refuse_parts(points, edges)
+    key, back = _key(edges, len(points)), _key(edges[:, ::-1], len(points))
+    boundary = edges[~np.isin(key, back)]
+    names = _edge_names(points, edges, boundary, marks)
+    loops = _chain(points, boundary, names)
+    outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
+    if sum(outer) != 1:
+        raise GeometryError("the elements overlap: their boundary does not go around them once")
+    return loops
+
+
+def _key(edges: IntArray, count: int) -> IntArray:
+    return np.asarray(edges[:, 0] * count + edges[:, 1])
+
+
+def _at(points: FloatArray, nodes: IntArray | Sequence[int]) -> str:
+    x, y = points[np.asarray(nodes)].mean(axis=0)
+    return f"({x:.6g}, {y:.6g})"
+
+
+def _refuse_coincident(points: FloatArray) -> None:
+    size = float(np.ptp(points, axis=0).max())
+    pairs = cKDTree(points).query_pairs(SMALL * size, output_type="ndarray")
+    if len(pairs):
+        raise GeometryError(
+            f"{len(pairs)} pairs of nodes coincide, the first at {_at(points, pairs[:1, 0])}",
+            "merge duplicate nodes before you write the file",
+        )
+
+
+def _counter_clockwise(points: FloatArray, ring: IntArray) -> IntArray:
+    """The rings (e, m), all counter-clockwise."""
+    corners = points[ring]
+    after = np.roll(corners, -1, axis=1) - corners
+    before = np.roll(after, 1, axis=1)
+    turn = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
+    x, y = np.moveaxis(corners - corners[:, :1], 2, 0)
+    area = 0.5 * (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
+    extent = np.ptp(corners, axis=1).max(axis=1)
+    flat = np.abs(area) <= SMALL * extent**2
+    # Curved sides may bend inward a little, but a corner that turns the wrong way is a folded element.
+    bends = (turn * np.sign(area)[:, None]) < 0.0
+    step = 1 if ring.shape[1] in (3, 4) else 2
+    flat |= bends[:, ::step].any(axis=1)
+    if flat.any():
+        place = _at(points, ring[int(np.argmax(flat))])
+        raise GeometryError(f"{int(flat.sum())} elements are flat or folded, the first near {place}")
+    return np.where((area < 0.0)[:, None], ring[:, ::-1], ring)
+
+
+def _ring_edges(ring: IntArray) -> IntArray:
+    return np.stack([ring.ravel(), np.roll(ring, -1, axis=1).ravel()], axis=1)
+
+
+def _refuse_overlaps(points: FloatArray, edges: IntArray) -> None:
+    both, times = np.unique(_key(np.sort(edges, axis=1), len(points)), return_counts=True)
+    if (times > 2).any():
+        edge = both[int(np.argmax(times > 2))]
+        raise GeometryError(
+            f"an edge belongs to more than two elements, near {_at(points, divmod(edge, len(points)))}"
+        )
+    one, times = np.unique(_key(edges, len(points)), return_counts=True)
+    if (times > 1).any():
+        edge = one[int(np.argmax(times > 1))]
+        raise GeometryError(f"two elements overlap near {_at(points, divmod(edge, len(points)))}")
+
+
+def _refuse_parts(points: FloatArray, edges: IntArray) -> None:
+    count = len(points)
+    graph = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    # Nodes in the middle of elements are on no edge.
+    label = np.full(count, -1)
+    on_edge = np.unique(edges)
+    label[on_edge] = np.unique(connected_components(graph, directed=False)[1][on_edge], return_inverse=True)[
+        1
+    ]
+    parts = int(label.max()) + 1
+    if parts > 1:
+        places = ", ".join(_at(points, np.flatnonzero(label == k)) for k in range(min(parts, 3)))
+        raise GeometryError(
+            f"the elements form {parts} separate parts, around {places}{' and more' if parts > 3 else ''}",
+            "one file per body, or name the group of elements it consists of with group",
+        )
+
+
+def _edge_names(points: FloatArray, edges: IntArray, boundary: IntArray, marks: Marks) -> tuple[str, ...]:
+    """Names (b,) of the boundary's edges."""
+    count = len(points)
+    place = {int(k): number for number, k in enumerate(_key(np.sort(boundary, axis=1), count))}
+    names = [""] * len(boundary)
+
+    def mark(edge: int, name: str) -> None:
+        if names[edge] not in ("", name):
+            raise GeometryError(
+                f'the groups "{names[edge]}" and "{name}" share the edge near {_at(points, boundary[edge])}',
+                "an edge belongs to one group only",
+            )
+        names[edge] = name
+
+    known = np.isin(_key(np.sort(marks.lines, axis=1), count), _key(np.sort(edges, axis=1), count))
+    if not known.all():
+        lost = marks.lines[int(np.argmin(known))]
+        raise GeometryError(f"the line element near {_at(points, lost)} is no edge of any element")
+    for key, name in zip(_key(np.sort(marks.lines, axis=1), count), marks.names, strict=True):
+        if name and int(key) in place:
+            mark(place[int(key)], name)
+    on_boundary = np.zeros(count, dtype=bool)
+    on_boundary[boundary] = True
+    for name, nodes in marks.node_sets.items():
+        inside: BoolArray = np.zeros(count, dtype=bool)
+        inside[nodes] = True
+        if on_boundary[nodes].all():
+            for edge in np.flatnonzero(inside[boundary].all(axis=1)):
+                mark(int(edge), name)
+    return tuple(names)
+
+
+def _chain(points: FloatArray, boundary: IntArray, names: tuple[str, ...]) -> tuple[Loop, ...]:
+    """Edges (b, 2) joined to loops."""
+    start, times = np.unique(boundary[:, 0], return_counts=True)
+    if (times > 1).any():
+        place = _at(points, start[[int(np.argmax(times > 1))]])
+        raise GeometryError(f"the boundary touches itself in the node at {place}", "two parts share one node")
+    following = {int(a): (int(b), name) for (a, b), name in zip(boundary, names, strict=True)}
+    loops = []
+    while following:
+        first = node = next(iter(following))
+        nodes, along = [], []
+        while True:
+            nodes.append(node)
+            node, name = following.pop(node)
+            along.append(name)
+            if node == first:
+                break
+        loops.append(Loop(np.array(nodes, dtype=np.int64), tuple(along)))
+    return tuple(loops)

@@ -1,0 +1,199 @@
+"""From the nodes along a body's boundary to its outline: corners kept, smooth where smooth.
+
+The outline is cut at corners and where names change. Between two corners one spline runs through all nodes,
+so that a change of name alone leaves no kink; stretches on a line become straight lines.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud, Surface
+from mlsanm_cli.cloud.curves import Curve, Outline, Segment
+from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.cloud.triangles import triangulate
+from mlsanm_cli.errors import GeometryError
+
+ALIGNED = 0.9
+STRAIGHT = 1e-8
+"""Nodes this near to a line, in parts of the body's extent, lie on it."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Boundary nodes ``nodes`` (k,) in order, the material on the left; ``names[j]`` is that of the edge from
+    node j to the next, empty where it has none."""
+
+    nodes: IntArray
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Traced:
+    """An outline with the nodes it runs through: ``nodes[c]`` (b,) of curve c, both ends included, on a
+    closed curve each once."""
+
+    outline: Outline
+    nodes: tuple[IntArray, ...]
+
+
+@dataclass(frozen=True)
+class _Piece:
+    name: str
+    curve: Curve
+    nodes: IntArray
+
+
+def signed_area(points: FloatArray) -> float:
+    """Area inside a closed polygon ``points`` (k, 2), negative where it runs clockwise."""
+    x, y = (points - points[0]).T
+    return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+
+
+def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:
+    """The outline through the loops' nodes, with corners where it turns by more than ``corner`` (radian).
+
+    The loop around everything comes first; each begins at its lowest corner. Names that several curves have
+    get numbers along the outline, curves without a name are edge1, edge2 and so on. Raises GeometryError
+    where that leaves two curves with one name.
+    """
+    size = float(np.ptp(points, axis=0).max())
+    cut = [list(_pieces(points, _begun(points, loop, corner), corner, STRAIGHT * size)) for loop in loops]
+    outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
+    cut = [cut[k] for k in sorted(range(len(cut)), key=lambda k: not outer[k])]
+    pieces = [piece for loop in cut for piece in loop]
+    starts = np.cumsum([0, *map(len, cut)])[:-1]
+    outline = Outline(_names(pieces), tuple(piece.curve for piece in pieces), tuple(map(int, starts)))
+    return Traced(outline, tuple(piece.nodes for piece in pieces))
+
+
+def cloud_of_nodes(points: FloatArray, traced: Traced, normals: FloatArray | None = None) -> Cloud:
+    """The cloud of nodes that came with their outline; its spacing is the distance of neighbours.
+
+    ``normals`` (n, 2) take the place of the curves' where they are within 25 degrees of these: at a corner
+    a node has one normal in a file and two here.
+    """
+    surfaces = {}
+    for name, curve, nodes in zip(traced.outline.names, traced.outline.curves, traced.nodes, strict=True):
+        arc = _node_arcs(curve, points[nodes])
+        normal = curve.normals(arc)
+        if normals is not None:
+            given = normals[nodes]
+            normal = np.where((given * normal).sum(axis=1, keepdims=True) > ALIGNED, given, normal)
+        surfaces[name] = Surface(name, curve, nodes, arc, normal)
+    cloud = Cloud(points, np.ones(len(points)), surfaces)
+    triangles = triangulate(points, cloud.edges, look(points, cloud.edges))
+    return Cloud(points, _neighbour_distance(points, triangles), surfaces)
+
+
+def _node_arcs(curve: Curve, points: FloatArray) -> FloatArray:
+    if isinstance(curve, SplinePart):
+        return curve.node_arcs[: len(points)]
+    arc = curve.closest(points)
+    arc[-1] = curve.length
+    return arc
+
+
+def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Median length of the triangles' edges at every node, its mean over the neighbours (n,).
+
+    0 at nodes that are in no triangle.
+    """
+    ends = np.concatenate([triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
+    ends = np.unique(np.sort(ends, axis=1), axis=0)
+    length = np.tile(np.hypot(*(points[ends[:, 0]] - points[ends[:, 1]]).T), 2)
+    node, other = ends.T.ravel(), ends[:, ::-1].T.ravel()
+    order = np.lexsort((length, node))
+    count = np.bincount(node, minlength=len(points))
+    first = np.cumsum(count) - count
+    length = np.append(length[order], 0.0)
+    low, high = first + (count - 1) // 2, first + count // 2
+    spacing = 0.5 * (length[np.minimum(low, len(length) - 1)] + length[np.minimum(high, len(length) - 1)])
+    spacing[count == 0] = 0.0
+    # Meshes differ from node to node by more than any spacing that was asked for.
+    return np.asarray((spacing + np.bincount(node, spacing[other], len(points))) / (count + 1))
+
+
+def turns(points: FloatArray) -> FloatArray:
+    """Angles (k,) by which a closed polygon turns left at its points."""
+    after = np.roll(points, -1, axis=0) - points
+    before = np.roll(after, 1, axis=0)
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return np.asarray(np.arctan2(cross, (before * after).sum(axis=1)))
+
+
+def _begun(points: FloatArray, loop: Loop, corner: float) -> Loop:
+    """The loop turned around so that it begins at its lowest corner, else change of name, else node."""
+    sharp, renamed = _breaks(points, loop, corner)
+    choice = next((mask for mask in (sharp, renamed) if mask.any()), np.ones(len(sharp), dtype=bool))
+    candidates = np.flatnonzero(choice)
+    x, y = points[loop.nodes[candidates]].T
+    first = int(candidates[np.lexsort((x, y))[0]])
+    return Loop(np.roll(loop.nodes, -first), (*loop.names[first:], *loop.names[:first]))
+
+
+def _breaks(points: FloatArray, loop: Loop, corner: float) -> tuple[BoolArray, BoolArray]:
+    """Where a loop has corners, and where the name changes."""
+    sharp = np.abs(turns(points[loop.nodes])) > corner
+    renamed = np.array([name != before for before, name in zip(("", *loop.names), loop.names, strict=False)])
+    renamed[0] = loop.names[0] != loop.names[-1]
+    return sharp, renamed
+
+
+def _pieces(points: FloatArray, loop: Loop, corner: float, small: float) -> Iterator[_Piece]:
+    """The curves of one loop, in order; nodes within ``small`` of a line lie on it."""
+    sharp, renamed = _breaks(points, loop, corner)
+    count = len(sharp)
+    nodes = np.append(loop.nodes, loop.nodes[0])
+    corners = np.flatnonzero(sharp)
+    ends = np.flatnonzero(sharp | renamed)
+    if not len(ends):
+        spline = NodeSpline(points[nodes], True)
+        yield _Piece(loop.names[0], SplinePart(spline, 0, count), loop.nodes)
+        return
+    if len(ends) == 1:
+        # A curve that ends where it begins is two: no surface has a node twice.
+        ends = np.array([0, count // 2])
+    chains = np.append(corners, count) if len(corners) else np.array([0, count])
+    for first, last in pairwise(chains.tolist()):
+        spline = NodeSpline(points[nodes[first : last + 1]], not len(corners))
+        inner = np.concatenate([ends[(ends >= first) & (ends < last)], [last]])
+        for start, stop in pairwise(inner.tolist()):
+            place = points[nodes[start : stop + 1]]
+            straight = _straight(place, small) and (stop - start > 1 or len(inner) == 2)
+            curve: Curve = SplinePart(spline, start - first, stop - first)
+            if straight:
+                (x0, y0), (x1, y1) = place[[0, -1]].tolist()
+                curve = Segment((x0, y0), (x1, y1))
+            yield _Piece(loop.names[start], curve, nodes[start : stop + 1])
+
+
+def _straight(points: FloatArray, small: float) -> bool:
+    along = points[-1] - points[0]
+    length = float(np.hypot(*along))
+    if length <= small:
+        return False
+    away = points - points[0]
+    return bool((np.abs(away[:, 0] * along[1] - away[:, 1] * along[0]) <= small * length).all())
+
+
+def _names(pieces: Sequence[_Piece]) -> tuple[str, ...]:
+    """Names of all curves: numbered where several have the same, and where they have none."""
+    total = Counter(piece.name for piece in pieces)
+    passed: Counter[str] = Counter()
+    names = []
+    for piece in pieces:
+        passed[piece.name] += 1
+        several = total[piece.name] > 1 or not piece.name
+        names.append(f"{piece.name or 'edge'}{passed[piece.name]}" if several else piece.name)
+    for name, times in Counter(names).items():
+        if times > 1:
+            raise GeometryError(f'two boundaries would be called "{name}"', "rename that group in the file")
+    return tuple(names)

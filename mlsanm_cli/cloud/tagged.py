@@ -1,0 +1,201 @@
+"""Boundary loops from nodes with tags: those of one tag stand in order along it, in either direction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.loops import Loop, signed_area, turns
+from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.errors import GeometryError
+
+LEAP = 4.0
+"""A step so many times longer than those beside it is no step along one boundary."""
+BACK = np.radians(150.0)
+"""A boundary that turns by more than this has gone back."""
+ALIGNED = 0.9
+"""A given normal has at least this component along the outline's own."""
+SMALL = 1e-9
+
+
+@dataclass(frozen=True)
+class TaggedNodes:
+    """``points`` (n, 2) with ``tags`` (n,), empty inside, and ``places`` (n,) for messages."""
+
+    points: FloatArray
+    tags: tuple[str, ...]
+    places: tuple[str, ...]
+
+
+def tagged_loops(nodes: TaggedNodes) -> tuple[Loop, ...]:
+    """Closed loops through the tagged nodes, the material on the left.
+
+    A node between two tags belongs to both: the one at which the outline turns more. Raises GeometryError,
+    naming the place in the file, for coincident nodes, an open or jumbled boundary, loops side by side and
+    nodes outside.
+    """
+    _refuse_coincident(nodes)
+    chains = _chains(nodes)
+    loops = [_oriented(nodes.points, loop) for loop in _linked(nodes, chains)]
+    area = [abs(signed_area(nodes.points[loop.nodes])) for loop in loops]
+    outer = int(np.argmax(area))
+    found = tuple(loop if k == outer else _reversed(loop) for k, loop in enumerate(loops))
+    _refuse_outside(nodes, found, outer)
+    return found
+
+
+def check_normals(nodes: TaggedNodes, loops: Sequence[Loop], normals: FloatArray) -> None:
+    """Raise GeometryError for a given normal (n, 2; nan for none) that does not point out of the material."""
+    for loop in loops:
+        place, given = nodes.points[loop.nodes], normals[loop.nodes]
+        before, after = place - np.roll(place, 1, axis=0), np.roll(place, -1, axis=0) - place
+        # At a corner the normal of either side will do, and one between them.
+        sides = [step / np.hypot(*step.T)[:, None] for step in (before, after, before + after)]
+        along = np.max([given[:, 0] * t[:, 1] - given[:, 1] * t[:, 0] for t in sides], axis=0)
+        wrong = ~(np.isnan(along) | (along > ALIGNED))
+        if wrong.any():
+            worst = int(np.argmax(wrong))
+            node = loop.nodes[worst]
+            way = "inward" if along[worst] < 0.0 else "astray"
+            raise GeometryError(
+                f"{nodes.places[node]}: the normal at {_at(nodes.points[node])} points {way} "
+                f'({int(wrong.sum())} such normals on the loop of "{nodes.tags[node]}")',
+                "normals point out of the material; leave nx and ny empty to have them derived",
+            )
+    inside = np.flatnonzero(~np.isnan(normals[:, 0]) & np.array([not tag for tag in nodes.tags]))
+    if len(inside):
+        raise GeometryError(f"{nodes.places[inside[0]]}: a normal at a node without a tag")
+
+
+def _at(point: FloatArray) -> str:
+    return f"({point[0]:.6g}, {point[1]:.6g})"
+
+
+def _refuse_coincident(nodes: TaggedNodes) -> None:
+    size = float(np.ptp(nodes.points, axis=0).max())
+    pairs = cKDTree(nodes.points).query_pairs(SMALL * size, output_type="ndarray")
+    if len(pairs):
+        one, other = np.sort(pairs[np.argmin(pairs.max(axis=1))])
+        raise GeometryError(
+            f"{nodes.places[other]}: the node {_at(nodes.points[other])} is that of "
+            f"{nodes.places[one]} again",
+            "a corner stands there once, with either tag",
+        )
+
+
+def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
+    """The nodes of every tag in the file's order."""
+    tags = np.array(nodes.tags, dtype=object)
+    names = [name for name in dict.fromkeys(nodes.tags) if name]
+    if not names:
+        raise GeometryError("no node has a tag: there is no boundary", "the column tag names the boundary")
+    chains = {name: np.flatnonzero(tags == name) for name in names}
+    for name, chain in chains.items():
+        if len(chain) < 2:
+            raise GeometryError(f'{nodes.places[chain[0]]}: "{name}" has one node only', "two nodes or more")
+        step = np.hypot(*np.diff(nodes.points[chain], axis=0).T)
+        beside = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
+        leap = (step > LEAP * beside) & (len(step) > 1)
+        back = np.append(False, np.abs(turns(nodes.points[chain]))[1:-1] > BACK)
+        if (leap | back).any():
+            place = int(np.argmax(leap | back))
+            one, other = (nodes.places[chain[k]] for k in (place, place + 1))
+            raise GeometryError(
+                f'the nodes of "{name}" form no curve: it {"leaps" if leap[place] else "turns back"} '
+                f"from {one} to {other}",
+                "list the nodes of a boundary in order along it, and give separate stretches separate tags",
+            )
+    return chains
+
+
+def _linked(nodes: TaggedNodes, chains: dict[str, IntArray]) -> list[Loop]:
+    """Chains joined end to end, nearest ends first; the loops run either way round."""
+    points = nodes.points
+    ends = [(name, side) for name in chains for side in (0, -1)]
+    place = np.array([points[chains[name][side]] for name, side in ends])
+    distance = np.hypot(*(place[:, None] - place[None, :]).T)
+    distance[np.diag_indices(len(ends))] = np.inf
+    for k, (name, _) in enumerate(ends):
+        if len(chains[name]) == 2:
+            distance[k, k ^ 1] = np.inf
+    partner: dict[int, int] = {}
+    for flat in np.argsort(distance, axis=None, kind="stable"):
+        one, other = divmod(int(flat), len(ends))
+        if np.isfinite(distance[one, other]) and one not in partner and other not in partner:
+            _refuse_gap(nodes, chains, ends[one], ends[other])
+            partner[one], partner[other] = other, one
+    loops = []
+    left = set(range(len(ends)))
+    while left:
+        end, along, names = min(left), [], []
+        while end in left:
+            left -= {end, end ^ 1}
+            chain = chains[ends[end][0]]
+            along.append(chain if end % 2 == 0 else chain[::-1])
+            names.append(ends[end][0])
+            end = partner[end ^ 1]
+        loops.append(_joined(points, along, names))
+    return loops
+
+
+def _refuse_gap(
+    nodes: TaggedNodes, chains: dict[str, IntArray], one: tuple[str, int], other: tuple[str, int]
+) -> None:
+    """Raise GeometryError where the ends of two chains are too far apart to be neighbours."""
+    node, facing = (chains[name][side] for name, side in (one, other))
+    gap = float(np.hypot(*(nodes.points[node] - nodes.points[facing])))
+    steps = [
+        float(
+            np.hypot(*(nodes.points[chains[name][side]] - nodes.points[chains[name][1 if side == 0 else -2]]))
+        )
+        for name, side in (one, other)
+    ]
+    if gap > LEAP * max(steps):
+        raise GeometryError(
+            f'the boundary is open between "{one[0]}" ({nodes.places[node]}) and "{other[0]}" '
+            f"({nodes.places[facing]}), {gap:.4g} apart",
+            "give all nodes of the boundary a tag",
+        )
+
+
+def _joined(points: FloatArray, chains: Sequence[IntArray], names: Sequence[str]) -> Loop:
+    """One loop of chains in order; the edge between two goes to the one that does not own the corner."""
+    nodes = np.concatenate(chains)
+    turn = np.abs(turns(points[nodes]))
+    along, at = [], 0
+    for k, chain in enumerate(chains):
+        at += len(chain)
+        following = names[(k + 1) % len(names)]
+        corner_here = turn[at - 1] > turn[at % len(nodes)]
+        along += [names[k]] * (len(chain) - 1) + [following if corner_here else names[k]]
+    return Loop(nodes, tuple(along))
+
+
+def _oriented(points: FloatArray, loop: Loop) -> Loop:
+    return loop if signed_area(points[loop.nodes]) > 0.0 else _reversed(loop)
+
+
+def _reversed(loop: Loop) -> Loop:
+    return Loop(loop.nodes[::-1], (*loop.names[-2::-1], loop.names[-1]))
+
+
+def _refuse_outside(nodes: TaggedNodes, loops: Sequence[Loop], outer: int) -> None:
+    chords = [np.hstack([p, np.roll(p, -1, axis=0)]) for p in (nodes.points[loop.nodes] for loop in loops)]
+    for k, loop in enumerate(loops):
+        others = [chords[j] for j in range(len(loops)) if j != k]
+        if k != outer and not inside_polygon(np.concatenate(others), nodes.points[loop.nodes[:1]])[0]:
+            first = int(loop.nodes.min())
+            tag = nodes.tags[first]
+            raise GeometryError(
+                f'the loop of "{tag}" ({nodes.places[first]}) is no hole in the body',
+                "one body per file",
+            )
+    inner = np.flatnonzero([not tag for tag in nodes.tags])
+    outside = inner[~inside_polygon(np.concatenate(chords), nodes.points[inner])]
+    if len(outside):
+        place = nodes.places[outside[0]]
+        raise GeometryError(f"{place}: the node {_at(nodes.points[outside[0]])} lies outside the boundary")

@@ -1,0 +1,252 @@
+"""Meshes of other programs, and the only use of meshio.
+
+It is imported when the first file is read or written, since its import alone takes as long as writing a
+dozen files.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.io.atomic import replacing
+
+if TYPE_CHECKING:
+    import meshio
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+PLANE = 1e-9
+"""Parts of the extent by which z may vary."""
+PHYSICAL = "gmsh:physical"
+_NOT_NAMES = ("gmsh:geometrical", "gmsh:bounding_entities")
+
+# Nodes around each element, in meshio's (that is VTK's) numbering; nodes inside come after these.
+_RINGS: Mapping[str, tuple[int, ...]] = {
+    "triangle": (0, 1, 2),
+    "triangle6": (0, 3, 1, 4, 2, 5),
+    "triangle7": (0, 3, 1, 4, 2, 5),
+    "quad": (0, 1, 2, 3),
+    "quad8": (0, 4, 1, 5, 2, 6, 3, 7),
+    "quad9": (0, 4, 1, 5, 2, 6, 3, 7),
+}
+_LINES: Mapping[str, tuple[int, ...]] = {"line": (0, 1), "line3": (0, 2, 1)}
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """The elements of one body.
+
+    ``points`` (n, 2) in use; ``rings`` are arrays (e, m) of the nodes around elements; ``lines`` (l, 2) with
+    their group's name in ``names`` (l,), empty for none; ``node_sets`` are the named sets of nodes.
+    """
+
+    points: FloatArray
+    rings: tuple[IntArray, ...]
+    lines: IntArray
+    names: tuple[str, ...]
+    node_sets: Mapping[str, IntArray]
+
+
+def write_vertices(path: Path, points: FloatArray, data: Mapping[str, NDArray[Any]]) -> None:
+    """Write ``points`` (n, 3) as a VTU file of vertex cells with point data."""
+    import meshio
+
+    mesh = meshio.Mesh(points, [("vertex", np.arange(len(points))[:, None])], point_data=dict(data))
+    with replacing(path) as temporary:
+        # Uncompressed: half as large again, ten times as fast.
+        meshio.write(temporary, mesh, file_format="vtu", compression=None)
+
+
+def read_mesh(path: Path, group: str | None = None) -> MeshFile:
+    """The triangles and quads of a file, of those only the ones of the ``group`` if one is named.
+
+    Raises GeometryError for files that cannot be read, other elements, nodes out of plane, unknown groups.
+    """
+    mesh = _read(path)
+    points = _plane(mesh.points)
+    blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells]
+    for kind, cells in blocks:
+        if kind not in _RINGS and kind not in _LINES and kind != "vertex":
+            raise GeometryError(
+                f'there are elements of type "{kind}"', f"triangles and quads only: {', '.join(_RINGS)}"
+            )
+        if len(cells) and not 0 <= cells.min() <= cells.max() < len(points):
+            raise GeometryError("an element refers to a node that the file does not have")
+    _drop_weak_sets(mesh, path)
+    chosen = [_chosen(mesh, number, kind, len(c), group) for number, (kind, c) in enumerate(blocks)]
+    faces = [
+        (kind, cells[mask]) for (kind, cells), mask in zip(blocks, chosen, strict=True) if kind in _RINGS
+    ]
+    if not any(len(cells) for _, cells in faces):
+        _refuse_empty(mesh, blocks, group)
+    used = np.unique(np.concatenate([cells.ravel() for _, cells in faces]))
+    number = np.full(len(points), -1, dtype=np.int64)
+    number[used] = np.arange(len(used))
+    lines, names = _lines(mesh, blocks, number, group)
+    sets = {_name(name): number[np.asarray(nodes, dtype=np.int64)] for name, nodes in mesh.point_sets.items()}
+    if len(sets) < len(mesh.point_sets):
+        raise GeometryError("two sets of nodes differ only in characters that no boundary's name can have")
+    return MeshFile(
+        points[used],
+        tuple(number[cells[:, _RINGS[kind]]] for kind, cells in faces if len(cells)),
+        lines,
+        names,
+        {name: nodes[nodes >= 0] for name, nodes in sets.items()},
+    )
+
+
+def _read(path: Path) -> meshio.Mesh:
+    import meshio
+
+    said = io.StringIO()
+    try:
+        # meshio prints its errors and leaves the program.
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            # What numpy says of numbers that end too early.
+            warnings.filterwarnings("error", message="string or file could not be read")
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:
+        reason = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
+        hint = "Gmsh .msh 2.2 and 4.1, Abaqus .inp and VTU are known to work"
+        if PHYSICAL in reason:
+            hint = "it has elements without a group: write it with Mesh.SaveAll = 0 or MshFileVersion = 2.2"
+        raise GeometryError(f"meshio cannot read it: {reason}", hint) from error
+
+
+def _drop_weak_sets(mesh: meshio.Mesh, path: Path) -> None:
+    """Leave out sets that come with Abaqus elements as they are listed, where others name the same ones.
+
+    Programs name every list of elements; sets of their own line say more. meshio only tells lists apart
+    where all of them have a name.
+    """
+    if path.suffix.lower() != ".inp":
+        return
+    lists = re.findall(r"(?im)^\*element\b(.*)$", path.read_text(errors="replace"))
+    names = [
+        match[1] for match in (re.search(r"(?i)\belset\s*=\s*([^,\s]+)", text) for text in lists) if match
+    ]
+    told_apart = len(lists) == len(set(names)) == len(mesh.cells)
+    strong = [cells for name, cells in mesh.cell_sets.items() if name not in names]
+    for name in names:
+        if not told_apart:
+            mesh.cell_sets.pop(name, None)
+        elif name in mesh.cell_sets:
+            mesh.cell_sets[name] = [
+                np.setdiff1d(own, np.concatenate([own[:0], *(cells[block] for cells in strong)]))
+                for block, own in enumerate(mesh.cell_sets[name])
+            ]
+
+
+def _plane(points: NDArray[Any]) -> FloatArray:
+    """Points (n, 2) of (n, 2) or (n, 3) in a plane of constant z."""
+    points = np.asarray(points, dtype=np.float64)
+    if points.ndim != 2 or not len(points):
+        raise GeometryError("there are no nodes")
+    if not np.isfinite(points).all():
+        raise GeometryError(f"node {int(np.argmin(np.isfinite(points).all(axis=1))) + 1} has no finite place")
+    extent = np.ptp(points, axis=0)
+    if points.shape[1] == 3 and extent[2] > PLANE * extent.max():
+        raise GeometryError(f"the nodes lie in no plane: z varies by {extent[2]:g}", "z = 0 for all nodes")
+    return np.ascontiguousarray(points[:, :2])
+
+
+def _chosen(mesh: meshio.Mesh, number: int, kind: str, count: int, group: str | None) -> NDArray[np.bool_]:
+    if group is None or kind not in _RINGS:
+        return np.full(count, kind in _RINGS)
+    return np.array([group in names for names in _groups(mesh, number, 2, count)], dtype=bool)
+
+
+def _refuse_empty(mesh: meshio.Mesh, blocks: Sequence[tuple[str, IntArray]], group: str | None) -> None:
+    if group is None:
+        raise GeometryError("there are no triangles or quads")
+    known = {
+        name
+        for number, (kind, cells) in enumerate(blocks)
+        if kind in _RINGS
+        for names in _groups(mesh, number, 2, len(cells))
+        for name in names
+    }
+    raise GeometryError(
+        f'there is no group of elements "{group}"', f"groups: {', '.join(sorted(known)) or 'none'}"
+    )
+
+
+def _lines(
+    mesh: meshio.Mesh, blocks: Sequence[tuple[str, IntArray]], number: IntArray, group: str | None
+) -> tuple[IntArray, tuple[str, ...]]:
+    """Edges (l, 2) of the line elements in new node numbers, with their names."""
+    edges, names = [np.zeros((0, 2), dtype=np.int64)], []
+    for place, (kind, cells) in enumerate(blocks):
+        if kind not in _LINES:
+            continue
+        groups = _groups(mesh, place, 1, len(cells))
+        chain = number[cells[:, _LINES[kind]]]
+        own = (chain >= 0).all(axis=1)
+        if group is None and not own.all():
+            raise GeometryError("a line element has a node that no triangle or quad has")
+        for line, found in ((chain[k], groups[k]) for k in np.flatnonzero(own)):
+            if len(found) > 1:
+                raise GeometryError(f"a line element is in several groups: {', '.join(found)}", "in one only")
+            steps = np.stack([line[:-1], line[1:]], axis=1)
+            edges.append(steps)
+            names += [found[0] if found else ""] * len(steps)
+    return np.concatenate(edges), tuple(names)
+
+
+def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[tuple[str, ...]]:
+    """Names of the groups that each of the ``count`` cells of a block is in."""
+    found: list[tuple[str, ...]] = [()] * count
+    if PHYSICAL in mesh.cell_data or not mesh.cell_sets:
+        values = _tags(mesh)
+        if values is None:
+            return found
+        array, tags = values
+        known = {int(tag): name for name, (tag, d) in mesh.field_data.items() if d == dimension}
+        prefix = array.rpartition(":")[2]
+        return [(_name(known.get(tag, f"{prefix}{tag}")),) if tag else () for tag in map(int, tags[block])]
+    for name, cells in mesh.cell_sets.items():
+        if name not in _NOT_NAMES and len(cells) == len(mesh.cells) and cells[block] is not None:
+            for cell in map(int, cells[block]):
+                if not 0 <= cell < count:
+                    raise GeometryError(f'the set "{name}" has an element that the file does not have')
+                found[cell] = (*found[cell], _name(name))
+    return found
+
+
+def _tags(mesh: meshio.Mesh) -> tuple[str, list[NDArray[Any]]] | None:
+    """The integers that tell groups apart: Gmsh's physical groups, else the only such data there are."""
+    if PHYSICAL in mesh.cell_data:
+        return PHYSICAL, mesh.cell_data[PHYSICAL]
+    whole = {
+        name: values
+        for name, values in mesh.cell_data.items()
+        if name not in _NOT_NAMES and all(_is_whole(np.asarray(v)) for v in values)
+    }
+    if len(whole) > 1:
+        raise GeometryError(
+            f"several cell data could name the boundaries: {', '.join(whole)}", "leave one integer array"
+        )
+    return next(iter(whole.items()), None)
+
+
+def _is_whole(values: NDArray[Any]) -> bool:
+    return values.ndim == 1 and values.dtype.kind in "iu"
+
+
+def _name(name: str) -> str:
+    """A group's name with the characters that names of boundaries may have."""
+    plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name.strip())
+    return f"group{plain}" if plain.isdecimal() else plain

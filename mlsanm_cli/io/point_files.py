@@ -1,0 +1,141 @@
+"""Clouds of nodes in files: CSV tables and HDF5 files with the columns x, y, tag, nx, ny."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.errors import GeometryError
+
+FloatArray = NDArray[np.float64]
+
+COLUMNS = ("x", "y", "tag", "nx", "ny")
+NEEDED = COLUMNS[:3]
+UNIT = 1e-3
+"""Normals may differ from unit length by this much; they are scaled."""
+
+
+@dataclass(frozen=True)
+class PointFile:
+    """``points`` (n, 2), ``tags`` (n,) empty inside, ``normals`` (n, 2) nan where none is given, and
+    ``places`` (n,), what to call each in a message."""
+
+    points: FloatArray
+    tags: tuple[str, ...]
+    normals: FloatArray
+    places: tuple[str, ...]
+
+
+def read_points(path: Path) -> PointFile:
+    """A cloud from a ``.csv`` file or, for any other ending, an HDF5 file.
+
+    Raises GeometryError that names the line or row for everything that is no such cloud.
+    """
+    table, places = _csv(path) if path.suffix.lower() == ".csv" else _hdf5(path)
+    numbers = {name: _numbers(name, table[name], places) for name in table if name != "tag"}
+    tags = tuple(text.strip() for text in table["tag"])
+    for tag, place in zip(tags, places, strict=True):
+        if tag and not tag.replace("-", "_").isidentifier():
+            raise GeometryError(f'{place}: the tag "{tag}" is no name', "letters, digits, _ and - only")
+    points = np.stack([numbers["x"], numbers["y"]], axis=1)
+    wrong = ~np.isfinite(points).all(axis=1)
+    if wrong.any():
+        raise GeometryError(f"{places[int(np.argmax(wrong))]}: the node has no place")
+    missing = np.full(len(points), np.nan)
+    normals = np.stack([numbers.get("nx", missing), numbers.get("ny", missing)], axis=1)
+    given = ~np.isnan(normals)
+    half = given.any(axis=1) & ~given.all(axis=1)
+    if half.any():
+        raise GeometryError(f"{places[int(np.argmax(half))]}: a normal needs both nx and ny")
+    length = np.hypot(*normals.T)
+    bad = given.all(axis=1) & (np.abs(length - 1.0) > UNIT)
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise GeometryError(f"{places[first]}: the normal has length {length[first]:.4g}, not 1")
+    return PointFile(points, tags, normals / length[:, None], places)
+
+
+Table = Mapping[str, Sequence[str]]
+
+
+def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise GeometryError(f"it is no UTF-8 text (byte {error.start})") from error
+    lines = csv.reader(text.splitlines())
+    header = [name.strip() for name in next(lines, [])]
+    _check_columns(header, "line 1")
+    rows, places = [], []
+    for row in lines:
+        if not any(cell.strip() for cell in row):
+            continue
+        place = f"line {lines.line_num}"
+        if len(row) != len(header):
+            raise GeometryError(f"{place}: {len(row)} values for {len(header)} columns")
+        rows.append(row)
+        places.append(place)
+    if not rows:
+        raise GeometryError("there are no nodes", f"a header {','.join(COLUMNS)} and a line per node")
+    return dict(zip(header, zip(*rows, strict=True), strict=True)), tuple(places)
+
+
+def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            found = [name for name in COLUMNS if isinstance(file.get(name), h5py.Dataset)]
+            _check_columns(found, "the datasets")
+            table = {name: [_text(value) for value in np.ravel(file[name][()])] for name in found}
+    except OSError as error:
+        raise GeometryError(f"it is no HDF5 file ({error})", "a cloud is a .csv or an HDF5 file") from error
+    counts = {name: len(values) for name, values in table.items()}
+    if len(set(counts.values())) != 1:
+        sizes = ", ".join(f"{name} {count}" for name, count in counts.items())
+        raise GeometryError(f"the datasets differ in length: {sizes}")
+    if not counts["x"]:
+        raise GeometryError("there are no nodes")
+    return table, tuple(f"row {row}" for row in range(counts["x"]))
+
+
+def _text(value: Any) -> str:
+    return value.decode() if isinstance(value, bytes) else "" if _is_nan(value) else str(value)
+
+
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float) and math.isnan(value)
+
+
+def _check_columns(names: Sequence[str], where: str) -> None:
+    for name in names:
+        if name not in COLUMNS:
+            raise GeometryError(f'{where}: unknown column "{name}"', f"columns: {', '.join(COLUMNS)}")
+        if names.count(name) > 1:
+            raise GeometryError(f'{where}: the column "{name}" is there twice')
+    missing = [name for name in NEEDED if name not in names]
+    if missing:
+        raise GeometryError(
+            f"{where}: no column {', '.join(missing)}", "x, y, tag; nx and ny if you have them"
+        )
+    if ("nx" in names) != ("ny" in names):
+        raise GeometryError(f"{where}: nx and ny go together")
+
+
+def _numbers(name: str, values: Sequence[str], places: Sequence[str]) -> FloatArray:
+    """Numbers (n,), nan for empty cells."""
+    numbers = np.full(len(values), np.nan)
+    for row, text in enumerate(values):
+        if text.strip():
+            try:
+                numbers[row] = float(text)
+            except ValueError as error:
+                raise GeometryError(f"{places[row]}: {name} is no number: {text.strip()!r}") from error
+    return numbers

@@ -1,0 +1,288 @@
+"""Bodies from files through check and run: results, round trip, and everything that is wrong with a file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.foreign import load_with_files
+from mlsanm_cli.app.plot import plot
+from mlsanm_cli.app.run import run
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import case_hash
+from mlsanm_cli.cli import main
+from mlsanm_cli.errors import CaseError
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import Quiet
+
+DATA = Path(__file__).parents[1] / "data"
+
+PULLED = """format = 1
+[model]
+plane = "stress"
+[material.steel]
+E = 210e3
+nu = 0.3
+[[body]]
+name = "plate"
+material = "steel"
+[body.shape]
+kind = "mesh"
+file = "plate.msh"
+[[support]]
+boundary = "plate.left"
+ux = 0.0
+[[support]]
+body = "plate"
+near = [-5.0, 0.0]
+uy = 0.0
+[[load]]
+name = "pull"
+boundary = "plate.right"
+kind = "traction"
+traction = [100.0, 0.0]
+"""
+CLOUD = PULLED.replace('"mesh"', '"points"').replace("plate.msh", "plate.csv")
+OUTLINE = PULLED.replace('material = "steel"\n[', 'material = "steel"\nspacing = 1.0\n[')
+OUTLINE = OUTLINE.replace('file = "plate.msh"', 'file = "plate.msh"\nuse = "outline"')
+
+
+def write(folder: Path, text: str) -> Path:
+    (folder / "case.toml").write_text(text)
+    return folder / "case.toml"
+
+
+def polar_plate(around: int, half: float) -> tuple[FloatArray, IntArray]:
+    """Quads between a hole of radius 1 and a square of half-width ``half``, as near to squares as can be."""
+    angle = 2.0 * np.pi * (np.arange(around) + 0.5) / around
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    square = half * circle / np.abs(circle).max(axis=1)[:, None]
+    corner = np.arange(around // 8, around, around // 4)
+    square[corner] = half * np.sign(circle[corner])
+    rings = round(around / (2.0 * np.pi) * np.log(half))
+    part = np.expm1(np.linspace(0.0, np.log(half), rings + 1)) / (half - 1.0)
+    points = np.concatenate([circle + p * (square - circle) for p in part])
+    one = np.arange(around * rings).reshape(rings, around)
+    quads = np.stack(
+        [one, np.roll(one, -1, axis=1), np.roll(one, -1, axis=1) + around, one + around], axis=-1
+    )
+    return points, quads.reshape(-1, 4)
+
+
+def write_gmsh(path: Path, points: FloatArray, quads: IntArray) -> None:
+    """Clockwise quads, with the left and right sides as groups."""
+    sides = {"right": 1.0, "left": -1.0}
+    edges = np.stack([quads[:, 2], quads[:, 3]], axis=1)
+    x = points[edges][:, :, 0]
+    lines = [edges[np.isclose(x, sign * points[:, 0].max()).all(axis=1)] for sign in sides.values()]
+    cells = [("quad", quads[:, ::-1]), ("line", np.concatenate(lines))]
+    tags = [np.full(len(quads), 9), np.repeat([1, 2], [len(line) for line in lines])]
+    meshio.Mesh(
+        np.pad(points, ((0, 0), (0, 1))),
+        cells,
+        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+        field_data={name: np.array([k, 1]) for k, name in enumerate(sides, 1)},
+    ).write(path, file_format="gmsh22", binary=False)
+
+
+@pytest.mark.parametrize("use", ["nodes", "outline"])
+def test_stress_concentration_of_a_mesh_used_both_ways(use: str, tmp_path: Path) -> None:
+    # cases/kirsch.toml with this width, degree 6 and 300 nodes around the hole has 3.021.
+    write_gmsh(tmp_path / "plate.msh", *polar_plate(96, 20.0))
+    text = PULLED.replace("-5.0", "-20.0")
+    if use == "outline":
+        text = OUTLINE.replace("-5.0", "-20.0").replace("spacing = 1.0", "spacing = 4.0")
+        refine = '[[body.refine]]\nalong = "edge3"\nspacing = 0.05\nradius = 0.0\ngrowth = 0.14\n'
+        text = text.replace("[[support]]", refine + "[[support]]", 1)
+    case, out = write(tmp_path, text), tmp_path / "out"
+    summary = run(case, overrides=("mls.degree=4",), out=out, console=Quiet())
+    assert summary["status"] == "done"
+    assert not summary["warnings"]
+    state = read_run(out)
+    points, stress = state.bodies["plate"].points, state.states[-1].bodies["plate"]["stress"]
+    rim = np.hypot(*points.T) < 1.0 + 1e-6
+    assert rim.sum() >= 80
+    assert abs(stress[rim, 0].max() / 302.1 - 1.0) <= 0.01
+
+
+def test_points_with_tags_are_a_body_and_pull_evenly(tmp_path: Path) -> None:
+    grid = np.stack(np.meshgrid(np.linspace(-5.0, 5.0, 11), np.linspace(-2.0, 2.0, 6)), axis=-1).reshape(
+        -1, 2
+    )
+    tag = np.select(
+        [grid[:, 0] == -5.0, grid[:, 0] == 5.0, grid[:, 1] == -2.0, grid[:, 1] == 2.0],
+        ["left", "right", "bottom", "top"],
+        "",
+    )
+    rows = "".join(f"{x},{y},{name}\n" for (x, y), name in zip(grid, tag, strict=True))
+    (tmp_path / "plate.csv").write_text("x,y,tag\n" + rows)
+    summary = run(write(tmp_path, CLOUD), out=tmp_path / "out", console=Quiet())
+    assert summary["nodes"] == 66
+    stress = read_run(tmp_path / "out").states[-1].bodies["plate"]["stress"]
+    assert stress == pytest.approx(np.tile([100.0, 0.0, 0.0], (66, 1)), abs=1e-6)
+
+
+def test_the_resolved_case_names_the_file_and_its_content(tmp_path: Path) -> None:
+    (tmp_path / "plate.msh").write_text((DATA / "plate22.msh").read_text())
+    run(write(tmp_path, PULLED), out=tmp_path / "elsewhere" / "out", console=Quiet())
+    # Pictures need the run only.
+    (tmp_path / "plate.msh").rename(tmp_path / "gone.msh")
+    assert plot(tmp_path / "elsewhere" / "out")
+    (tmp_path / "gone.msh").rename(tmp_path / "plate.msh")
+    resolved = tmp_path / "elsewhere" / "out" / "resolved.toml"
+    first, second = load_with_files(tmp_path / "case.toml"), load_with_files(resolved)
+    assert first.case == second.case
+    moved = tmp_path / "moved"
+    moved.mkdir()
+    (moved / "plate.msh").write_text((DATA / "plate22.msh").read_text())
+    assert load_with_files(write(moved, PULLED)).case_hash == first.case_hash == case_hash(second.case)
+    (tmp_path / "plate.msh").write_text((DATA / "plate22.msh").read_text() + "\n")
+    with pytest.raises(CaseError, match="it has changed since the case was resolved"):
+        load_with_files(resolved)
+    assert load_with_files(tmp_path / "case.toml").case_hash != first.case_hash
+
+
+GOOD = (DATA / "plate22.msh").read_text()
+RING = [(np.cos(a), np.sin(a), "rim") for a in 2.0 * np.pi * np.arange(24) / 24]
+
+
+def csv(rows: list[tuple[object, ...]], header: str = "x,y,tag") -> str:
+    return "\n".join([header, *(",".join(map(str, row)) for row in rows), ""])
+
+
+def ring_case(text: str) -> str:
+    return re.sub(r"plate\.(left|right)", "plate.rim", text).split("[[load]]")[0] + (
+        '[[load]]\nname = "p"\nboundary = "plate.edge"\nkind = "pressure"\npressure = 1.0\n'
+    )
+
+
+# The case, the file's name and content, what the message names, and how the line told begins.
+BAD = {
+    "missing file": (PULLED, "other.msh", GOOD, ("cannot read", "plate.msh"), "file ="),
+    "broken mesh": (
+        PULLED,
+        "plate.msh",
+        GOOD[: len(GOOD) // 2],
+        ("plate.msh: meshio cannot read it",),
+        "file =",
+    ),
+    "empty mesh": (PULLED, "plate.msh", "", ("plate.msh",), "file ="),
+    "missing group": (
+        PULLED.replace("plate.right", "plate.rigth"),
+        "plate.msh",
+        GOOD,
+        ('no boundary "rigth"', "plate.right"),
+        'boundary = "plate.rigth',
+    ),
+    "missing group of elements": (
+        PULLED.replace('"plate.msh"', '"plate.msh"\ngroup = "steel"'),
+        "plate.msh",
+        GOOD,
+        ('no group of elements "steel"', "sheet"),
+        "file =",
+    ),
+    "spacing of given nodes": (
+        OUTLINE.replace('use = "outline"\n', ""),
+        "plate.msh",
+        GOOD,
+        ("body.plate.spacing", "no meaning", 'use = "outline"'),
+        "spacing =",
+    ),
+    "no spacing to fill with": (
+        OUTLINE.replace("spacing = 1.0\n", ""),
+        "plate.msh",
+        GOOD,
+        ("body.plate.spacing", "missing"),
+        "[[body]]",
+    ),
+    "refined nodes": (
+        PULLED + "[adapt]\npasses = 1\n",
+        "plate.msh",
+        GOOD,
+        ("cannot be refined",),
+        "passes =",
+    ),
+    "unknown use": (
+        OUTLINE.replace('"outline"', '"outlines"'),
+        "plate.msh",
+        GOOD,
+        ('did you mean "outline"',),
+        "use =",
+    ),
+    "reference without radius": (
+        PULLED + '[reference]\nsolution = "hertz-line"\n',
+        "plate.msh",
+        GOOD,
+        ("needs a [[contact]]",),
+        "solution =",
+    ),
+    "empty boundary": (
+        CLOUD,
+        "plate.csv",
+        csv([(0, 0, ""), (1, 0, ""), (0, 1, "")]),
+        ("plate.csv: no node has a tag",),
+        "file =",
+    ),
+    "normals inward": (
+        ring_case(CLOUD),
+        "plate.csv",
+        csv([(x, y, t, -x, -y) for x, y, t in RING], "x,y,tag,nx,ny"),
+        ("line 2: the normal at (1, 0) points inward", "24 such"),
+        "file =",
+    ),
+    "duplicate nodes": (
+        ring_case(CLOUD),
+        "plate.csv",
+        csv([*RING, (0, 0, ""), (0, 0, "")]),
+        ("line 27", "line 26 again"),
+        "file =",
+    ),
+    "crossing outline": (
+        ring_case(CLOUD),
+        "plate.csv",
+        csv([(x, (x + 0.1) * y, t) for x, y, t in RING]),
+        ("the outline crosses itself near (",),
+        "file =",
+    ),
+    "nodes that form no curve": (
+        ring_case(CLOUD),
+        "plate.csv",
+        csv([RING[(5 * k) % 24] for k in range(24)]),
+        ("the outline crosses itself",),
+        "file =",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_files_end_with_one_clear_message(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, file, content, words, line = BAD[name]
+    case = write(tmp_path, text)
+    (tmp_path / file).write_text(content)
+    assert main(["run", str(case), "--out", str(tmp_path / "out")]) == 2
+    message = capsys.readouterr().err
+    for word in words:
+        assert word in message
+    assert "Traceback" not in message
+    number = next(k for k, row in enumerate(text.splitlines(), 1) if row.startswith(line))
+    assert f"case.toml:{number}:" in message
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_reference_needs_radii_that_the_case_states(tmp_path: Path) -> None:
+    (tmp_path / "plate.msh").write_text(GOOD)
+    block = '[[body]]\nname = "block"\nmaterial = "steel"\nspacing = 1.0\n[body.shape]\nkind = "rectangle"\n'
+    block += 'x = [5.0, 9.0]\ny = [-5.0, 5.0]\n[[support]]\nboundary = "block.right"\nux = 0.0\nuy = 0.0\n'
+    text = PULLED.replace('"plate.left"\nux = 0.0', '"plate.left"\nux = 0.0\nuy = 0.0')
+    text = text[: text.index("[[support]]\nbody")] + text[text.index("[[load]]") :]
+    text = text.replace("plate.right", "plate.top").replace("[[support]]", block + "[[support]]", 1)
+    text += '[[contact]]\nname = "c"\nslave = "plate.right"\nmaster = "block.left"\n'
+    case = write(tmp_path, text + '[reference]\nsolution = "uniform-pressure"\n')
+    with pytest.raises(CaseError, match=r"plate\.right comes from a file"):
+        run(case, out=tmp_path / "out", console=Quiet())

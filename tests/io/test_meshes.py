@@ -1,0 +1,127 @@
+"""Meshes of other programs: what is read of them, and what is refused.
+
+``tests/data`` holds plates with a hole, of Gmsh 4.15: triangles in version 2.2 of its format and in Abaqus's,
+quads with mid-side nodes in version 4.1.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.io.meshes import MeshFile, read_mesh
+
+DATA = Path(__file__).parents[1] / "data"
+GROUPS = {"bottom", "right", "top", "left", "hole"}
+SQUARE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [2.0, 0.0, 0.0]])
+TWO = [("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2]])]
+
+
+def write(path: Path, points: np.ndarray = SQUARE, cells: object = TWO, **data: object) -> Path:
+    meshio.Mesh(points, cells, **data).write(path)
+    return path
+
+
+def places(mesh: MeshFile, name: str) -> np.ndarray:
+    chosen = np.array([other == name for other in mesh.names])
+    found: np.ndarray = mesh.points[np.unique(mesh.lines[chosen])]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("file", "nodes", "around", "hole"),
+    [("plate22.msh", 72, 3, 12), ("plate.inp", 72, 3, 12), ("plate41.msh", 336, 8, 32)],
+)
+def test_gmsh_and_abaqus_files_with_groups(file: str, nodes: int, around: int, hole: int) -> None:
+    mesh = read_mesh(DATA / file)
+    assert {ring.shape[1] for ring in mesh.rings} >= {around}
+    assert set(mesh.names) == GROUPS
+    assert np.hypot(*places(mesh, "hole").T) == pytest.approx(np.ones(hole))
+    assert (places(mesh, "left")[:, 0] == -5.0).all()
+    assert abs(len(mesh.points) - nodes) < 0.2 * nodes
+
+
+def test_a_vtu_file_names_boundaries_by_its_only_integers(tmp_path: Path) -> None:
+    cells = [*TWO, ("line", [[0, 1], [1, 4]])]
+    tags = [np.array([0]), np.array([0]), np.array([7, 8])]
+    mesh = read_mesh(write(tmp_path / "a.vtu", cells=cells, cell_data={"side": tags}))
+    assert mesh.names == ("side7", "side8")
+    path = write(tmp_path / "b.vtu", cells=cells, cell_data={"side": tags, "part": tags})
+    with pytest.raises(GeometryError, match="several cell data could name the boundaries: side, part"):
+        read_mesh(path)
+
+
+def test_sets_of_nodes_and_unnamed_lists_of_an_abaqus_file(tmp_path: Path) -> None:
+    text = "*NODE\n" + "".join(f"{k + 1}, {x}, {y}\n" for k, (x, y, _) in enumerate(SQUARE))
+    text += "*ELEMENT, TYPE=CPS4\n1, 1, 2, 3, 4\n*ELEMENT, TYPE=CPS3, ELSET=tip\n2, 2, 5, 3\n"
+    (tmp_path / "a.inp").write_text(text + "*NSET, NSET=foot plate\n1, 2, 5\n")
+    mesh = read_mesh(tmp_path / "a.inp")
+    assert {name: sorted(nodes) for name, nodes in mesh.node_sets.items()} == {"foot_plate": [0, 1, 4]}
+    # meshio gives the first list the name of the second: better none than a wrong one.
+    with pytest.raises(GeometryError, match='no group of elements "tip"'):
+        read_mesh(tmp_path / "a.inp", "tip")
+
+
+def test_one_group_of_elements_is_a_body(tmp_path: Path) -> None:
+    tags = [np.array([1]), np.array([2]), np.array([5])]
+    cells = [*TWO, ("line", [[1, 4]])]
+    path = tmp_path / "a.msh"
+    meshio.Mesh(
+        SQUARE,
+        cells,
+        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+        field_data={"block": np.array([1, 2]), "wedge": np.array([2, 2]), "foot": np.array([5, 1])},
+    ).write(path, file_format="gmsh22", binary=False)
+    whole, wedge, block = read_mesh(path), read_mesh(path, "wedge"), read_mesh(path, "block")
+    assert [len(mesh.points) for mesh in (whole, wedge, block)] == [5, 3, 4]
+    assert wedge.names == ("foot",)
+    assert block.names == ()
+    with pytest.raises(GeometryError, match='no group of elements "wedg"') as error:
+        read_mesh(path, "wedg")
+    assert error.value.hint == "groups: block, wedge"
+
+
+def test_nodes_of_no_element_are_left_out_and_any_plane_will_do(tmp_path: Path) -> None:
+    points = np.vstack([np.full(3, 9.0), SQUARE + np.array([0.0, 0.0, 9.0])])
+    cells = [("quad", [[1, 2, 3, 4]]), ("triangle", [[2, 5, 3]])]
+    mesh = read_mesh(write(tmp_path / "a.vtu", points, cells))
+    assert mesh.points == pytest.approx(SQUARE[:, :2])
+    assert [ring.tolist() for ring in mesh.rings] == [[[0, 1, 2, 3]], [[1, 4, 2]]]
+
+
+@pytest.mark.parametrize(
+    ("points", "cells", "words"),
+    [
+        (SQUARE, [("tetra", [[0, 1, 2, 3]])], 'type "tetra"'),
+        (SQUARE + np.arange(5.0)[:, None] * [0, 0, 1], TWO, "z varies by 4"),
+        (SQUARE, [("line", [[0, 1]])], "no triangles or quads"),
+        (SQUARE, [("triangle", [[0, 1, 7]])], "a node that the file does not have"),
+        (SQUARE * [1.0, np.nan, 1.0], TWO, "node 1 has no finite place"),
+    ],
+)
+def test_what_is_no_plane_mesh_is_refused(
+    points: np.ndarray, cells: object, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(GeometryError, match=words):
+        read_mesh(write(tmp_path / "a.vtu", points, cells))
+
+
+def test_broken_files_are_refused_in_one_sentence(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    text = (DATA / "plate22.msh").read_text()
+    for name, content in {
+        "cut.msh": text[: len(text) // 2],
+        "empty.msh": "",
+        "noise.msh": "no mesh at all\n",
+        "cut.inp": (DATA / "plate.inp").read_text()[:3000],
+        "noise.vtu": "<VTKFile>",
+        "unknown.xyz": text,
+    }.items():
+        (tmp_path / name).write_text(content)
+        with pytest.raises(GeometryError) as error:
+            read_mesh(tmp_path / name)
+        assert error.value.message
+    assert capfd.readouterr() == ("", "")

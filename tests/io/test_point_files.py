@@ -1,0 +1,71 @@
+"""Clouds in CSV and HDF5 files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.io.point_files import read_points
+
+TABLE = """x, y, tag, nx, ny
+0.0, 0.0, floor, 0.0, -1.0
+
+1.0, 0.0, floor, ,
+0.5, 0.5, , ,
+"""
+
+
+def test_a_table_is_read_with_the_places_of_its_lines(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("\ufeff" + TABLE, encoding="utf-8")
+    cloud = read_points(tmp_path / "a.csv")
+    assert cloud.points.tolist() == [[0.0, 0.0], [1.0, 0.0], [0.5, 0.5]]
+    assert cloud.tags == ("floor", "floor", "")
+    assert cloud.normals[0].tolist() == [0.0, -1.0]
+    assert np.isnan(cloud.normals[1:]).all()
+    assert cloud.places == ("line 2", "line 4", "line 5")
+
+
+def test_hdf5_holds_the_columns_as_datasets(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["x"], file["y"] = np.array([0.0, 1.0]), np.array([0.1, 1.1])
+        file["tag"] = np.array([b"rim", b""])
+    cloud = read_points(tmp_path / "a.h5")
+    assert cloud.points.tolist() == [[0.0, 0.1], [1.0, 1.1]]
+    assert cloud.tags == ("rim", "")
+    assert np.isnan(cloud.normals).all()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("x, y, tag", "x, y, name", 'line 1: unknown column "name"'),
+        ("x, y, tag, nx, ny", "x, y, x, nx, ny", "line 1: the column .x. is there twice"),
+        (", nx, ny", ", nx", "line 1: nx and ny go together"),
+        ("1.0, 0.0, floor, ,", "1.0, zero, floor, ,", "line 4: y is no number: 'zero'"),
+        ("1.0, 0.0, floor, ,", "1.0, nan, floor, ,", "line 4: the node has no place"),
+        ("1.0, 0.0, floor, ,", "1.0, 0.0, floor", "line 4: 3 values for 5 columns"),
+        ("1.0, 0.0, floor, ,", "1.0, 0.0, the floor, ,", "line 4: the tag .the floor. is no name"),
+        ("0.0, -1.0\n", "0.0, -2.0\n", "line 2: the normal has length 2, not 1"),
+        ("0.0, -1.0\n", "0.0,\n", "line 2: a normal needs both"),
+        (TABLE[TABLE.index("0.0") :], "", "there are no nodes"),
+    ],
+)
+def test_wrong_tables_are_refused_with_their_line(old: str, new: str, words: str, tmp_path: Path) -> None:
+    assert old in TABLE
+    (tmp_path / "a.csv").write_text(TABLE.replace(old, new))
+    with pytest.raises(GeometryError, match=words):
+        read_points(tmp_path / "a.csv")
+
+
+def test_files_that_are_no_cloud_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.h5").write_text("no HDF5")
+    (tmp_path / "b.csv").write_bytes(b"x,y,tag\n\xff")
+    with h5py.File(tmp_path / "c.h5", "w") as file:
+        file["x"], file["y"], file["tag"] = np.zeros(2), np.zeros(3), np.array([b"", b""])
+    for name, words in (("a.h5", "no HDF5 file"), ("b.csv", "no UTF-8"), ("c.h5", "x 2, y 3, tag 2")):
+        with pytest.raises(GeometryError, match=words):
+            read_points(tmp_path / name)
