@@ -13,7 +13,7 @@ from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.judge import force_balance, judge_balance, judge_linear, judge_spacing, judge_state
 from mlsanm_cli.app.paths import path_of
 from mlsanm_cli.app.provenance import attributes
-from mlsanm_cli.app.quality import assess, law_warnings
+from mlsanm_cli.app.quality import assess, case_warnings
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import check_reference
 from mlsanm_cli.app.signals import Stopper
@@ -58,7 +58,7 @@ def run(
         try:
             for note in prepared.notes:
                 console.note(note)
-            for warning in (*quality.warnings, *law_warnings(loaded.case)):
+            for warning in (*quality.warnings, *case_warnings(loaded.case)):
                 recorder.warn(warning)
             adapted = adapt(loaded.case, prepared, clock, console)
             built = adapted.built

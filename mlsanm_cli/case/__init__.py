@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from mlsanm_cli.case.base import split_boundary
-from mlsanm_cli.case.loads import Displacement, Load, Platen, Pressure, Traction
+from mlsanm_cli.case.expressions import ExpressionError, value_at
+from mlsanm_cli.case.loads import (
+    AnyLoad,
+    BodyForce,
+    Displacement,
+    Load,
+    Platen,
+    Pressure,
+    Temperature,
+    Traction,
+)
+from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.model import (
     Adapt,
     Body,
     Case,
     Contact,
-    Material,
     Mls,
     Model,
     Output,
@@ -25,12 +35,15 @@ from mlsanm_cli.case.shapes import Annulus, AnyShape, Disk, HalfDisk, Polygon, R
 __all__ = [
     "Adapt",
     "Annulus",
+    "AnyLoad",
     "AnyShape",
     "Body",
+    "BodyForce",
     "Case",
     "Contact",
     "Disk",
     "Displacement",
+    "ExpressionError",
     "HalfDisk",
     "Load",
     "LoadedCase",
@@ -49,10 +62,12 @@ __all__ = [
     "Shape",
     "Solver",
     "Support",
+    "Temperature",
     "Traction",
     "case_hash",
     "load_case",
     "parse_case",
     "resolved_mapping",
     "split_boundary",
+    "value_at",
 ]

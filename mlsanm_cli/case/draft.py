@@ -12,11 +12,10 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from mlsanm_cli.case.loads import Displacement, Load, Platen, Pressure, Traction
-from mlsanm_cli.case.model import Body, Contact, Material, Mls, Model, Output, Solver, Support
+from mlsanm_cli.case.loads import AnyLoad, Load
+from mlsanm_cli.case.materials import Material
+from mlsanm_cli.case.model import Body, Contact, Mls, Model, Output, Solver, Support
 from mlsanm_cli.case.shapes import AnyShape, Shape
-
-AnyLoad = Traction | Pressure | Displacement | Platen
 
 _SHAPE: TypeAdapter[AnyShape] = TypeAdapter(Shape)
 _BODY: TypeAdapter[Body] = TypeAdapter(Body)

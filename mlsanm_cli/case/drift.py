@@ -1,7 +1,7 @@
 """Bodies that nothing holds: the stiffness of such a body is singular.
 
-A rigid motion moves the point (x, y) by (tx - w y, ty + w x). Every held component of a boundary forbids
-one combination of (tx, ty, w); a body is held when the combinations have rank 3.
+A rigid motion moves the point (x, y) by (tx - w y, ty + w x). Every component of a boundary that is held, or
+pulled back by springs, forbids one combination of (tx, ty, w); a body is held when they have rank 3.
 """
 
 from __future__ import annotations
@@ -67,21 +67,21 @@ def held_rows(draft: Draft, body: Body, in_contact: bool) -> Iterator[Row]:
     same rule.
     """
     for support in draft.supports.values():
-        held = (support.ux is not None, support.uy is not None)
+        held = support.holds
         if support.body == body.name and support.near is not None:
             yield from _rows(body, support.near, held)
         elif support.boundary is not None and split_boundary(support.boundary)[0] == body.name:
             for point in body.shape.samples(split_boundary(support.boundary)[1]):
                 yield from _rows(body, point, held)
     for load in draft.loads.values():
-        name, edge = split_boundary(load.boundary)
-        if name != body.name:
+        if load.owner != body.name or not isinstance(load, Displacement | Platen):
             continue
-        points = body.shape.samples(edge)
+        points = body.shape.samples(split_boundary(load.boundary)[1])
         if isinstance(load, Displacement):
+            held = (load.components[0] is not None, load.components[1] is not None)
             for point in points:
-                yield from _rows(body, point, (True, True))
-        elif isinstance(load, Platen):
+                yield from _rows(body, point, held)
+        else:
             yield from _platen_rows(body, points, load, in_contact)
 
 

@@ -52,8 +52,6 @@ PLANNED: tuple[Planned, ...] = (
         part=3,
         hint='use "polygon", or one of the simpler shapes',
     ),
-    Planned(("material", "*", "stiffness"), "a full stiffness matrix", part=2, hint="give E and nu instead"),
-    Planned(("load", "*", "kind"), 'load kind "{}"', _one_of("body-force"), part=2),
     Planned(("support", "*", "ux"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("support", "*", "uy"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("contact", "*", "obstacle"), "a rigid obstacle", part=2, hint="give slave and master"),

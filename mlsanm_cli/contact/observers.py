@@ -87,6 +87,18 @@ def reaction_rows(body: ElasticBody, surface_name: str, center: tuple[float, flo
     return sparse.csr_array(total)
 
 
+def spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
+    """Forces (2b, 2n) of the springs on a surface's nodes, in x and then in y."""
+    surface = body.model.cloud.surfaces[surface_name]
+    blocks = [
+        nodal_rows(surface.index, component, len(body.model.nodes)).multiply(
+            -spring * surface.weight[:, None]
+        )
+        for component, spring in enumerate(body.springs[surface_name])
+    ]
+    return sparse.csr_array(sparse.vstack(blocks, format="csr"))
+
+
 def _integrated_gradient(cloud: Cloud, phi: FloatArray) -> FloatArray:
     """Integral of grad phi over the triangles, shared out to the nodes (n, 2): a third of each corner's."""
     triangles = cloud.triangles
@@ -127,6 +139,13 @@ def _weighted_stress(
                 rows = stress_rows(stencils, model.material.stiffness, part)
                 total = total + sparse.csr_array(resultant(unit, points, center)) @ rows
     return sparse.csr_array(total)
+
+
+def nodal_resultant(points: FloatArray, center: tuple[float, float], factor: FloatArray) -> FloatArray:
+    """Resultant (3, 2b) of forces on ``points`` (b, 2) in x and then in y, scaled by ``factor`` (b, 2)."""
+    unit = np.zeros((2, *points.shape))
+    unit[0, :, 0], unit[1, :, 1] = factor.T
+    return np.concatenate([resultant(one, points, center) for one in unit], axis=1)
 
 
 def resultant(forces: FloatArray, points: FloatArray, center: tuple[float, float]) -> FloatArray:

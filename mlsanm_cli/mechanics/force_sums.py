@@ -12,7 +12,7 @@ by 0.9 of what it should.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sparse
@@ -31,15 +31,16 @@ def force_sums(
     held_nodes: Sequence[tuple[int, int]],
     first_row: Mapping[str, int],
     rows: int,
+    springs: Collection[str] = (),
 ) -> FloatArray:
     """Factors (3 CUTS, r) by which the body's rows add up to force x, y and moment beyond every cut.
 
     ``first_row`` and ``rows`` (r) are those of the body. A cut is a ramp from 0 to 1 of the distance from
-    what is held, along the triangles of the nodes; on the held surfaces all ramps are 0, so that no reaction
-    counts.
+    what is held or on ``springs``, along the triangles of the nodes; on these surfaces all ramps are 0, so
+    that no reaction counts.
     """
     count = len(cloud.points)
-    distance = _distance(cloud, held, held_nodes)
+    distance = _distance(cloud, held, held_nodes, springs)
     length = float(distance.max())
     area = cloud.areas
     arm = (cloud.points - cloud.points.mean(axis=0)) / length
@@ -61,10 +62,14 @@ def force_sums(
 
 
 def _distance(
-    cloud: Cloud, held: Mapping[str, tuple[bool, bool]], held_nodes: Sequence[tuple[int, int]]
+    cloud: Cloud,
+    held: Mapping[str, tuple[bool, bool]],
+    held_nodes: Sequence[tuple[int, int]],
+    springs: Collection[str],
 ) -> FloatArray:
     """Distance (n,) of every node from the held ones, along the edges of the triangles."""
-    start = [cloud.surfaces[name].index for name, components in held.items() if any(components)]
+    anchored = [*(name for name, components in held.items() if any(components)), *springs]
+    start = [cloud.surfaces[name].index for name in anchored]
     start.append(np.array([node for node, _ in held_nodes], dtype=np.int64))
     ends = np.stack([cloud.triangles, np.roll(cloud.triangles, 1, axis=1)], axis=-1).reshape(-1, 2)
     lengths = np.linalg.norm(cloud.points[ends[:, 0]] - cloud.points[ends[:, 1]], axis=1)

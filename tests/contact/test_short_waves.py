@@ -78,7 +78,7 @@ def test_contacts_keep_to_themselves() -> None:
     nothing = LinearMap(
         np.zeros(2 * m), np.zeros((2 * m, 1)), np.zeros((2 * m, 0)), np.eye(2 * m), np.zeros((2 * m, 2 * m))
     )
-    both = resolved_slip(nothing, (pairing,), {pairing.name: slice(m, 2 * m)}, {pairing.name: 1.0})
+    both = resolved_slip(nothing, (pairing,), {pairing.name: slice(m, 2 * m)}, {pairing.name: np.ones(m)})
     assert (both.pressure[:m] == np.eye(2 * m)[:m]).all()
     assert np.abs(both.pressure[m:] - np.eye(2 * m)[m:]).max() > 0.1
     assert (both.traction[:m] == 0.0).all()

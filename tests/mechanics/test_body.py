@@ -12,7 +12,7 @@ from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import CLOSEST, POWER, corner_weight
-from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
+from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic
 from mlsanm_cli.operators.least_squares import LeastSquares
 from mlsanm_cli.operators.settings import Scheme
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, with_body_force
@@ -65,7 +65,7 @@ class Polynomial:
 def test_polynomial_patch(degree: int, held: dict[str, tuple[bool, bool]], scheme: Scheme) -> None:
     spacing = Spacing(0.12, (Zone.around((0.2, 1.0), 0.03, 0.1, 0.12),))
     cloud = build_cloud(rectangle((0.0, 1.5), (0.0, 1.0)), spacing, 0)
-    full = PlaneMaterial(np.array([[5.0, 1.2, 0.7], [1.2, 3.0, -0.4], [0.7, -0.4, 2.0]]), 0.0, 1.0)
+    full = anisotropic(np.array([[5.0, 1.2, 0.7], [1.2, 3.0, -0.4], [0.7, -0.4, 2.0]]), "stress")
     exact = Polynomial(degree, full.stiffness)
     body = build(cloud, held, degree, full, scheme=scheme)
     source = boundary_values(body, exact.displacement, exact.stress)
