@@ -16,7 +16,7 @@ from functools import lru_cache
 from mlsanm_cli.case.report import suggestion
 
 LONGEST = 500
-DEEPEST = 40
+DEEPEST = 100
 
 Value = Callable[[float, float], float]
 Operation = Callable[..., float]
@@ -77,8 +77,7 @@ def compile_expression(text: str) -> Value:
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        hint = "powers are written x**2" if "^" in text else ""
-        raise ExpressionError(f'"{text}" is no expression in x and y', hint) from error
+        raise ExpressionError(f'"{text}" is no expression in x and y') from error
     return _compiled(tree.body, DEEPEST)
 
 
@@ -121,7 +120,9 @@ def _compiled(node: ast.expr, depth: int) -> Value:
         )
     if isinstance(node, ast.Call):
         return _applied(_function(node), parts)
-    raise ExpressionError(f"{_quoted(node)} has no place in an expression in x and y")
+    power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor)
+    hint = "powers are written x**2" if power else ""
+    raise ExpressionError(f"{_quoted(node)} has no place in an expression in x and y", hint)
 
 
 def _applied(operation: Operation, parts: list[Value]) -> Value:

@@ -19,8 +19,8 @@ def surface_compliance(stiffness: FloatArray) -> FloatArray:
         L = 1/pi int_0^pi (Q - R T^-1 R^T) d theta
 
     It does not depend on which way the surface runs, and is 2/E' in all directions for an isotropic material
-    of plane modulus E' (Ting, Anisotropic Elasticity, 1996, sections 6.4, 7.5 and 8.2,
-    doi:10.1093/oso/9780195074475.001.0001). Without friction, contact along the normal n is therefore that of
+    of plane modulus E' (Ting, Anisotropic Elasticity, Oxford University Press 1996, ISBN 9780195074475).
+    Without friction, contact along the normal n is therefore that of
     an isotropic half-plane with 1/E' = n M n / 2.
     """
     angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
