@@ -16,6 +16,7 @@ from mlsanm_cli.contact.pairing import Pairing, pair_surfaces
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.body import BodyModel, assemble
+from mlsanm_cli.mechanics.springs import gripped, stiffest_soft
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
 
@@ -74,7 +75,11 @@ def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
     }
     pairings = tuple(pair(case, clouds))
     held_nodes = {body.name: _held_nodes(case, body.name, clouds[body.name]) for body in case.body}
-    platens, notes = _platens(case, clouds, pairings, held, held_nodes, loads)
+    grips = {
+        name: gripped(held[name], loads.springs[name], stiffest_soft(model.cloud, model.material))
+        for name, model in models.items()
+    }
+    platens, notes = _platens(case, clouds, pairings, grips, held_nodes, loads)
     return Prepared(models, pairings, held, held_nodes, platens, loads, notes)
 
 

@@ -23,7 +23,7 @@ class Forces:
     """Everything that pushes on a body, as force x, y and moment (3 rows) in the condensed unknowns.
 
     ``measured[body, surface]`` is what :func:`reaction_rows` finds, moments about that platen's centre;
-    ``springs[body, surface]`` the forces on the nodes of surfaces with springs (:func:`spring_rows`).
+    ``springs[body, surface]`` the forces on the nodes of surfaces with soft springs (:func:`spring_rows`).
     """
 
     scene: Scene
@@ -108,7 +108,7 @@ class Forces:
     def _reaction(self, body: str, surface: str) -> LinearMap:
         elastic = self.scene.bodies[body]
         center = self.scene.center(body, surface)
-        factor = np.outer(cut_off(elastic, surface), elastic.held[surface])
+        factor = np.outer(cut_off(elastic, surface), elastic.gripped[surface])
         known = self.applied(body, center, factor)
         for pairing in self.pairings:
             if pairing.slave_body == body:
@@ -203,7 +203,7 @@ def body_imbalance(forces: Forces) -> LinearMap:
                 total = total + forces.contact(pairing)
             if pairing.master_body == name:
                 total = total + forces.transferred(pairing)
-        for surface in forces.scene.bodies[name].held:
+        for surface in forces.scene.bodies[name].gripped:
             total = total + forces.reactions[name, surface]
         for component in (0, 1):
             hidden = forces.scene.held_nodes.get(name, (False, False))[component]

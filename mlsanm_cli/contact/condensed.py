@@ -28,6 +28,7 @@ from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.short_waves import resolved_slip
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.operators.refinement import PRECISE, QUICK
 from mlsanm_cli.operators.system import solve_blocks
 
 
@@ -101,8 +102,8 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     rough = tuple(pairing for pairing in pairings if pairing.friction)
     normal, tangential = _places(pairings), _places(rough)
     columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
-    held = [(name, surface) for name, body in scene.bodies.items() for surface in body.held]
-    sprung = [(name, surface) for name, body in scene.bodies.items() for surface in body.springs]
+    held = [(name, surface) for name, body in scene.bodies.items() for surface in body.gripped]
+    sprung = [(name, surface) for name, body in scene.bodies.items() for surface in body.soft_springs]
 
     counts = [sum(len(pairing.position) for pairing in some) for some in (pairings, rough)]
     counts += [3] * len(held) + [2 * len(scene.surface(*where).index) for where in sprung]
@@ -128,7 +129,8 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         observed[from_stress, : columns.loads] -= np.outer(expansion, scene.degrees(name))
         used = np.flatnonzero(np.diff(sources[name].indptr))
         kept = np.zeros((rows.shape[1], columns.total if not pairings else 0))
-        for block, solution in solve_blocks(body.system, sources[name][:, used]):
+        tolerance = QUICK if pairings else PRECISE
+        for block, solution in solve_blocks(body.system, sources[name][:, used], tolerance):
             observed[:, used[block]] += rows @ solution
             if not pairings:
                 kept[:, used[block]] = solution

@@ -70,13 +70,15 @@ def reaction_rows(body: ElasticBody, surface_name: str, center: tuple[float, flo
     cloud = body.model.cloud
     phi = cut_off(body, surface_name)
     gradient = _integrated_gradient(cloud, phi)
-    total = _weighted_stress(body, gradient, body.held[surface_name], center)
-    if body.held[surface_name] in ((True, False), (False, True)):
-        total = total + _shear_moment(body, phi, -1.0 if body.held[surface_name][0] else 1.0)
+    total = _weighted_stress(body, gradient, body.gripped[surface_name], center)
+    if body.gripped[surface_name] in ((True, False), (False, True)):
+        total = total + _shear_moment(body, phi, -1.0 if body.gripped[surface_name][0] else 1.0)
     for name, surface in cloud.surfaces.items():
-        if name == surface_name or not any(body.held.get(name, (False, False))):
+        if name == surface_name or not any(body.gripped.get(name, (False, False))):
             continue
-        held = [own and other for own, other in zip(body.held[surface_name], body.held[name], strict=True)]
+        held = [
+            own and other for own, other in zip(body.gripped[surface_name], body.gripped[name], strict=True)
+        ]
         for component in (0, 1):
             if held[component]:
                 share = surface.weight * phi[surface.index]
@@ -88,13 +90,13 @@ def reaction_rows(body: ElasticBody, surface_name: str, center: tuple[float, flo
 
 
 def spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
-    """Forces (2b, 2n) of the springs on a surface's nodes, in x and then in y."""
+    """Forces (2b, 2n) of the soft springs on a surface's nodes, in x and then in y."""
     surface = body.model.cloud.surfaces[surface_name]
     blocks = [
         nodal_rows(surface.index, component, len(body.model.nodes)).multiply(
             -spring * surface.weight[:, None]
         )
-        for component, spring in enumerate(body.springs[surface_name])
+        for component, spring in enumerate(body.soft_springs[surface_name])
     ]
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 

@@ -38,10 +38,11 @@ from mlsanm_cli.mechanics.elasticity import (
     traction_rows,
     value_rows,
 )
-from mlsanm_cli.mechanics.equations import NO_SPRING, RowTable, choose_equations
-from mlsanm_cli.mechanics.force_sums import force_sums
+from mlsanm_cli.mechanics.equations import RowTable, choose_equations
+from mlsanm_cli.mechanics.force_sums import force_sums, spring_sums
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.rows import nodal_rows
@@ -186,7 +187,7 @@ class ElasticBody:
 
     model: BodyModel
     held: Mapping[str, tuple[bool, bool]]
-    springs: Mapping[str, tuple[float, float]]
+    springs: Springs
     first_row: Mapping[str, int]
     rows: int
     system: LinearSystem
@@ -216,6 +217,16 @@ class ElasticBody:
         return source
 
     @cached_property
+    def gripped(self) -> Held:
+        """Components of surfaces that are held, or by springs as stiff as that."""
+        return gripped(self.held, self.springs, stiffest_soft(self.model.cloud, self.model.material))
+
+    @cached_property
+    def soft_springs(self) -> Springs:
+        """The springs that give way."""
+        return soft(self.springs, stiffest_soft(self.model.cloud, self.model.material))
+
+    @cached_property
     def heat_source(self) -> FloatArray:
         """Right-hand side (r,) of one degree of temperature.
 
@@ -234,7 +245,7 @@ def assemble(
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],
     solver: DirectSolver,
-    springs: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+    springs: Springs = MappingProxyType({}),
 ) -> ElasticBody:
     """Choose the conditions of every surface, set up the rows and factorise.
 
@@ -253,25 +264,39 @@ def assemble(
             if held.get(name, (False, False))[component]:
                 blocks.append(nodal_rows(surface.index, component, count))
             else:
-                rows = traction_rows(stencils, c, surface.normal, component)
-                spring = springs.get(name, NO_SPRING)[component]
-                if spring:
-                    rows = sparse.csr_array(rows + spring * nodal_rows(surface.index, component, count))
-                blocks.append(rows)
+                blocks.append(traction_rows(stencils, c, surface.normal, component))
         total += 2 * len(surface.index)
     table = RowTable(first_row, total, total + len(held_nodes), model.material.modulus, springs)
     for node, component in held_nodes:
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
-    rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
+    pulls = _pulls(cloud, table, count)
+    rows = sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls)
     system: LinearSystem
     if model.settings.square:
         choice = choose_equations(cloud, held, held_nodes, table, model.ghosts)
         system = square.factorise(rows, choice, model.nodes, solver)
     else:
-        weight = _row_weights(cloud, held, held_nodes, table)
-        sums = force_sums(cloud, held, held_nodes, first_row, table.total, springs)
-        system = least_squares.factorise(rows, weight, model.nodes, solver, sums)
+        limit = stiffest_soft(cloud, model.material)
+        weight = _row_weights(cloud, held, held_nodes, table, gripped(held, springs, limit))
+        sums = force_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
+        whole = spring_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
+        images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
+        system = least_squares.factorise(
+            rows, weight, model.nodes, solver, np.concatenate([sums, whole]), images
+        )
     return ElasticBody(model, held, springs, first_row, table.total, system)
+
+
+def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
+    """What springs add to the rows (r, 2N)."""
+    pulls = sparse.csr_array((table.total, 2 * nodes))
+    for name, stiffness in table.springs.items():
+        index = cloud.surfaces[name].index
+        for component, spring in enumerate(stiffness):
+            at = table.surfaces[name] + component * len(index) + np.arange(len(index))
+            entries = (np.full(len(index), spring), (at, 2 * index + component))
+            pulls = pulls + sparse.csr_array(entries, shape=pulls.shape)
+    return pulls
 
 
 def _row_weights(
@@ -279,9 +304,10 @@ def _row_weights(
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],
     table: RowTable,
+    grips: Held,
 ) -> FloatArray:
-    """Weights (r,) of the rows in the least-squares sum."""
-    factor = corner_weight(cloud, held) * inward_weight(cloud)
+    """Weights (r,) of the rows in the least-squares sum; stresses are singular beside ``grips``."""
+    factor = corner_weight(cloud, grips) * inward_weight(cloud)
     weights = [factor * cloud.spacing / table.modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]

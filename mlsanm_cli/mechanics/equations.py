@@ -17,8 +17,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-
-NO_SPRING = (0.0, 0.0)
+from mlsanm_cli.mechanics.springs import NO_SPRING, Springs
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,7 @@ class RowTable:
     nodes: int
     total: int
     modulus: float
-    springs: Mapping[str, tuple[float, float]]
+    springs: Springs
 
     def moduli(self, surface: str, component: int, length: FloatArray) -> FloatArray:
         """What scales the tractions of a surface's nodes (b,): strains over ``length`` (b,) move springs."""

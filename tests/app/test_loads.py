@@ -199,6 +199,33 @@ def test_winkler_foundation(stiffness: float, scheme: str, tmp_path: Path) -> No
     assert found.summary["force_balance"] <= 1e-8
 
 
+CLAMP = '[[support]]\nboundary = "block.left"\nux = 0.0\nuy = 0.0\n'
+
+
+@pytest.mark.parametrize("stiffness", [1e9, 50.0, 1.0])
+def test_a_beam_on_springs_at_its_end(stiffness: float, tmp_path: Path) -> None:
+    # Springs far stiffer than the beam clamp it. Soft ones turn by M / (k I) and move by F / k beyond that.
+    springs = f'[[support]]\nboundary = "block.left"\nspring = [{stiffness!r}, {stiffness!r}]\n'
+    tips = []
+    for number, support in enumerate((CLAMP, springs)):
+        text = block(support, traction("right", 0.0, -1.0), plane="stress").replace(
+            "[0.0, 2.0]", "[0.0, 4.0]"
+        )
+        found = Result(text, tmp_path / f"run{number}", "body.block.spacing=0.05")
+        at = np.isclose(found.points, [4.0, 1.0]).all(axis=1)
+        tips.append(float(found.displacement[at, 1][0]))
+        np.testing.assert_allclose(found.forces["block.left"], [0.0, 1.0], atol=0.01)
+        assert found.summary["force_balance"] <= 0.01
+    rigid = (1.0 + 4.0 * 4.0 * 12.0) / stiffness
+    assert tips[1] == pytest.approx(tips[0] - rigid, rel=0.005)
+
+
+def test_a_heated_block_that_is_clamped_on_one_side(tmp_path: Path) -> None:
+    # No force acts on it; what the clamp seems to exert is measured by what would block all expansion.
+    found = Result(block(CLAMP, HEAT, plane="stress"), tmp_path / "run")
+    assert 1e-6 < found.summary["force_balance"] <= 0.05
+
+
 def test_springs_share_a_force_with_a_platen(tmp_path: Path) -> None:
     # A rigid shift: the platen's force goes into the springs alone.
     foundation = '[[support]]\nboundary = "block.bottom"\nspring = [4.0, 0.0]\n'

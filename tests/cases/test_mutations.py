@@ -18,6 +18,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.mechanics import body as mechanics
 from mlsanm_cli.mechanics.equations import RowTable
+from mlsanm_cli.mechanics.springs import Held
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from tests.app.scenes import Quiet
 
@@ -40,8 +41,9 @@ def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., Fl
         held: Mapping[str, tuple[bool, bool]],
         held_nodes: Sequence[tuple[int, int]],
         table: RowTable,
+        grips: Held,
     ) -> FloatArray:
-        weights = proper(cloud, held, held_nodes, table)
+        weights = proper(cloud, held, held_nodes, table, grips)
         first = 2 * len(cloud.points)
         for name, surface in cloud.surfaces.items():
             for holds in held.get(name, (False, False)):
