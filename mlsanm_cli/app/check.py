@@ -18,7 +18,15 @@ from mlsanm_cli.app.quality import Quality, assess, ratio_message
 from mlsanm_cli.app.recording import boundary_tags
 from mlsanm_cli.app.references import check_reference
 from mlsanm_cli.app.scene import Prepared
-from mlsanm_cli.case import Case, Displacement, Platen, Pressure, Traction
+from mlsanm_cli.case import (
+    AnyLoad,
+    BodyForce,
+    Case,
+    Displacement,
+    Platen,
+    Pressure,
+    Temperature,
+)
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.io.vtu import ModelBody, write_model
 
@@ -109,21 +117,38 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
 
     for support in case.support:
         place = support.boundary or f"{support.body} near {support.near}"
-        add(place, "" if support.ux is None else "held", "" if support.uy is None else "held")
+        springs = [f"spring {k:g}" if k else "" for k in support.spring or (0.0, 0.0)]
+        held = ["" if value is None else "held" for value in (support.ux, support.uy)]
+        add(place, *(", ".join(filter(None, both)) for both in zip(held, springs, strict=True)))
     for load in case.load:
-        if isinstance(load, Platen):
-            moved = {axis: f"{kind} {value:g} ({load.name})" for axis, (kind, value) in load.control.items()}
-            add(load.boundary, moved.get("x", ""), moved.get("y", ""))
-        elif isinstance(load, Pressure):
-            add(load.boundary, *[f"pressure {load.pressure:g} ({load.name})"] * 2)
-        else:
-            assert isinstance(load, Traction | Displacement)
-            x, y = load.traction if isinstance(load, Traction) else load.displacement
-            add(load.boundary, f"{load.kind} {x:g} ({load.name})", f"{load.kind} {y:g} ({load.name})")
+        place = load.owner if isinstance(load, BodyForce | Temperature) else load.boundary
+        add(place, *(f"{text} ({load.name})" if text else "" for text in _described(load)))
     for contact in case.contact:
         add(contact.slave, *[f"slave of {contact.name}"] * 2)
         add(contact.master, *[f"master of {contact.name}"] * 2)
     return {where: {axis: text or "free" for axis, text in row.items()} for where, row in found.items()}
+
+
+def _described(load: AnyLoad) -> tuple[str, str]:
+    """What a load does in x and in y."""
+    if isinstance(load, Platen):
+        moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}
+        return moved.get("x", ""), moved.get("y", "")
+    if isinstance(load, Temperature):
+        return (f"temperature {load.temperature:g}",) * 2
+    if isinstance(load, BodyForce):
+        x, y = load.body_force
+    elif isinstance(load, Displacement):
+        x, y = (part if part is not None else "" for part in load.components)
+    elif load.table is not None:
+        x = y = "table"
+    elif isinstance(load, Pressure):
+        x = y = load.pressure if load.pressure is not None else ""
+    else:
+        x, y = load.traction or ("", "")
+    texts = [value if isinstance(value, str) else f"{value:g}" for value in (x, y)]
+    first, second = (f"{load.kind} {text}" if text else "" for text in texts)
+    return first, second
 
 
 def _remarks(prepared: Prepared, quality: Quality) -> list[str]:

@@ -1,4 +1,4 @@
-"""From a case's bodies to outlines, spacings, materials and clouds."""
+"""From a case's bodies to outlines, spacings and clouds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from mlsanm_cli.case.shapes import Rectangle
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
 
 
 def outline_of(body: Body) -> Outline:
@@ -57,11 +56,6 @@ def spacing_of(body: Body) -> Spacing:
             curve = outline.curves[outline.names.index(str(refine.along).rpartition(".")[2])]
             zones.append(Zone(curve, refine.spacing, refine.radius, refine.growth))
     return Spacing(body.spacing, tuple(zones))
-
-
-def materials(case: Case) -> dict[str, PlaneMaterial]:
-    """Plane stiffness of every material."""
-    return {name: isotropic(m.E, m.nu, case.model.plane) for name, m in case.material.items()}
 
 
 def clouds(case: Case, zones: tuple[Zone, ...] = ()) -> dict[str, Cloud]:

@@ -21,7 +21,7 @@ from mlsanm_cli.app.measure import Measured, measure
 from mlsanm_cli.app.methods import Method, chosen_methods
 from mlsanm_cli.app.precision import draw_precision, precision_curves
 from mlsanm_cli.app.provenance import attributes
-from mlsanm_cli.app.quality import assess, law_warnings
+from mlsanm_cli.app.quality import assess, case_warnings
 from mlsanm_cli.app.references import check_reference, reference_profile
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.case import Case, LoadedCase
@@ -133,7 +133,7 @@ def _set_up(loaded: LoadedCase, clock: Clock, console: Console) -> tuple[Built, 
     """The scene that all methods share, and what to warn of."""
     prepared = build_scene(loaded, clock, console)
     with clock.phase("cloud"):
-        warnings = [*assess(loaded.case, prepared).warnings, *law_warnings(loaded.case)]
+        warnings = [*assess(loaded.case, prepared).warnings, *case_warnings(loaded.case)]
     for note in prepared.notes:
         console.note(note)
     if loaded.case.adapt.passes:

@@ -62,8 +62,9 @@ def _largest_force(built: Built, body: str, state: State) -> float:
         for pairing in condensed.pairings
         if body in (pairing.slave_body, pairing.master_body)
     ]
-    maps += [condensed.forces[load.name] for load in built.case.load if load.boundary.startswith(f"{body}.")]
-    return max((float(np.hypot(*force(*state.unknowns))) for force in maps), default=0.0)
+    maps += [condensed.forces[load.name] for load in built.case.load if load.owner == body]
+    heat = abs(float(built.scene.degrees(body) @ state.factors)) * built.scene.heat_force(body)
+    return max((heat, *(float(np.hypot(*force(*state.unknowns))) for force in maps)))
 
 
 def judge_state(built: Built, state: State) -> None:

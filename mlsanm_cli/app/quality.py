@@ -135,8 +135,14 @@ def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool) -> Iterator[s
         yield f"body {name}: {message}; {remedy}"
 
 
-def law_warnings(case: Case) -> Iterator[str]:
-    """What the contact laws of a case cannot do with its loads."""
+def case_warnings(case: Case) -> Iterator[str]:
+    """What the contact laws of a case cannot do with its loads, and its materials do not tell."""
+    for name, material in case.material.items():
+        if case.model.plane == "strain" and material.form == "stiffness":
+            yield (
+                f"material {name}: a plane stiffness does not tell the stress across the plane, so that von "
+                f"Mises stresses are nan; give E1, E2, G12, nu12 and those of the third axis for them"
+            )
     turning = [load.name for load in case.load if _turns(case, load.name)]
     for contact in case.contact:
         if contact.friction and contact.regularization.friction_law == "holonomic" and turning:

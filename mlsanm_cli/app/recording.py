@@ -18,6 +18,7 @@ from mlsanm_cli.contact.sets import SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, StepRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
+from mlsanm_cli.mechanics.elasticity import von_mises
 
 PRESSED = 1e-9
 """Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
@@ -167,12 +168,12 @@ def fields_of(built: Built, state: State, stress: bool) -> tuple[dict[str, Field
     for name, body in built.scene.bodies.items():
         displacement, residual = built.condensed.displacement(built.scene, name, *state.unknowns)
         worst = max(worst, residual)
-        sigma = body.model.stress(displacement) if stress else np.zeros((0, 3))
-        ratio = body.model.material.out_of_plane
+        degrees = float(built.scene.degrees(name) @ state.factors)
+        elastic = displacement - degrees * body.model.free_expansion
+        sigma = body.model.stress(elastic) if stress else np.zeros((0, 3))
+        across = body.model.material.across_stress(sigma, degrees)
         points = len(body.model.cloud.points)
-        fields[name] = Fields(
-            displacement[:points], sigma, ratio * (sigma[:, 0] + sigma[:, 1]), body.model.von_mises(sigma)
-        )
+        fields[name] = Fields(displacement[:points], sigma, across, von_mises(sigma, across))
     return fields, worst
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.clouds import materials
+from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.recording import slave_points
 from mlsanm_cli.app.states import State
 from mlsanm_cli.arrays import FloatArray
@@ -87,7 +87,7 @@ def profile_on(
     if coordinate[-1] < coordinate[0]:
         coordinate = -coordinate
     if _curvature(case, contact.slave) + _curvature(case, contact.master) > 0.0:
-        hertz = HertzLine(force, _radius(case, contact), _modulus(case, contact))
+        hertz = HertzLine(force, _radius(case, contact), _modulus(case, contact, axis))
         label, curve, peak, width = "Hertz", hertz.pressure, hertz.peak_pressure, hertz.half_width
     else:
         even = force / float(np.ptp(coordinate))
@@ -150,11 +150,12 @@ def _radius(case: Case, contact: Contact) -> float:
     return 1.0 / (_curvature(case, contact.slave) + _curvature(case, contact.master))
 
 
-def _modulus(case: Case, contact: Contact) -> float:
+def _modulus(case: Case, contact: Contact, axis: FloatArray) -> float:
+    """E* for pressures along ``axis`` (2,)."""
     stiffness = materials(case)
-    inverse = 0.0
+    softness = 0.0
     for boundary in (contact.slave, contact.master):
         body, _ = split_boundary(boundary)
         material = next(b.material for b in case.body if b.name == body)
-        inverse += 1.0 / stiffness[material].contact_modulus
-    return 1.0 / inverse
+        softness += float(stiffness[material].softness(axis[None, :])[0])
+    return 1.0 / softness

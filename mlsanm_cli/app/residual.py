@@ -59,10 +59,10 @@ def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
     cloud, stencils = body.model.cloud, body.model.stencils
     # Ghosts count as the boundary nodes they belong to.
     point = np.concatenate([np.arange(len(cloud.points)), body.model.ghosts])[stencils.indices]
-    scale = float(body.model.material.stiffness[0, 0])
+    scale = body.model.material.modulus
     square = (defect.stress**2 * np.array([1.0, 1.0, 2.0])).sum(axis=1) / scale**2
     mean = np.add.reduceat(square[point], stencils.indptr[:-1]) / np.diff(stencils.indptr)
-    result: FloatArray = np.sqrt(mean) * cloud.spacing * corner_weight(cloud, body.held)
+    result: FloatArray = np.sqrt(mean) * cloud.spacing * corner_weight(cloud, body.gripped)
     return result
 
 

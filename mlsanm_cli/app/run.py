@@ -21,7 +21,7 @@ from mlsanm_cli.app.judge import (
 )
 from mlsanm_cli.app.polish import load_path
 from mlsanm_cli.app.provenance import attributes
-from mlsanm_cli.app.quality import assess, law_warnings
+from mlsanm_cli.app.quality import assess, case_warnings
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import check_reference
 from mlsanm_cli.app.signals import Stopper
@@ -65,7 +65,7 @@ def run(
         try:
             for note in prepared.notes:
                 console.note(note)
-            for warning in (*quality.warnings, *law_warnings(loaded.case)):
+            for warning in (*quality.warnings, *case_warnings(loaded.case)):
                 recorder.warn(warning)
             adapted = adapt(loaded.case, prepared, clock, console)
             built = adapted.built

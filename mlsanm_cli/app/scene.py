@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.app.clouds import materials
+from mlsanm_cli.app.loads import Acting, acting
+from mlsanm_cli.app.materials import materials
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, Platen, Pressure, Traction, split_boundary
+from mlsanm_cli.case import Case, Displacement, Platen, split_boundary
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing, pair_surfaces
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.body import BodyModel, assemble
+from mlsanm_cli.mechanics.springs import gripped, stiffest_soft
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
 
@@ -33,7 +35,7 @@ class Prepared:
     """A scene without its factorised systems: what can be said before anything is solved.
 
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
-    by one, ``notes`` what a person should know.
+    by one, ``acting`` the loads' values, ``notes`` what a person should know.
     """
 
     models: Mapping[str, BodyModel]
@@ -41,6 +43,7 @@ class Prepared:
     held: Mapping[str, Mapping[str, tuple[bool, bool]]]
     held_nodes: Mapping[str, tuple[tuple[int, int], ...]]
     platens: tuple[mechanics.Platen, ...]
+    acting: Acting
     notes: tuple[str, ...]
 
 
@@ -53,9 +56,11 @@ def mls_settings(case: Case) -> MlsSettings:
 def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
     """Stencils, pairs and conditions.
 
-    Raises CaseError for contacts without facing nodes, and for platens whose force nothing resists.
+    Raises CaseError for contacts without facing nodes, for platens whose force nothing resists, and for loads
+    without a value at some node.
     """
     stiffness = materials(case)
+    loads = acting(case, clouds)
     settings = mls_settings(case)
     held = {body.name: _held_surfaces(case, body.name) for body in case.body}
     models = {
@@ -70,37 +75,32 @@ def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
     }
     pairings = tuple(pair(case, clouds))
     held_nodes = {body.name: _held_nodes(case, body.name, clouds[body.name]) for body in case.body}
-    platens, notes = _platens(case, clouds, pairings, held, held_nodes)
-    return Prepared(models, pairings, held, held_nodes, platens, notes)
+    grips = {
+        name: gripped(held[name], loads.springs[name], stiffest_soft(model.cloud, model.material))
+        for name, model in models.items()
+    }
+    platens, notes = _platens(case, clouds, pairings, grips, held_nodes, loads)
+    return Prepared(models, pairings, held, held_nodes, platens, loads, notes)
 
 
 def factorise(case: Case, prepared: Prepared, solver: DirectSolver) -> mechanics.Scene:
     """Assemble and factorise every body's system."""
     bodies = {
-        name: assemble(model, prepared.held[name], prepared.held_nodes[name], solver)
+        name: assemble(
+            model, prepared.held[name], prepared.held_nodes[name], solver, prepared.acting.springs[name]
+        )
         for name, model in prepared.models.items()
     }
-    loads = []
-    for number, load in enumerate(case.load):
-        body, surface = split_boundary(load.boundary)
-        normal = prepared.models[body].cloud.surfaces[surface].normal
-        if isinstance(load, Traction):
-            values = np.tile(np.array(load.traction), (len(normal), 1))
-        elif isinstance(load, Pressure):
-            values = -load.pressure * normal
-        elif isinstance(load, Displacement):
-            values = np.tile(np.array(load.displacement), (len(normal), 1))
-        else:
-            continue
-        loads.append(mechanics.SurfaceLoad(number, body, surface, values, isinstance(load, Displacement)))
     supports = {s.boundary: split_boundary(s.boundary) for s in case.support if s.boundary is not None}
     return mechanics.Scene(
         bodies=bodies,
         loads=tuple(load.name for load in case.load),
-        surface_loads=tuple(loads),
+        surface_loads=prepared.acting.surface_loads,
         platens=prepared.platens,
         supports=supports,
         held_nodes={name: _components(nodes) for name, nodes in prepared.held_nodes.items()},
+        body_forces=prepared.acting.body_forces,
+        heatings=prepared.acting.heatings,
     )
 
 
@@ -160,8 +160,11 @@ def refuse_overlap(pairings: tuple[Pairing, ...]) -> None:
 
 def stiffness_ratio(pairing: Pairing, models: Mapping[str, BodyModel]) -> float:
     """How many times stiffer the slave is than the master."""
-    slave, master = models[pairing.slave_body], models[pairing.master_body]
-    return slave.material.contact_modulus / master.material.contact_modulus
+    slave, master = (
+        models[body].material.softness(pairing.normal).mean()
+        for body in (pairing.slave_body, pairing.master_body)
+    )
+    return float(master / slave)
 
 
 def _held_surfaces(case: Case, body: str) -> dict[str, tuple[bool, bool]]:
@@ -178,7 +181,8 @@ def _held_surfaces(case: Case, body: str) -> dict[str, tuple[bool, bool]]:
             hold(support.boundary, support.ux is not None, support.uy is not None)
     for load in case.load:
         if isinstance(load, Displacement):
-            hold(load.boundary, True, True)
+            x, y = load.components
+            hold(load.boundary, x is not None, y is not None)
         elif isinstance(load, Platen):
             hold(load.boundary, "x" in load.control, "y" in load.control)
     return held
@@ -203,6 +207,7 @@ def _platens(
     pairings: tuple[Pairing, ...],
     held: Mapping[str, Mapping[str, tuple[bool, bool]]],
     held_nodes: Mapping[str, tuple[tuple[int, int], ...]],
+    loads: Acting,
 ) -> tuple[tuple[mechanics.Platen, ...], tuple[str, ...]]:
     """Platens, one per boundary that platen loads move."""
     groups: dict[str, list[tuple[int, Platen]]] = {}
@@ -210,23 +215,25 @@ def _platens(
         if isinstance(load, Platen):
             groups.setdefault(load.boundary, []).append((number, load))
     platens, notes, problems = [], [], []
-    for boundary, loads in groups.items():
+    for boundary, moving in groups.items():
         body, surface_name = split_boundary(boundary)
         surface = clouds[body].surfaces[surface_name]
         points = clouds[body].points[surface.index]
         center = (surface.weight[:, None] * points).sum(axis=0) / surface.weight.sum()
         motions = []
         for axis, component in AXES.items():
-            controls = {number: load.control[axis] for number, load in loads if axis in load.control}
+            controls = {number: load.control[axis] for number, load in moving if axis in load.control}
             if not controls:
                 continue
             elsewhere = _components(held_nodes[body])[component] or any(
                 sides[component] for name, sides in held[body].items() if name != surface_name
             )
             motion = _motion(len(case.load), component, controls, alone=not elsewhere)
-            if motion.prescribed is None and not elsewhere and not _resisted(pairings, body, component):
+            sprung = any(spring[component] for spring in loads.springs[body].values())
+            resisted = elsewhere or sprung or _resisted(pairings, body, component)
+            if motion.prescribed is None and not resisted:
                 if np.any(motion.force):
-                    pushing = next(load.name for number, load in loads if motion.force[number])
+                    pushing = next(load.name for number, load in moving if motion.force[number])
                     problems.append(
                         CaseProblem(
                             f"load.{pushing}",
@@ -243,13 +250,13 @@ def _platens(
                     component, np.zeros(len(case.load)), motion.force, motion.alone
                 )
             motions.append(motion)
-        if loads[0][1].rotation == "free":
+        if moving[0][1].rotation == "free":
             alone = len(held[body]) == 1 and not held_nodes[body]
             zero = np.zeros(len(case.load))
             motions.append(mechanics.PlatenMotion(mechanics.ROTATION, None, zero, alone))
         at = (float(center[0]), float(center[1]))
         platens.append(
-            mechanics.Platen(body, surface_name, at, tuple(motions), tuple(number for number, _ in loads))
+            mechanics.Platen(body, surface_name, at, tuple(motions), tuple(number for number, _ in moving))
         )
     if problems:
         raise CaseError(tuple(problems))

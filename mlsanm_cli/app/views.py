@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mlsanm_cli.app.clouds import materials
 from mlsanm_cli.app.history import pressures_at
+from mlsanm_cli.app.materials import materials
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.contact.profile import THRESHOLD
 from mlsanm_cli.io.plot_cloud import CloudBody
 from mlsanm_cli.io.run_reader import BodyData, RunData
@@ -28,12 +28,16 @@ WHOLE = 0.5
 def scalar_of(
     case: Case, body: str, fields: Mapping[str, FloatArray], displacement: FloatArray
 ) -> tuple[FloatArray, str]:
-    """Von Mises stress (n,) where stresses were saved, else the size of the displacements; and its name."""
-    if "von_mises" in fields:
-        return fields["von_mises"], "von Mises stress"
-    if "stress" in fields:
-        material = next(b.material for b in case.body if b.name == body)
-        return von_mises(fields["stress"], materials(case)[material].out_of_plane), "von Mises stress"
+    """Von Mises stress (n,) where it was saved or follows from stresses, else the size of the displacements;
+    and its name."""
+    scalar = fields.get("von_mises")
+    heated = any(isinstance(load, Temperature) and load.owner == body for load in case.load)
+    if scalar is None and "stress" in fields and not heated:
+        material = materials(case)[next(b.material for b in case.body if b.name == body)]
+        scalar = von_mises(fields["stress"], material.across_stress(fields["stress"]))
+    # A plane stiffness leaves the stress across the plane open.
+    if scalar is not None and not np.isnan(scalar).any():
+        return scalar, "von Mises stress"
     return np.hypot(displacement[:, 0], displacement[:, 1]), "displacement"
 
 

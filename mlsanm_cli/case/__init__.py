@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from mlsanm_cli.case.base import split_boundary
+from mlsanm_cli.case.expressions import ExpressionError, value_at
 from mlsanm_cli.case.files import FileShape, Mesh, Points, Survey, Surveyed
-from mlsanm_cli.case.loads import Displacement, Load, Platen, Pressure, Traction
+from mlsanm_cli.case.loads import (
+    AnyLoad,
+    BodyForce,
+    Displacement,
+    Load,
+    Platen,
+    Pressure,
+    Temperature,
+    Traction,
+)
+from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.model import (
     Adapt,
     Body,
     Case,
     Contact,
-    Material,
     Mls,
     Model,
     Output,
@@ -35,13 +45,16 @@ from mlsanm_cli.case.shapes import AnyShape, DrawnShape, Rectangle, Shape
 __all__ = [
     "Adapt",
     "Annulus",
+    "AnyLoad",
     "AnyShape",
     "Body",
+    "BodyForce",
     "Case",
     "Contact",
     "Disk",
     "Displacement",
     "DrawnShape",
+    "ExpressionError",
     "FileShape",
     "HalfDisk",
     "Load",
@@ -65,6 +78,7 @@ __all__ = [
     "Support",
     "Survey",
     "Surveyed",
+    "Temperature",
     "Traction",
     "case_hash",
     "load_case",
@@ -72,4 +86,5 @@ __all__ = [
     "resolved_mapping",
     "split_boundary",
     "stored_case",
+    "value_at",
 ]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
 from pydantic_core import PydanticCustomError
+
+from mlsanm_cli.case.expressions import ExpressionError, compile_expression
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*")
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
@@ -60,8 +63,28 @@ def _auto_or_length(value: Any) -> float | Literal["auto"]:
     return number
 
 
+def _amount(value: Any) -> float | str:
+    if isinstance(value, str):
+        try:
+            compile_expression(value)
+        except ExpressionError as error:
+            raise PydanticCustomError("expression", "{problem}", {"problem": str(error)}) from error
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("amount", "expected a number, or an expression in x and y in quotes")
+    if not math.isfinite(value):
+        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+    return float(value)
+
+
 Vector = Annotated[tuple[float, float], BeforeValidator(_two_items)]
 """Two finite numbers."""
+
+Amount = Annotated[float | str, PlainValidator(_amount)]
+"""A finite number, or an expression in x and y."""
+
+AmountVector = Annotated[tuple[Amount, Amount], BeforeValidator(_two_items)]
+"""Two of them."""
 
 Positive = Annotated[float, Field(gt=0.0)]
 """A finite number above 0."""

@@ -14,7 +14,8 @@ from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.drift import check_drift
 from mlsanm_cli.case.files import Geometry, Points
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.loads import Platen
+from mlsanm_cli.case.load_checks import check_loads
+from mlsanm_cli.case.materials import check_material
 from mlsanm_cli.case.model import Body, Contact
 from mlsanm_cli.case.polygon import Polygon
 from mlsanm_cli.case.polygons import check_polygon
@@ -34,11 +35,7 @@ def run_checks(draft: Draft, report: Report) -> None:
         _check_spacing(body, index, report)
         if index in draft.geometries:
             _check_body(body, draft.geometries[index], index, report)
-    for index in draft.supports:
-        _check_support_keys(draft, report, index)
-    for index, load in draft.loads.items():
-        if isinstance(load, Platen):
-            _check_platen(load, ("load", index), report)
+    check_loads(draft, report)
     _check_contacts(draft, report)
     _check_stages(draft, report)
     _check_numerics(draft, report)
@@ -68,12 +65,7 @@ def _check_materials(draft: Draft, report: Report) -> None:
             report.add(("material", name), "no body uses this material", _use_hint(name))
     plane = draft.model.plane if draft.model else None
     for name, material in draft.materials.items():
-        path = ("material", name, "nu")
-        if plane == "strain" and material.nu == 0.5:
-            hint = "take a value below 0.5, or plane stress"
-            report.add(path, "0.5 (incompressible) has no plane strain stiffness", hint)
-        elif not -1.0 < material.nu <= 0.5:
-            report.add(path, f"{material.nu:g} is not between -1 and 0.5")
+        check_material(material, ("material", name), plane, report)
 
 
 def _use_hint(name: str) -> str:
@@ -129,10 +121,11 @@ def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None
 def _check_references(draft: Draft, report: Report) -> None:
     """Names of bodies and boundaries, also in items with other faults."""
     names = [known for _, known in draft.names("body")]
-    for index, name in draft.texts("support", "body"):
-        if name not in names:
-            hint = suggestion(name, names, "bodies")
-            report.add(("support", index, "body"), f'there is no body "{name}"', hint)
+    for section in ("support", "load"):
+        for index, name in draft.texts(section, "body"):
+            if name not in names:
+                hint = suggestion(name, names, "bodies")
+                report.add((section, index, "body"), f'there is no body "{name}"', hint)
     for section, key in (
         ("support", "boundary"),
         ("load", "boundary"),
@@ -158,37 +151,6 @@ def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) 
         report.add(
             path, f'{"an" if shape.kind == "annulus" else "a"} {shape.kind} has no boundary "{edge}"', hint
         )
-
-
-def _check_support_keys(draft: Draft, report: Report, index: int) -> None:
-    support, path = draft.supports[index], ("support", index)
-    if support.boundary is not None and (support.body is not None or support.near is not None):
-        report.add(path, 'give either "boundary", or "body" and "near"')
-    elif support.boundary is None and (support.body is None or support.near is None):
-        if support.body is None and support.near is None:
-            report.add(path, "says nothing about where", 'give "boundary", or "body" and "near"')
-        else:
-            report.add(
-                path, '"body" and "near" go together', "near = [x, y] picks the nearest node of the body"
-            )
-    if support.ux is None and support.uy is None:
-        report.add(path, "holds nothing", "give ux = 0.0, uy = 0.0 or both")
-
-
-def _check_platen(load: Platen, path: KeyPath, report: Report) -> None:
-    single = [key for key in ("ux", "uy", "fx", "fy") if getattr(load, key) is not None]
-    if load.force is not None and load.displacement is not None:
-        report.add(path, "has both force and displacement", "one direction each: ux or fx, uy or fy")
-    elif (load.force is not None or load.displacement is not None) and single:
-        both = "force" if load.force is not None else "displacement"
-        report.add(
-            (*path, single[0]), f'"{both}" gives both directions already', "ux or fx, and uy or fy instead"
-        )
-    elif not load.control:
-        report.add(path, "a platen needs a direction", "give force, displacement, or ux/uy/fx/fy")
-    for u, f in (("ux", "fx"), ("uy", "fy")):
-        if u in single and f in single:
-            report.add((*path, f), f"the direction has {u} already", "a platen is moved by one of the two")
 
 
 def _check_contacts(draft: Draft, report: Report) -> None:

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from mlsanm_cli.case.base import split_boundary
-from mlsanm_cli.case.draft import AnyLoad, Draft
+from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.loads import Displacement, Platen, Pressure
+from mlsanm_cli.case.loads import BodyForce, Displacement, Platen, Pressure, Temperature, Traction
 from mlsanm_cli.case.report import Report
 
-Kind = Literal["support", "displacement", "traction", "platen force", "platen displacement"]
+Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
 
 # Kinds that may meet in one component: the same kind adds up, scaled by its own load factor.
 _ADDING: frozenset[Kind] = frozenset({"displacement", "traction", "platen force", "platen displacement"})
@@ -32,13 +32,13 @@ class Claim:
 def check_conditions(draft: Draft, report: Report) -> None:
     """Adds a problem for every pair of conditions that cannot both hold."""
     claims = [*_support_claims(draft), *_load_claims(draft)]
-    taken: dict[tuple[str, int], Claim] = {}
+    taken: dict[tuple[str, int], list[Claim]] = {}
     told: set[tuple[KeyPath, KeyPath]] = set()
     for claim in claims:
-        other = taken.setdefault((claim.boundary, claim.component), claim)
-        if other is claim or (other.kind == claim.kind and claim.kind in _ADDING):
-            continue
-        if (other.path, claim.path) not in told:
+        earlier = taken.setdefault((claim.boundary, claim.component), [])
+        other = next((one for one in earlier if not _may_meet(one.kind, claim.kind)), None)
+        earlier.append(claim)
+        if other is not None and (other.path, claim.path) not in told:
             told.add((other.path, claim.path))
             component = "xy"[claim.component]
             message = f"{claim.label} and {other.label} both act on {claim.boundary} in {component}"
@@ -48,27 +48,41 @@ def check_conditions(draft: Draft, report: Report) -> None:
     _check_contact_surfaces(draft, report, claims)
 
 
+def _may_meet(one: Kind, other: Kind) -> bool:
+    """Springs give way under tractions; what is of one kind adds up."""
+    return (one == other and one in _ADDING) or {one, other} == {"spring", "traction"}
+
+
 def _support_claims(draft: Draft) -> Iterator[Claim]:
     for index, support in draft.supports.items():
         if support.boundary is not None:
             for component, value in enumerate((support.ux, support.uy)):
                 if value is not None:
                     yield Claim(support.boundary, component, "support", ("support", index), "a support")
+            for component, spring in enumerate(support.spring or ()):
+                if spring:
+                    yield Claim(support.boundary, component, "spring", ("support", index), "a spring")
 
 
 def _load_claims(draft: Draft) -> Iterator[Claim]:
     for index, load in draft.loads.items():
+        if isinstance(load, BodyForce | Temperature):
+            continue
         for component, kind in _components(draft, load):
             label = f'load "{load.name}" ({kind})'
             yield Claim(load.boundary, component, kind, ("load", index), label)
 
 
-def _components(draft: Draft, load: AnyLoad) -> Iterator[tuple[int, Kind]]:
+def _components(
+    draft: Draft, load: Traction | Pressure | Displacement | Platen
+) -> Iterator[tuple[int, Kind]]:
     if isinstance(load, Platen):
         for direction, (control, _) in load.control.items():
             yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
     elif isinstance(load, Displacement):
-        yield from ((0, "displacement"), (1, "displacement"))
+        for component, value in enumerate(load.components):
+            if value is not None:
+                yield component, "displacement"
     elif isinstance(load, Pressure):
         # On a straight boundary along an axis a pressure leaves the other direction alone.
         name, edge = split_boundary(load.boundary)
@@ -79,7 +93,7 @@ def _components(draft: Draft, load: AnyLoad) -> Iterator[tuple[int, Kind]]:
                 yield component, "traction"
     else:
         for component in (0, 1):
-            if load.traction[component] != 0.0:
+            if load.traction is None or load.traction[component] != 0.0:
                 yield component, "traction"
 
 

@@ -13,13 +13,12 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from mlsanm_cli.case.files import Geometry, Mesh, Points, Survey
-from mlsanm_cli.case.loads import Displacement, Load, Platen, Pressure, Traction
-from mlsanm_cli.case.model import Adapt, Body, Contact, Material, Mls, Model, Output, Solver, Support
+from mlsanm_cli.case.loads import AnyLoad, Load
+from mlsanm_cli.case.materials import Material
+from mlsanm_cli.case.model import Adapt, Body, Contact, Mls, Model, Output, Solver, Support
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.shapes import AnyShape, Shape
 from mlsanm_cli.errors import GeometryError
-
-AnyLoad = Traction | Pressure | Displacement | Platen
 
 _SHAPE: TypeAdapter[AnyShape] = TypeAdapter(Shape)
 _BODY: TypeAdapter[Body] = TypeAdapter(Body)

@@ -1,7 +1,7 @@
 """Bodies that nothing holds: the stiffness of such a body is singular.
 
-A rigid motion moves the point (x, y) by (tx - w y, ty + w x). Every held component of a boundary forbids
-one combination of (tx, ty, w); a body is held when the combinations have rank 3.
+A rigid motion moves the point (x, y) by (tx - w y, ty + w x). Every component of a boundary that is held, or
+pulled back by springs, forbids one combination of (tx, ty, w); a body is held when they have rank 3.
 """
 
 from __future__ import annotations
@@ -68,21 +68,21 @@ def held_rows(draft: Draft, body: str, shape: Geometry, in_contact: bool) -> Ite
     same rule.
     """
     for support in draft.supports.values():
-        held = (support.ux is not None, support.uy is not None)
+        held = support.holds
         if support.body == body and support.near is not None:
             yield from _rows(shape, support.near, held)
         elif support.boundary is not None and split_boundary(support.boundary)[0] == body:
             for point in shape.samples(split_boundary(support.boundary)[1]):
                 yield from _rows(shape, point, held)
     for load in draft.loads.values():
-        name, edge = split_boundary(load.boundary)
-        if name != body:
+        if load.owner != body or not isinstance(load, Displacement | Platen):
             continue
-        points = shape.samples(edge)
+        points = shape.samples(split_boundary(load.boundary)[1])
         if isinstance(load, Displacement):
+            held = (load.components[0] is not None, load.components[1] is not None)
             for point in points:
-                yield from _rows(shape, point, (True, True))
-        elif isinstance(load, Platen):
+                yield from _rows(shape, point, held)
+        else:
             yield from _platen_rows(shape, points, load, in_contact)
 
 

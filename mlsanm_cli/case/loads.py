@@ -1,52 +1,102 @@
-"""Loads: each has a name, a boundary, a kind, and a value that a stage scales by the load's factor."""
+"""Loads: each has a name, a place, a kind, and a value that a stage scales by the load's factor."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
+from pydantic_core import PydanticCustomError
 
-from mlsanm_cli.case.base import BoundaryName, Name, Section, Vector
+from mlsanm_cli.case.base import Amount, AmountVector, BoundaryName, Name, Section, Vector, split_boundary
+from mlsanm_cli.case.tables import row_problem
 
 Control = Literal["force", "displacement"]
+Rows = tuple[tuple[float, ...], ...]
 
 
-class Traction(Section):
-    """Force per unit length of boundary and unit thickness, (x, y)."""
+def _sound(rows: Rows) -> Rows:
+    problem = row_problem(rows)
+    if problem:
+        raise PydanticCustomError("table", "{problem}", {"problem": problem})
+    return rows
 
+
+class _OnBoundary(Section):
     name: Name
     boundary: BoundaryName
+
+    @property
+    def owner(self) -> str:
+        """The body it acts on."""
+        return split_boundary(self.boundary)[0]
+
+
+class _InBody(Section):
+    name: Name
+    body: str
+
+    @property
+    def owner(self) -> str:
+        """The body it acts on."""
+        return self.body
+
+
+class Traction(_OnBoundary):
+    """Force per unit length of boundary and unit thickness, (x, y).
+
+    Numbers or expressions in x and y; or a ``table`` of arc length, x and y, interpolated linearly.
+    """
+
     kind: Literal["traction"]
-    traction: Vector
+    traction: AmountVector | None = None
+    table: Annotated[tuple[tuple[float, float, float], ...], AfterValidator(_sound)] | None = None
 
 
-class Pressure(Section):
-    """Pressure along the inward normal, positive in compression."""
+class Pressure(_OnBoundary):
+    """Pressure along the inward normal, positive in compression: a number, an expression in x and y, or a
+    ``table`` of arc length and pressure."""
 
-    name: Name
-    boundary: BoundaryName
     kind: Literal["pressure"]
-    pressure: float
+    pressure: Amount | None = None
+    table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_sound)] | None = None
 
 
-class Displacement(Section):
-    """Displacement (x, y) of every point of the boundary."""
+class Displacement(_OnBoundary):
+    """Displacement of the boundary's points, numbers or expressions: both directions, or ``ux`` or ``uy``
+    alone."""
 
-    name: Name
-    boundary: BoundaryName
     kind: Literal["displacement"]
-    displacement: Vector
+    displacement: AmountVector | None = None
+    ux: Amount | None = None
+    uy: Amount | None = None
+
+    @property
+    def components(self) -> tuple[Amount | None, Amount | None]:
+        """What is prescribed in x and in y, None where nothing is."""
+        return self.displacement if self.displacement is not None else (self.ux, self.uy)
 
 
-class Platen(Section):
+class BodyForce(_InBody):
+    """Force per unit volume (x, y), numbers or expressions in x and y."""
+
+    kind: Literal["body-force"]
+    body_force: AmountVector = Field(alias="body-force")
+
+
+class Temperature(_InBody):
+    """An even change of the body's temperature, in the degrees of the material's ``alpha``."""
+
+    kind: Literal["temperature"]
+    temperature: float
+
+
+class Platen(_OnBoundary):
     """A rigid plate on the boundary, moved by a force or by a displacement in each direction.
 
     ``force`` or ``displacement`` give both directions; ``ux, uy, fx, fy`` one each. A direction that is
     not mentioned is free: the plate is smooth there. Forces are per unit thickness.
     """
 
-    name: Name
-    boundary: BoundaryName
     kind: Literal["platen"]
     force: Vector | None = None
     displacement: Vector | None = None
@@ -78,10 +128,13 @@ class Platen(Section):
         return held
 
 
-Load = Annotated[Traction | Pressure | Displacement | Platen, Field(discriminator="kind")]
+AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature
+Load = Annotated[AnyLoad, Field(discriminator="kind")]
 LOADS: dict[str, type[Section]] = {
     "platen": Platen,
     "traction": Traction,
     "pressure": Pressure,
     "displacement": Displacement,
+    "body-force": BodyForce,
+    "temperature": Temperature,
 }

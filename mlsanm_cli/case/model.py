@@ -21,6 +21,7 @@ from mlsanm_cli.case.base import (
 )
 from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.loads import Load
+from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.shapes import Shape
 
 
@@ -28,13 +29,6 @@ class Model(Section):
     """Plane strain or plane stress."""
 
     plane: Literal["strain", "stress"]
-
-
-class Material(Section):
-    """Isotropic elasticity: Young's modulus (stress unit) and Poisson's ratio."""
-
-    E: Positive
-    nu: float
 
 
 class Refine(Section):
@@ -68,13 +62,21 @@ class Body(Section):
 
 
 class Support(Section):
-    """Held displacement components of a boundary, or of the node of a body nearest to a point."""
+    """Held displacement components of a boundary, or of the node of a body nearest to a point; or springs on
+    a boundary, (x, y) traction per displacement."""
 
     boundary: BoundaryName | None = None
     body: str | None = None
     near: Vector | None = None
     ux: float | None = None
     uy: float | None = None
+    spring: Vector | None = None
+
+    @property
+    def holds(self) -> tuple[bool, bool]:
+        """Whether it resists motion in x and in y."""
+        springs = self.spring or (0.0, 0.0)
+        return self.ux is not None or springs[0] > 0.0, self.uy is not None or springs[1] > 0.0
 
 
 class Regularization(Section):

@@ -21,6 +21,7 @@ from mlsanm_cli.case.model import Case
 from mlsanm_cli.case.overrides import apply_overrides, key_path
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.schema_errors import report_schema_errors
+from mlsanm_cli.case.tables import inline_tables
 from mlsanm_cli.case.unsupported import refusals
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 
@@ -80,8 +81,12 @@ def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Sur
     content, lines = _parse_toml(text, source)
     content, changed, bad_overrides = apply_overrides(content, overrides)
     data = _anchored({key: _frozen(value) for key, value in content.items()}, path.parent)
+    data, bad_tables = inline_tables(data, path.parent)
     report = Report(data, lines, source, changed)
     covered: list[KeyPath] = []
+    for table, message in bad_tables:
+        report.add(table, message)
+        covered.append(table)
     for refusal in refusals(data):
         report.add(refusal.path, refusal.message, refusal.hint)
         covered.append(refusal.covers)
@@ -142,7 +147,7 @@ def resolved_mapping(case: Case) -> dict[str, Any]:
 
     Written as TOML and loaded again it gives an equal case.
     """
-    plain = _plain(case.model_dump(mode="python", exclude_none=True))
+    plain = _plain(case.model_dump(mode="python", exclude_none=True, by_alias=True))
     assert isinstance(plain, dict)
     return plain
 

@@ -10,12 +10,12 @@ from pydantic_core import ErrorDetails
 
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.loads import LOADS
+from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.model import (
     Adapt,
     Body,
     Case,
     Contact,
-    Material,
     Mls,
     Model,
     Output,
@@ -95,7 +95,8 @@ def _keys(report: Report, path: KeyPath) -> tuple[str, ...]:
     table = _TABLES.get(pattern)
     if table is None and pattern in _KINDS:
         table = _KINDS[pattern].get(_at(report.data, (*path, "kind")))
-    return tuple(table.model_fields) if table is not None else ()
+    fields = table.model_fields.items() if table is not None else ()
+    return tuple(field.alias or name for name, field in fields)
 
 
 def _at(data: Any, path: KeyPath) -> Any:

@@ -45,8 +45,6 @@ _MOVING = "a support that moves its boundary"
 _MOVE = 'a support holds at 0.0; use a load of kind "displacement" to move a boundary'
 
 PLANNED: tuple[Planned, ...] = (
-    Planned(("material", "*", "stiffness"), "a full stiffness matrix", part=2, hint="give E and nu instead"),
-    Planned(("load", "*", "kind"), 'load kind "{}"', _one_of("body-force"), part=2),
     Planned(("support", "*", "ux"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("support", "*", "uy"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("contact", "*", "obstacle"), "a rigid obstacle", part=2, hint="give slave and master"),

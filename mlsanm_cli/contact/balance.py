@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
-from mlsanm_cli.contact.observers import cut_off, resultant
+from mlsanm_cli.contact.observers import cut_off, nodal_resultant, resultant
 from mlsanm_cli.contact.pairing import Pairing, transfer, turned
 from mlsanm_cli.mechanics.scene import Platen, PlatenMotion, Scene
 
@@ -22,7 +22,8 @@ Held = tuple[str, str]
 class Forces:
     """Everything that pushes on a body, as force x, y and moment (3 rows) in the condensed unknowns.
 
-    ``measured[body, surface]`` is what :func:`reaction_rows` finds, moments about that platen's centre.
+    ``measured[body, surface]`` is what :func:`reaction_rows` finds, moments about that platen's centre;
+    ``springs[body, surface]`` the forces on the nodes of surfaces with soft springs (:func:`spring_rows`).
     """
 
     scene: Scene
@@ -31,6 +32,7 @@ class Forces:
     tangential: Mapping[str, slice]
     columns: Columns
     measured: Mapping[Held, LinearMap]
+    springs: Mapping[Held, LinearMap]
 
     def contact(
         self, pairing: Pairing, center: tuple[float, float] = (0.0, 0.0), factor: FloatArray | None = None
@@ -67,19 +69,31 @@ class Forces:
 
         return self._of_contact(pairing, per_node(surface.normal), per_node(turned(surface.normal)))
 
-    def tractions(
-        self, body: str, center: tuple[float, float], factor: FloatArray | None = None
-    ) -> LinearMap:
-        """What the prescribed tractions on a body add up to."""
+    def applied(self, body: str, center: tuple[float, float], factor: FloatArray | None = None) -> LinearMap:
+        """What prescribed tractions and body forces, and the springs, add up to on a body."""
         total = np.zeros((3, self.columns.loads))
+        points = self._points(body)
+        scale = np.ones_like(points) if factor is None else factor
         for load in self.scene.surface_loads:
             if load.body == body and not load.held:
                 surface = self.scene.surface(body, load.surface)
-                forces = surface.weight[:, None] * load.values
-                forces = forces if factor is None else forces * factor[surface.index]
-                points = self._points(body)[surface.index]
-                total[:, load.number] += resultant(forces, points, center).sum(axis=1)
-        return self.columns.of_loads(total)
+                forces = surface.weight[:, None] * load.values * scale[surface.index]
+                total[:, load.number] += resultant(forces, points[surface.index], center).sum(axis=1)
+        for force in self.scene.body_forces:
+            if force.body == body:
+                forces = self.scene.bodies[body].model.cloud.areas[:, None] * force.values * scale
+                total[:, force.number] += resultant(forces, points, center).sum(axis=1)
+        result = self.columns.of_loads(total)
+        for owner, name in self.springs:
+            if owner == body:
+                result = result + self.spring((owner, name), center, scale)
+        return result
+
+    def spring(self, where: Held, center: tuple[float, float], factor: FloatArray) -> LinearMap:
+        """What the springs of one surface exert; ``factor`` (n, 2) scales the nodes' forces."""
+        index = self.scene.surface(*where).index
+        points = self._points(where[0])
+        return self.springs[where].combined(nodal_resultant(points[index], center, factor[index]))
 
     @cached_property
     def reactions(self) -> dict[Held, LinearMap]:
@@ -94,8 +108,8 @@ class Forces:
     def _reaction(self, body: str, surface: str) -> LinearMap:
         elastic = self.scene.bodies[body]
         center = self.scene.center(body, surface)
-        factor = np.outer(cut_off(elastic, surface), elastic.held[surface])
-        known = self.tractions(body, center, factor)
+        factor = np.outer(cut_off(elastic, surface), elastic.gripped[surface])
+        known = self.applied(body, center, factor)
         for pairing in self.pairings:
             if pairing.slave_body == body:
                 known = known + self.contact(pairing, center, factor)
@@ -107,8 +121,8 @@ class Forces:
         return self.scene.bodies[body].model.cloud.points
 
     def others(self, platen: Platen) -> LinearMap:
-        """Contacts and tractions on a platen's body, moments about the platen's centre."""
-        total = self.tractions(platen.body, platen.center)
+        """All but held surfaces on a platen's body, moments about the platen's centre."""
+        total = self.applied(platen.body, platen.center)
         for pairing in self.pairings:
             if pairing.slave_body == platen.body:
                 total = total + self.contact(pairing, platen.center)
@@ -159,8 +173,20 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
                     # Several loads may move one platen in this component: its force is told once.
                     rows[motion.component] = forces.platen(platen, motion)
             report[scene.loads[number]] = stack(rows, columns)
-    for name, held in scene.supports.items():
-        report[name] = forces.reactions[held].take(slice(0, 2))
+    for force in scene.body_forces:
+        sums = np.zeros((2, columns.loads))
+        sums[:, force.number] = scene.bodies[force.body].model.cloud.areas @ force.values
+        report[scene.loads[force.number]] = columns.of_loads(sums)
+    for heating in scene.heatings:
+        report[scene.loads[heating.number]] = columns.zeros(2)
+    for name, where in scene.supports.items():
+        total = columns.zeros(3)
+        if where in forces.reactions:
+            total = total + forces.reactions[where]
+        if where in forces.springs:
+            everything = np.ones_like(scene.bodies[where[0]].model.cloud.points)
+            total = total + forces.spring(where, (0.0, 0.0), everything)
+        report[name] = total.take(slice(0, 2))
     return report
 
 
@@ -171,13 +197,13 @@ def body_imbalance(forces: Forces) -> LinearMap:
     """
     rows = []
     for name in forces.scene.bodies:
-        total = forces.tractions(name, (0.0, 0.0))
+        total = forces.applied(name, (0.0, 0.0))
         for pairing in forces.pairings:
             if pairing.slave_body == name:
                 total = total + forces.contact(pairing)
             if pairing.master_body == name:
                 total = total + forces.transferred(pairing)
-        for surface in forces.scene.bodies[name].held:
+        for surface in forces.scene.bodies[name].gripped:
             total = total + forces.reactions[name, surface]
         for component in (0, 1):
             hidden = forces.scene.held_nodes.get(name, (False, False))[component]

@@ -23,11 +23,12 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.balance import Forces, body_imbalance, platen_balance, reported_forces
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
-from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows
+from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.short_waves import resolved_slip
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.operators.refinement import PRECISE, QUICK
 from mlsanm_cli.operators.system import solve_blocks
 
 
@@ -101,26 +102,35 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     rough = tuple(pairing for pairing in pairings if pairing.friction)
     normal, tangential = _places(pairings), _places(rough)
     columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
-    held = [(name, surface) for name, body in scene.bodies.items() for surface in body.held]
+    held = [(name, surface) for name, body in scene.bodies.items() for surface in body.gripped]
+    sprung = [(name, surface) for name, body in scene.bodies.items() for surface in body.soft_springs]
 
-    paired = sum(len(pairing.position) for pairing in pairings)
-    sliding = sum(len(pairing.position) for pairing in rough)
-    ends = np.cumsum([paired, sliding])
-    observed = np.zeros((ends[-1] + 3 * len(held), columns.total))
+    counts = [sum(len(pairing.position) for pairing in some) for some in (pairings, rough)]
+    counts += [3] * len(held) + [2 * len(scene.surface(*where).index) for where in sprung]
+    observed = np.zeros((sum(counts), columns.total))
     sources, solutions = {}, {}
     solves = 0
     for name, body in scene.bodies.items():
         sources[name] = body_sources(scene, name, pairings, columns)
-        empty = sparse.csr_array((3, body.model.unknowns))
+        relative = [gap_rows(body, name, pairings), slip_rows(body, name, rough)]
         reactions = [
-            reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else empty
+            reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None
             for owner, surface in held
         ]
-        relative = [gap_rows(body, name, pairings), slip_rows(body, name, rough)]
-        rows = sparse.csr_array(sparse.vstack([*relative, *reactions], format="csr"))
+        pulls = [spring_rows(body, surface) if owner == name else None for owner, surface in sprung]
+        blocks = [
+            sparse.csr_array((count, body.model.unknowns)) if block is None else block
+            for count, block in zip(counts, [*relative, *reactions, *pulls], strict=True)
+        ]
+        rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
+        # Stresses, and so reactions, come from the displacements beyond those of free expansion.
+        from_stress = slice(sum(counts[:2]), sum(counts[: 2 + len(held)]))
+        expansion = rows[from_stress] @ body.model.free_expansion.ravel()
+        observed[from_stress, : columns.loads] -= np.outer(expansion, scene.degrees(name))
         used = np.flatnonzero(np.diff(sources[name].indptr))
         kept = np.zeros((rows.shape[1], columns.total if not pairings else 0))
-        for block, solution in solve_blocks(body.system, sources[name][:, used]):
+        tolerance = QUICK if pairings else PRECISE
+        for block, solution in solve_blocks(body.system, sources[name][:, used], tolerance):
             observed[:, used[block]] += rows @ solution
             if not pairings:
                 kept[:, used[block]] = solution
@@ -128,7 +138,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
             solutions[name] = kept
         solves += len(used)
 
-    gaps, slips, reacting = np.split(observed, ends)
+    gaps, slips, *acting = np.split(observed, np.cumsum(counts)[:-1])
     candidate = _candidates(pairings)
     gap = columns.split(gaps, np.concatenate([[], *(pairing.gap for pairing in pairings)]))
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
@@ -138,15 +148,14 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         normal,
         tangential,
         columns,
-        {where: columns.split(reacting[3 * i : 3 * i + 3]) for i, where in enumerate(held)},
+        dict(zip(held, map(columns.split, acting[: len(held)]), strict=True)),
+        dict(zip(sprung, map(columns.split, acting[len(held) :]), strict=True)),
     )
-    softness = {pairing.name: _softness(scene, pairing) for pairing in pairings}
-    modulus = np.concatenate(
-        [[], *(np.full(int(p.candidate.sum()), 1.0 / softness[p.name]) for p in pairings)]
-    )
+    modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
     slip = columns.split(slips).take(_candidates(rough))
-    slip = resolved_slip(slip, rough, tangential, softness)
+    along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
+    slip = resolved_slip(slip, rough, tangential, along)
     rubbing = _numbers([normal[pairing.name] for pairing in rough])
     return Condensed(
         pairings=pairings,
@@ -169,10 +178,11 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     )
 
 
-def _softness(scene: Scene, pairing: Pairing) -> float:
-    """1/E* of the two bodies of a contact."""
-    bodies = (pairing.slave_body, pairing.master_body)
-    return sum(1.0 / scene.bodies[body].model.material.contact_modulus for body in bodies)
+def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:
+    """1/E* (m,) of the two bodies of a contact at its candidates, along ``direction`` (w, 2)."""
+    chosen = direction[pairing.candidate]
+    slave, master = (scene.bodies[body].model for body in (pairing.slave_body, pairing.master_body))
+    return slave.material.softness(chosen) + master.material.softness(chosen)
 
 
 def _count(pairings: tuple[Pairing, ...]) -> int:

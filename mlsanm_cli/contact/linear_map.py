@@ -41,6 +41,16 @@ class LinearMap:
     def __neg__(self) -> LinearMap:
         return LinearMap(-self.constant, -self.load, -self.motion, -self.pressure, -self.traction)
 
+    def combined(self, factors: FloatArray) -> LinearMap:
+        """Sums of its rows by ``factors`` (s, r)."""
+        return LinearMap(
+            factors @ self.constant,
+            factors @ self.load,
+            factors @ self.motion,
+            factors @ self.pressure,
+            factors @ self.traction,
+        )
+
     def take(self, rows: IntArray | BoolArray | slice) -> LinearMap:
         """Some of its rows."""
         return LinearMap(

@@ -70,13 +70,15 @@ def reaction_rows(body: ElasticBody, surface_name: str, center: tuple[float, flo
     cloud = body.model.cloud
     phi = cut_off(body, surface_name)
     gradient = _integrated_gradient(cloud, phi)
-    total = _weighted_stress(body, gradient, body.held[surface_name], center)
-    if body.held[surface_name] in ((True, False), (False, True)):
-        total = total + _shear_moment(body, phi, -1.0 if body.held[surface_name][0] else 1.0)
+    total = _weighted_stress(body, gradient, body.gripped[surface_name], center)
+    if body.gripped[surface_name] in ((True, False), (False, True)):
+        total = total + _shear_moment(body, phi, -1.0 if body.gripped[surface_name][0] else 1.0)
     for name, surface in cloud.surfaces.items():
-        if name == surface_name or not any(body.held.get(name, (False, False))):
+        if name == surface_name or not any(body.gripped.get(name, (False, False))):
             continue
-        held = [own and other for own, other in zip(body.held[surface_name], body.held[name], strict=True)]
+        held = [
+            own and other for own, other in zip(body.gripped[surface_name], body.gripped[name], strict=True)
+        ]
         for component in (0, 1):
             if held[component]:
                 share = surface.weight * phi[surface.index]
@@ -85,6 +87,18 @@ def reaction_rows(body: ElasticBody, surface_name: str, center: tuple[float, flo
                 weights = sparse.csr_array(resultant(unit, cloud.points[surface.index], center))
                 total = total - weights @ body.model.surface_traction(surface, component)
     return sparse.csr_array(total)
+
+
+def spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
+    """Forces (2b, 2n) of the soft springs on a surface's nodes, in x and then in y."""
+    surface = body.model.cloud.surfaces[surface_name]
+    blocks = [
+        nodal_rows(surface.index, component, len(body.model.nodes)).multiply(
+            -spring * surface.weight[:, None]
+        )
+        for component, spring in enumerate(body.soft_springs[surface_name])
+    ]
+    return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 
 
 def _integrated_gradient(cloud: Cloud, phi: FloatArray) -> FloatArray:
@@ -127,6 +141,13 @@ def _weighted_stress(
                 rows = stress_rows(stencils, model.material.stiffness, part)
                 total = total + sparse.csr_array(resultant(unit, points, center)) @ rows
     return sparse.csr_array(total)
+
+
+def nodal_resultant(points: FloatArray, center: tuple[float, float], factor: FloatArray) -> FloatArray:
+    """Resultant (3, 2b) of forces on ``points`` (b, 2) in x and then in y, scaled by ``factor`` (b, 2)."""
+    unit = np.zeros((2, *points.shape))
+    unit[0, :, 0], unit[1, :, 1] = factor.T
+    return np.concatenate([resultant(one, points, center) for one in unit], axis=1)
 
 
 def resultant(forces: FloatArray, points: FloatArray, center: tuple[float, float]) -> FloatArray:

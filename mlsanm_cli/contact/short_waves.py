@@ -23,17 +23,17 @@ def resolved_slip(
     slip: LinearMap,
     pairings: tuple[Pairing, ...],
     places: Mapping[str, slice],
-    softness: Mapping[str, float],
+    softness: Mapping[str, FloatArray],
 ) -> LinearMap:
     """The slips (n,) of all contacts with friction, with short waves about as a half-plane has them.
 
-    ``places`` are the contacts' rows, ``softness`` 1/E* of their bodies. Let F be a local linear fit along
-    the surface. Slips that anything but the contact's own tractions causes are smooth; what they have of
-    short waves comes from the clouds' irregularity, and they become F s. Least squares follow a traction t
-    the less the shorter its waves are, at two spacings hardly at all: what it differs by from its own fit
-    gets the compliance 3 h/(pi E*) (t - F t) on top. Without this, tractions of sticking nodes oscillated
-    from node to node by 30 %. With G t the linear function nearest to t over the whole contact, slips due to
-    G t are fitted like the others, so that a patch under uniform stress stays exact.
+    ``places`` are the contacts' rows, ``softness`` 1/E* at their nodes along the tangent. Let F be a local
+    linear fit along the surface. Slips that anything but the contact's own tractions causes are smooth; what
+    they have of short waves comes from the clouds' irregularity, and they become F s. Least squares follow a
+    traction t the less the shorter its waves are, at two spacings hardly at all: what it differs by from its
+    own fit gets the compliance 3 h/(pi E*) (t - F t) on top. Without this, tractions of sticking nodes
+    oscillated from node to node by 30 %. With G t the linear function nearest to t over the whole contact,
+    slips due to G t are fitted like the others, so that a patch under uniform stress stays exact.
     """
     kept = slip.take(np.arange(len(slip.constant)))
     for pairing in pairings:

@@ -22,6 +22,12 @@ def body_sources(
     for load in scene.surface_loads:
         if load.body == name:
             few[:, load.number] += body.source(load.surface, load.values, load.held)
+    for force in scene.body_forces:
+        if force.body == name:
+            few[:, force.number] += body.force_source(force.values)
+    degrees = scene.degrees(name)
+    if degrees.any():
+        few[:, : columns.loads] += np.outer(body.heat_source, degrees)
     unknown = columns.loads
     for platen in scene.platens:
         for motion in platen.motions:

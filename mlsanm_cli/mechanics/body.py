@@ -16,6 +16,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 import scipy.sparse as sparse
@@ -33,14 +34,15 @@ from mlsanm_cli.mechanics.elasticity import (
     equilibrium_rows,
     nested_equilibrium_rows,
     stress_rows,
+    traction_of,
     traction_rows,
     value_rows,
-    von_mises,
 )
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
-from mlsanm_cli.mechanics.force_sums import force_sums
+from mlsanm_cli.mechanics.force_sums import force_sums, spring_sums
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.rows import nodal_rows
@@ -155,9 +157,13 @@ class BodyModel:
         c = self.material.stiffness
         return np.stack([stress_rows(self.stencils, c, a) @ flat for a in (XX, YY, XY)], axis=1)
 
-    def von_mises(self, stress: FloatArray) -> FloatArray:
-        """Von Mises stress (n,)."""
-        return von_mises(stress, self.material.out_of_plane)
+    @cached_property
+    def free_expansion(self) -> FloatArray:
+        """Displacements (N, 2) without stress per degree of temperature."""
+        xx, yy, twice_xy = self.material.expansion
+        gradient = np.array([[xx, 0.5 * twice_xy], [0.5 * twice_xy, yy]])
+        result: FloatArray = (self.nodes - self.nodes.mean(axis=0)) @ gradient
+        return result
 
 
 def _refuse_coincident(name: str, cloud: Cloud) -> None:
@@ -175,11 +181,13 @@ class ElasticBody:
     """A body with its conditions chosen and its system factorised.
 
     ``first_row[surface]`` is where the surface's rows begin: x for its b nodes, then y for its b nodes.
-    ``held[surface]`` says for x and y whether these rows hold a displacement. ``rows`` counts all rows.
+    ``held[surface]`` says for x and y whether these rows hold a displacement, ``springs[surface]`` what
+    traction per displacement springs there pull back with. ``rows`` counts all rows.
     """
 
     model: BodyModel
     held: Mapping[str, tuple[bool, bool]]
+    springs: Springs
     first_row: Mapping[str, int]
     rows: int
     system: LinearSystem
@@ -202,16 +210,47 @@ class ElasticBody:
                 source[self.condition_rows(surface, component)] = values[:, component]
         return source
 
+    def force_source(self, force: FloatArray) -> FloatArray:
+        """Right-hand side (r,) of a ``force`` (n, 2) per volume: div sigma = -force."""
+        source = np.zeros(self.rows)
+        source[: force.size] = -force.T.ravel()
+        return source
+
+    @cached_property
+    def gripped(self) -> Held:
+        """Components of surfaces that are held, or by springs as stiff as that."""
+        return gripped(self.held, self.springs, stiffest_soft(self.model.cloud, self.model.material))
+
+    @cached_property
+    def soft_springs(self) -> Springs:
+        """The springs that give way."""
+        return soft(self.springs, stiffest_soft(self.model.cloud, self.model.material))
+
+    @cached_property
+    def heat_source(self) -> FloatArray:
+        """Right-hand side (r,) of one degree of temperature.
+
+        The stress is that of the strains beyond the free ones. Their even stress is in equilibrium inside and
+        joins the tractions on the surfaces.
+        """
+        even = self.model.material.stiffness @ self.model.material.expansion
+        source = np.zeros(self.rows)
+        for name, surface in self.model.cloud.surfaces.items():
+            source += self.source(name, traction_of(even, surface.normal), held=False)
+        return source
+
 
 def assemble(
     model: BodyModel,
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],
     solver: DirectSolver,
+    springs: Springs = MappingProxyType({}),
 ) -> ElasticBody:
     """Choose the conditions of every surface, set up the rows and factorise.
 
     ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
+    Components of surfaces with ``springs`` have the row sigma n + k u.
     """
     cloud, c = model.cloud, model.material.stiffness
     count = len(model.nodes)
@@ -227,34 +266,57 @@ def assemble(
             else:
                 blocks.append(traction_rows(stencils, c, surface.normal, component))
         total += 2 * len(surface.index)
-    table = RowTable(first_row, total, total + len(held_nodes), float(c[XX, XX]))
+    table = RowTable(first_row, total, total + len(held_nodes), model.material.modulus, springs)
     for node, component in held_nodes:
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
-    rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
+    pulls = _pulls(cloud, table, count)
+    rows = sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls)
     system: LinearSystem
     if model.settings.square:
         choice = choose_equations(cloud, held, held_nodes, table, model.ghosts)
         system = square.factorise(rows, choice, model.nodes, solver)
     else:
-        weight = _row_weights(cloud, held, held_nodes, table.modulus)
-        sums = force_sums(cloud, held, held_nodes, first_row, table.total)
-        system = least_squares.factorise(rows, weight, model.nodes, solver, sums)
-    return ElasticBody(model, held, first_row, table.total, system)
+        limit = stiffest_soft(cloud, model.material)
+        weight = _row_weights(cloud, held, held_nodes, table, gripped(held, springs, limit))
+        sums = force_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
+        whole = spring_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
+        images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
+        system = least_squares.factorise(
+            rows, weight, model.nodes, solver, np.concatenate([sums, whole]), images
+        )
+    return ElasticBody(model, held, springs, first_row, table.total, system)
+
+
+def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
+    """What springs add to the rows (r, 2N)."""
+    pulls = sparse.csr_array((table.total, 2 * nodes))
+    for name, stiffness in table.springs.items():
+        index = cloud.surfaces[name].index
+        for component, spring in enumerate(stiffness):
+            at = table.surfaces[name] + component * len(index) + np.arange(len(index))
+            entries = (np.full(len(index), spring), (at, 2 * index + component))
+            pulls = pulls + sparse.csr_array(entries, shape=pulls.shape)
+    return pulls
 
 
 def _row_weights(
     cloud: Cloud,
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],
-    modulus: float,
+    table: RowTable,
+    grips: Held,
 ) -> FloatArray:
-    """Weights (r,) of the rows in the least-squares sum."""
-    factor = corner_weight(cloud, held) * inward_weight(cloud)
-    weights = [factor * cloud.spacing / modulus] * 2
+    """Weights (r,) of the rows in the least-squares sum; stresses are singular beside ``grips``."""
+    factor = corner_weight(cloud, grips) * inward_weight(cloud)
+    weights = [factor * cloud.spacing / table.modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]
         # A node at the end of a surface stands for half a spacing of it.
-        traction = factor[surface.index] * np.sqrt(surface.weight / spacing) / modulus
-        weights += [HOLD / spacing if holds else traction for holds in held.get(name, (False, False))]
+        traction = factor[surface.index] * np.sqrt(surface.weight / spacing)
+        for component, holds in enumerate(held.get(name, (False, False))):
+            # A spring so stiff that it holds counts as such.
+            weights.append(
+                HOLD / spacing if holds else traction / table.moduli(name, component, spacing / HOLD)
+            )
     single = np.array([node for node, _ in held_nodes], dtype=np.int64)
     return np.concatenate([*weights, HOLD / cloud.spacing[single]])

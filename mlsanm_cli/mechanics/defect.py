@@ -15,6 +15,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.operators.refinement import QUICK
 from mlsanm_cli.operators.stencils import build_stencils
 
@@ -57,9 +58,7 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
         rows = slice(component * count, (component + 1) * count)
         source[rows] = model.equilibrium(component) @ flat - better.equilibrium(component) @ flat
     for name, surface in model.cloud.surfaces.items():
-        xx, yy, xy = stress[surface.index].T
-        x, y = surface.normal.T
-        traction = np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
+        traction = traction_of(stress[surface.index], surface.normal)
         source += body.source(name, -traction, held=False)
     return Defect(source, stress)
 

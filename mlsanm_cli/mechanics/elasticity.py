@@ -65,9 +65,16 @@ def value_rows(stencils: Stencils, component: int) -> sparse.csr_array:
     return vector_rows(stencils, value if component == 0 else None, value if component == 1 else None)
 
 
-def von_mises(stress: FloatArray, out_of_plane: float) -> FloatArray:
-    """Von Mises stress (n,) of plane ``stress`` (n, 3) with sigma_zz = out_of_plane (sigma_xx + sigma_yy)."""
+def traction_of(stress: FloatArray, normal: FloatArray) -> FloatArray:
+    """Tractions (b, 2) of ``stress`` (b, 3), or (3,) if even, on surfaces with ``normal`` (b, 2)."""
+    xx, yy, xy = stress.T
+    x, y = normal.T
+    return np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
+
+
+def von_mises(stress: FloatArray, across: FloatArray) -> FloatArray:
+    """Von Mises stress (n,) of plane ``stress`` (n, 3) and the stress ``across`` (n,) the plane."""
     xx, yy, xy = stress[:, XX], stress[:, YY], stress[:, XY]
-    zz = out_of_plane * (xx + yy)
+    zz = across
     result: FloatArray = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
     return result

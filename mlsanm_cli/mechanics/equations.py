@@ -17,17 +17,24 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.mechanics.springs import NO_SPRING, Springs
 
 
 @dataclass(frozen=True)
 class RowTable:
     """Where a body's rows are: ``surfaces[name]`` the first of a surface's conditions (x of its b nodes, then
-    y), ``nodes`` the first of single held nodes; ``modulus`` scales tractions."""
+    y), ``nodes`` the first of single held nodes; ``modulus`` scales tractions, with the ``springs`` there."""
 
     surfaces: Mapping[str, int]
     nodes: int
     total: int
     modulus: float
+    springs: Springs
+
+    def moduli(self, surface: str, component: int, length: FloatArray) -> FloatArray:
+        """What scales the tractions of a surface's nodes (b,): strains over ``length`` (b,) move springs."""
+        result: FloatArray = self.modulus + self.springs.get(surface, NO_SPRING)[component] * length
+        return result
 
 
 def choose_equations(
@@ -65,7 +72,8 @@ def choose_equations(
             if holds:
                 taken[at] = True
             first = rows.surfaces[name] + component * len(index)
-            scale = np.ones(len(at)) if holds else cloud.spacing[at] / rows.modulus
+            length = cloud.spacing[at]
+            scale = np.ones(len(at)) if holds else length / rows.moduli(name, component, length)
             parts.append((2 * equation_of[at] + component, first + free, scale))
     for number, (node, component) in enumerate(held_nodes):
         parts.append((np.array([2 * node + component]), np.array([rows.nodes + number]), np.ones(1)))

@@ -13,6 +13,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.elasticity import traction_of
 
 ROTATION = 2
 
@@ -26,6 +27,24 @@ class SurfaceLoad:
     surface: str
     values: FloatArray
     held: bool
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """``values`` (n, 2) at a body's points at factor 1: force per volume."""
+
+    number: int
+    body: str
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class Heating:
+    """An even change of a body's temperature by ``degrees`` at factor 1."""
+
+    number: int
+    body: str
+    degrees: float
 
 
 @dataclass(frozen=True)
@@ -80,6 +99,8 @@ class Scene:
     platens: tuple[Platen, ...]
     supports: Mapping[str, tuple[str, str]]
     held_nodes: Mapping[str, tuple[bool, bool]]
+    body_forces: tuple[BodyForce, ...] = ()
+    heatings: tuple[Heating, ...] = ()
 
     def surface(self, body: str, name: str) -> Surface:
         """A body's surface by name."""
@@ -91,6 +112,23 @@ class Scene:
             if (platen.body, platen.surface) == (body, surface):
                 return platen.center
         return (0.0, 0.0)
+
+    def degrees(self, body: str) -> FloatArray:
+        """Change of a body's temperature (L,) per load factor."""
+        result = np.zeros(len(self.loads))
+        for heating in self.heatings:
+            if heating.body == body:
+                result[heating.number] += heating.degrees
+        return result
+
+    def heat_force(self, body: str) -> float:
+        """The largest force per degree that a surface needs to keep its body from expanding at all."""
+        model = self.bodies[body].model
+        even = model.material.stiffness @ model.material.expansion
+        return max(
+            float(surface.weight @ np.hypot(*traction_of(even, surface.normal).T))
+            for surface in model.cloud.surfaces.values()
+        )
 
     @property
     def unknown_motions(self) -> list[tuple[Platen, PlatenMotion]]:

@@ -18,6 +18,7 @@ import scipy.linalg as linalg
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.refinement import MOST, PRECISE, Progress
 
@@ -128,20 +129,32 @@ def factorise(
     points: FloatArray,
     solver: DirectSolver,
     sums: FloatArray | None = None,
+    images: FloatArray | None = None,
 ) -> LeastSquares:
     """Set up and factorise the normal equations of ``rows`` (r, n), weighted by ``weight`` (r,), and of the
-    ``sums`` (k, r) of them, if any, which are scaled here."""
+    ``sums`` (k, r) of them, if any, which are scaled here.
+
+    ``images`` (k, n) are the sums in the unknowns, where they are not simply those of the rows.
+    """
     weighted = sparse.csr_array(rows.multiply(weight[:, None]))
     normal = sparse.csc_array(weighted.T @ weighted)
     factor: Factor = solver.factor(normal, solver.analyse(normal, points))
     if sums is None:
         sums = np.zeros((0, rows.shape[0]))
-    images = np.asarray((rows.T @ sums.T).T)
+    if images is None:
+        images = np.asarray((rows.T @ sums.T).T)
     if len(sums):
         solved = factor.solve(np.ascontiguousarray(images.T))
         small = images @ solved
         strength = _strength(small)
         sums, images, solved = strength * sums, strength * images, strength * solved
         symmetric = 0.5 * strength**2 * (small + small.T)
-        factor = UpdatedFactor(factor, images, solved, linalg.cho_factor(np.eye(len(sums)) + symmetric))
+        try:
+            together = linalg.cho_factor(np.eye(len(sums)) + symmetric)
+        except linalg.LinAlgError as error:
+            raise NumericalError(
+                "a body is held so softly that its equations are singular to the last digits",
+                "hold it by supports, or by springs stiffer against the body",
+            ) from error
+        factor = UpdatedFactor(factor, images, solved, together)
     return LeastSquares(weighted, weight, sums, images, factor)

@@ -42,8 +42,10 @@ class LinearSystem(Protocol):
         ...
 
 
-def solve_blocks(system: LinearSystem, sources: sparse.csc_array) -> Iterator[tuple[slice, FloatArray]]:
+def solve_blocks(
+    system: LinearSystem, sources: sparse.csc_array, tolerance: float = QUICK
+) -> Iterator[tuple[slice, FloatArray]]:
     """Solutions a block of columns at a time, so that no dense (n, c) array is kept."""
     for first in range(0, sources.shape[1], BLOCK):
         columns = slice(first, min(first + BLOCK, sources.shape[1]))
-        yield columns, system.solve(sources[:, columns], QUICK)
+        yield columns, system.solve(sources[:, columns], tolerance)

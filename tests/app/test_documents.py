@@ -43,14 +43,14 @@ def all_keys() -> set[str]:
     def visit(annotation: Any) -> None:
         if isinstance(annotation, type) and issubclass(annotation, BaseModel):
             for name, field in annotation.model_fields.items():
-                keys.add(name)
+                keys.add(field.alias or name)
                 visit(field.annotation)
         for argument in getattr(annotation, "__args__", ()):
             visit(argument)
 
     visit(Case)
     for model in (*LOADS.values(), *SHAPES.values()):
-        keys.update(model.model_fields)
+        keys.update(field.alias or name for name, field in model.model_fields.items())
     return keys
 
 
@@ -60,7 +60,7 @@ def test_all_keys_are_found_in_the_model() -> None:
 
 @pytest.mark.parametrize("text", [README, CASE_FILE], ids=["README", "case-file"])
 def test_every_key_is_documented(text: str) -> None:
-    words = set(re.findall(r"[A-Za-z_][A-Za-z0-9_]*", text))
+    words = {word for pattern in (r"\w+", r"[\w-]+") for word in re.findall(pattern, text)}
     assert all_keys() <= words, all_keys() - words
     for names in (SHAPES, LOADS):
         assert all(f"`{name}`" in text or f'"{name}"' in text for name in names)

@@ -221,8 +221,6 @@ def test_method_and_law(method: str, law: str, fits: bool) -> None:
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ("material.steel={stiffness=[[1,0,0],[0,1,0],[0,0,1]]}", "stiffness"),
-        ('load.press={name="press", kind="body-force", bodyforce=[0,1]}', 'load kind "body-force"'),
         ("support.0.uy=0.1", "support that moves"),
         ('contact.interface={name="interface", slave="cylinder.arc", obstacle={kind="plane"}}', "obstacle"),
         ('solver.method="newton"', "newton"),

@@ -17,6 +17,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.mechanics import body as mechanics
+from mlsanm_cli.mechanics.equations import RowTable
+from mlsanm_cli.mechanics.springs import Held
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from tests.app.scenes import Quiet
 
@@ -38,14 +40,15 @@ def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., Fl
         cloud: Cloud,
         held: Mapping[str, tuple[bool, bool]],
         held_nodes: Sequence[tuple[int, int]],
-        modulus: float,
+        table: RowTable,
+        grips: Held,
     ) -> FloatArray:
-        weights = proper(cloud, held, held_nodes, modulus)
+        weights = proper(cloud, held, held_nodes, table, grips)
         first = 2 * len(cloud.points)
         for name, surface in cloud.surfaces.items():
             for holds in held.get(name, (False, False)):
                 if not holds:
-                    weights[first : first + len(surface.index)] *= factor(modulus)
+                    weights[first : first + len(surface.index)] *= factor(table.modulus)
                 first += len(surface.index)
         return weights
 

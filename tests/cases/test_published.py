@@ -191,3 +191,35 @@ def test_pin_in_hole(clearance: float, tmp_path: Path) -> None:
     assert contact["peak_pressure"] == pytest.approx(pin.peak_pressure, rel=0.01)
     assert contact["half_width"] == pytest.approx(10.0 * pin.half_angle, rel=0.01)
     assert contact["force"] == pytest.approx([0.0, 5000.0], abs=5.0)
+
+
+@pytest.mark.parametrize("degree", [2, 4])
+def test_self_weight(degree: int, tmp_path: Path) -> None:
+    summary, data = solve("self_weight", tmp_path / "run", f"mls.degree={degree}")
+    y, fields = data.bodies["block"].points[:, 1], data.states[-1].bodies["block"]
+    direct = 30e3 * 0.8 / (1.2 * 0.6)
+    expected = -0.024 / direct * (3.0 * y - 0.5 * y**2)
+    assert np.abs(fields["displacement"][:, 1] - expected).max() <= 1e-8 * np.abs(expected).max()
+    assert np.abs(fields["stress"][:, 1] + 0.024 * (3.0 - y)).max() <= 1e-8 * 0.072
+    np.testing.assert_allclose(summary["forces"]["block.bottom"], [0.0, 0.144], atol=1e-10)
+    assert summary["force_balance"] <= 1e-9
+
+
+def test_orthotropic(tmp_path: Path) -> None:
+    summary, data = solve("orthotropic", tmp_path / "run")
+    assert summary["force_balance"] <= 1e-9
+    compliance = np.array(
+        [[1 / 12e3, -0.4 / 12e3, 0.0], [-0.4 / 12e3, 1 / 0.9e3, 0.0], [0.0, 0.0, 1 / 0.7e3]]
+    )
+    c, s = np.sqrt(0.75), 0.5
+    # Stresses along the grain's axes, and strains (the last one doubled) back along x and y.
+    own = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]])
+    stress = np.array([8.0, 0.0, 2.0])
+    strain = own.T @ compliance @ own @ stress
+    heat = own.T @ (40.0 * np.array([4e-6, 35e-6, 0.0]))
+    for state, total in zip(data.states, (strain, strain + heat), strict=True):
+        fields, points = state.bodies["board"], data.bodies["board"].points
+        # The pins at (0, 0) and (2, 0) keep the lower edge's ends level.
+        expected = np.stack([points @ [total[0], total[2]], total[1] * points[:, 1]], axis=1)
+        assert np.abs(fields["displacement"] - expected).max() <= 1e-9 * np.abs(expected).max()
+        assert np.abs(fields["stress"] - stress).max() <= 1e-9 * 8.0

@@ -78,9 +78,19 @@ def test_contacts_keep_to_themselves() -> None:
     nothing = LinearMap(
         np.zeros(2 * m), np.zeros((2 * m, 1)), np.zeros((2 * m, 0)), np.eye(2 * m), np.zeros((2 * m, 2 * m))
     )
-    both = resolved_slip(nothing, (pairing,), {pairing.name: slice(m, 2 * m)}, {pairing.name: 1.0})
+    both = resolved_slip(nothing, (pairing,), {pairing.name: slice(m, 2 * m)}, {pairing.name: np.ones(m)})
     assert (both.pressure[:m] == np.eye(2 * m)[:m]).all()
     assert np.abs(both.pressure[m:] - np.eye(2 * m)[m:]).max() > 0.1
     assert (both.traction[:m] == 0.0).all()
     assert (both.traction[:, :m] == 0.0).all()
     assert np.abs(both.traction[m:, m:]).max() > 0.0
+
+
+def test_materials_answer_along_their_own_directions() -> None:
+    wood = "{E1=20.0, E2=1.0, E3=1.0, G12=0.7, nu12=0.3, nu13=0.3, nu23=0.3}"
+    one = cylinder(0.02, f"material.steel={wood}", "contact.interface.friction=0.3")
+    pairing, material = one.pairing, one.scene.bodies["block"].model.material
+    # Both bodies are of the same wood, whose grain runs along the surface.
+    expected = 0.5 / material.softness(pairing.normal[pairing.candidate])
+    np.testing.assert_allclose(one.condensed.modulus, expected, rtol=1e-12)
+    assert material.softness(np.eye(2))[1] > 3.0 * material.softness(np.eye(2))[0]

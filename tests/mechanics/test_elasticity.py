@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.elasticity import XX, XY, YY, equilibrium_rows, stress_rows, traction_rows
-from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.material import anisotropic
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import build_stencils
 from tests.mechanics.bodies import STEEL, jittered_square
@@ -34,7 +34,7 @@ def test_rigid_motions_give_no_stress(a: float, b: float, angle: float) -> None:
 @given(gradient=st.lists(small, min_size=4, max_size=4), degree=st.integers(1, 6))
 def test_uniform_stress_is_exact(gradient: list[float], degree: int) -> None:
     g = np.array(gradient).reshape(2, 2)
-    model = BodyModel.build("body", CLOUD, PlaneMaterial(FULL, 0.0, 1.0), MlsSettings(degree))
+    model = BodyModel.build("body", CLOUD, anisotropic(FULL, "stress"), MlsSettings(degree))
     expected = FULL @ np.array([g[0, 0], g[1, 1], g[0, 1] + g[1, 0]])
     assert np.abs(model.stress(POINTS @ g.T) - expected).max() <= 1e-10
 

@@ -1,0 +1,122 @@
+"""What a case's loads and springs are on given clouds: values at nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import (
+    BodyForce,
+    Case,
+    Displacement,
+    ExpressionError,
+    Platen,
+    Pressure,
+    Temperature,
+    Traction,
+    split_boundary,
+    value_at,
+)
+from mlsanm_cli.cloud.cloud import Cloud, Surface
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.mechanics import scene as mechanics
+
+COVERED = 1e-6
+"""Part of a boundary's length by which a table may fall short of its end."""
+
+
+@dataclass(frozen=True)
+class Acting:
+    """Loads at factor 1 but for platens, and ``springs[body][surface]``, traction per displacement."""
+
+    surface_loads: tuple[mechanics.SurfaceLoad, ...]
+    body_forces: tuple[mechanics.BodyForce, ...]
+    heatings: tuple[mechanics.Heating, ...]
+    springs: Mapping[str, Mapping[str, tuple[float, float]]]
+
+
+class _BadTableError(ValueError):
+    """A table that does not fit its boundary."""
+
+
+def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
+    """Evaluate all loads.
+
+    Raises CaseError for expressions without a value at a node, and tables that end before their boundary.
+    """
+    surface_loads: list[mechanics.SurfaceLoad] = []
+    body_forces: list[mechanics.BodyForce] = []
+    heatings: list[mechanics.Heating] = []
+    problems: list[CaseProblem] = []
+    for number, load in enumerate(case.load):
+        cloud = clouds[load.owner]
+        key = f"load.{load.name}.{load.kind}"
+        try:
+            if isinstance(load, BodyForce):
+                values = _at(load.body_force, cloud.points)
+                body_forces.append(mechanics.BodyForce(number, load.body, values))
+            elif isinstance(load, Temperature):
+                heatings.append(mechanics.Heating(number, load.body, load.temperature))
+            elif not isinstance(load, Platen):
+                name = split_boundary(load.boundary)[1]
+                values = _on_surface(load, cloud, cloud.surfaces[name])
+                held = isinstance(load, Displacement)
+                surface_loads.append(mechanics.SurfaceLoad(number, load.owner, name, values, held))
+        except ExpressionError as error:
+            problems.append(CaseProblem(key, str(error)))
+        except _BadTableError as error:
+            problems.append(CaseProblem(f"load.{load.name}.table", str(error)))
+    if problems:
+        raise CaseError(tuple(problems))
+    return Acting(tuple(surface_loads), tuple(body_forces), tuple(heatings), _springs(case))
+
+
+def _on_surface(load: Traction | Pressure | Displacement, cloud: Cloud, surface: Surface) -> FloatArray:
+    """Values (b, 2) at the surface's nodes; a direction that is left free is 0."""
+    points = cloud.points[surface.index]
+    if isinstance(load, Displacement):
+        return _at([0.0 if part is None else part for part in load.components], points)
+    if isinstance(load, Traction):
+        if load.table is not None:
+            return _from_table(load.table, surface)
+        assert load.traction is not None
+        return _at(load.traction, points)
+    if load.table is not None:
+        return -_from_table(load.table, surface) * surface.normal
+    assert load.pressure is not None
+    return -_at([load.pressure], points) * surface.normal
+
+
+def _at(amounts: Sequence[float | str], points: FloatArray) -> FloatArray:
+    """Numbers and expressions (c,) at ``points`` (n, 2), as columns (n, c)."""
+    columns = [
+        np.array([value_at(amount, x, y) for x, y in points.tolist()])
+        if isinstance(amount, str)
+        else np.full(len(points), amount)
+        for amount in amounts
+    ]
+    return np.stack(columns, axis=1)
+
+
+def _from_table(rows: Sequence[tuple[float, ...]], surface: Surface) -> FloatArray:
+    """Values (b, c) interpolated linearly between rows of arc length and c values."""
+    table = np.array(rows)
+    length = surface.curve.length
+    first, last = float(table[0, 0]), float(table[-1, 0])
+    if first > COVERED * length or last < (1.0 - COVERED) * length:
+        raise _BadTableError(f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}")
+    columns = [np.interp(surface.arc_length, table[:, 0], column) for column in table[:, 1:].T]
+    return np.stack(columns, axis=1)
+
+
+def _springs(case: Case) -> dict[str, dict[str, tuple[float, float]]]:
+    found: dict[str, dict[str, tuple[float, float]]] = {body.name: {} for body in case.body}
+    for support in case.support:
+        if support.boundary is not None and support.spring is not None:
+            body, surface = split_boundary(support.boundary)
+            x, y = found[body].get(surface, (0.0, 0.0))
+            found[body][surface] = (x + support.spring[0], y + support.spring[1])
+    return found

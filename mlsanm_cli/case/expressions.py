@@ -1,0 +1,184 @@
+"""Expressions in x and y, as loads that depend on the place are written: read, checked and never executed.
+
+The text is parsed as a Python expression, of which only numbers, x, y, pi, arithmetic, comparisons, choices
+(``a if x < 1 else b``) and the functions below are understood; everything else is refused by name. All
+numbers are floats, so that no result can grow without bound.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+
+from mlsanm_cli.case.report import suggestion
+
+LONGEST = 500
+DEEPEST = 100
+
+Value = Callable[[float, float], float]
+Operation = Callable[..., float]
+
+FUNCTIONS: Mapping[str, tuple[Operation, int, int]] = {
+    "abs": (math.fabs, 1, 1),
+    "acos": (math.acos, 1, 1),
+    "asin": (math.asin, 1, 1),
+    "atan": (math.atan, 1, 1),
+    "atan2": (math.atan2, 2, 2),
+    "cos": (math.cos, 1, 1),
+    "cosh": (math.cosh, 1, 1),
+    "exp": (math.exp, 1, 1),
+    "hypot": (math.hypot, 2, 2),
+    "log": (math.log, 1, 1),
+    "max": (max, 2, 20),
+    "min": (min, 2, 20),
+    "sin": (math.sin, 1, 1),
+    "sinh": (math.sinh, 1, 1),
+    "sqrt": (math.sqrt, 1, 1),
+    "tan": (math.tan, 1, 1),
+    "tanh": (math.tanh, 1, 1),
+}
+"""Every function with its smallest and largest number of arguments."""
+NAMES = ("x", "y", "pi")
+_BINARY: Mapping[type[ast.operator], Operation] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    # Never complex, and an OverflowError where the operator of whole numbers would fill the memory.
+    ast.Pow: math.pow,
+}
+_COMPARED: Mapping[type[ast.cmpop], Callable[[float, float], bool]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
+
+
+class ExpressionError(ValueError):
+    """What is wrong with an expression, or with its value at some place."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(f"{message} ({hint})" if hint else message)
+
+
+@lru_cache(maxsize=256)
+def compile_expression(text: str) -> Value:
+    """The function of x and y that a text describes. Raises ExpressionError.
+
+    >>> compile_expression("2*x**2 - y if x > 0 else 0")(3.0, 1.0)
+    17.0
+    """
+    if len(text) > LONGEST:
+        raise ExpressionError(f"an expression has {LONGEST} characters at most, not {len(text)}")
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise ExpressionError(f'"{text}" is no expression in x and y') from error
+    return _compiled(tree.body, DEEPEST)
+
+
+def value_at(text: str, x: float, y: float) -> float:
+    """The finite value of an expression at one place. Raises ExpressionError."""
+    try:
+        value = compile_expression(text)(x, y)
+    except ZeroDivisionError as error:
+        raise ExpressionError(f'"{text}" divides by zero at ({x:.6g}, {y:.6g})') from error
+    except (ValueError, OverflowError) as error:
+        raise ExpressionError(f'"{text}" has no value at ({x:.6g}, {y:.6g})') from error
+    if not math.isfinite(value):
+        raise ExpressionError(f'"{text}" is not finite at ({x:.6g}, {y:.6g})')
+    return value
+
+
+def _compiled(node: ast.expr, depth: int) -> Value:
+    if depth == 0:
+        raise ExpressionError(f"an expression is nested {DEEPEST} deep at most")
+    if isinstance(node, ast.Constant):
+        return _number(node.value)
+    if isinstance(node, ast.Name):
+        return _name(node.id)
+    parts = [_compiled(part, depth - 1) for part in _operands(node)]
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+        sign = -1.0 if isinstance(node.op, ast.USub) else 1.0
+        return lambda x, y: sign * parts[0](x, y)
+    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
+        return _applied(_BINARY[type(node.op)], parts)
+    if isinstance(node, ast.IfExp):
+        test, yes, no = parts
+        return lambda x, y: yes(x, y) if test(x, y) else no(x, y)
+    if isinstance(node, ast.BoolOp):
+        every = all if isinstance(node.op, ast.And) else any
+        return lambda x, y: float(every(part(x, y) for part in parts))
+    if isinstance(node, ast.Compare) and all(type(op) in _COMPARED for op in node.ops):
+        tests = [_COMPARED[type(op)] for op in node.ops]
+        return lambda x, y: float(
+            all(test(a(x, y), b(x, y)) for test, a, b in zip(tests, parts[:-1], parts[1:], strict=True))
+        )
+    if isinstance(node, ast.Call):
+        return _applied(_function(node), parts)
+    power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor)
+    hint = "powers are written x**2" if power else ""
+    raise ExpressionError(f"{_quoted(node)} has no place in an expression in x and y", hint)
+
+
+def _applied(operation: Operation, parts: list[Value]) -> Value:
+    return lambda x, y: operation(*(part(x, y) for part in parts))
+
+
+def _operands(node: ast.expr) -> list[ast.expr]:
+    """The parts of an expression that are expressions themselves; none of what is not understood."""
+    if isinstance(node, ast.UnaryOp):
+        return [node.operand]
+    if isinstance(node, ast.BinOp):
+        return [node.left, node.right]
+    if isinstance(node, ast.IfExp):
+        return [node.test, node.body, node.orelse]
+    if isinstance(node, ast.BoolOp):
+        return node.values
+    if isinstance(node, ast.Compare):
+        return [node.left, *node.comparators]
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS:
+        return node.args
+    return []
+
+
+def _number(value: object) -> Value:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ExpressionError(f"{value!r} is no number")
+    try:
+        number = float(value)
+    except OverflowError as error:
+        raise ExpressionError("a number is too large") from error
+    return lambda x, y: number
+
+
+def _name(name: str) -> Value:
+    if name == "x":
+        return lambda x, y: x
+    if name == "y":
+        return lambda x, y: y
+    if name == "pi":
+        return lambda x, y: math.pi
+    if name in FUNCTIONS:
+        raise ExpressionError(f"{name} is a function", f"write {name}(...)")
+    raise ExpressionError(f'"{name}" is not known', suggestion(name, [*NAMES, *FUNCTIONS], "known"))
+
+
+def _function(call: ast.Call) -> Operation:
+    if not isinstance(call.func, ast.Name) or call.func.id not in FUNCTIONS:
+        raise ExpressionError(
+            f"{_quoted(call.func)} cannot be called", suggestion(_quoted(call.func), FUNCTIONS, "functions")
+        )
+    function, least, most = FUNCTIONS[call.func.id]
+    if call.keywords or not least <= len(call.args) <= most:
+        wanted = f"{least}" if least == most else f"{least} or more"
+        raise ExpressionError(f"{call.func.id} takes {wanted} arguments, not {len(call.args)}")
+    return function
+
+
+def _quoted(node: ast.expr) -> str:
+    return f'"{ast.unparse(node)}"'

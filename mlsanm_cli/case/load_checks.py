@@ -1,0 +1,87 @@
+"""Checks of loads and supports, each by itself and with its body's material."""
+
+from __future__ import annotations
+
+from mlsanm_cli.case.draft import Draft
+from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.loads import Displacement, Platen, Pressure, Temperature, Traction
+from mlsanm_cli.case.report import Report
+
+
+def check_loads(draft: Draft, report: Report) -> None:
+    """Adds what is missing, given twice or contradicts itself in loads and supports."""
+    for index in draft.supports:
+        _check_support(draft, report, index)
+    for index, load in draft.loads.items():
+        path: KeyPath = ("load", index)
+        if isinstance(load, Platen):
+            _check_platen(load, path, report)
+        elif isinstance(load, Traction | Pressure):
+            _check_value(load, path, report)
+        elif isinstance(load, Displacement):
+            _check_displacement(load, path, report)
+        elif isinstance(load, Temperature):
+            _check_temperature(draft, load, path, report)
+
+
+def _check_support(draft: Draft, report: Report, index: int) -> None:
+    support, path = draft.supports[index], ("support", index)
+    if support.boundary is not None and (support.body is not None or support.near is not None):
+        report.add(path, 'give either "boundary", or "body" and "near"')
+    elif support.boundary is None and (support.body is None or support.near is None):
+        if support.body is None and support.near is None:
+            report.add(path, "says nothing about where", 'give "boundary", or "body" and "near"')
+        else:
+            report.add(
+                path, '"body" and "near" go together', "near = [x, y] picks the nearest node of the body"
+            )
+    if support.spring is not None:
+        here: KeyPath = (*path, "spring")
+        if support.boundary is None:
+            report.add(here, "springs act along a boundary", 'give "boundary"')
+        if min(support.spring) < 0.0 or max(support.spring) == 0.0:
+            report.add(here, "a spring's stiffness is above 0", "0 only for the direction without a spring")
+    elif support.ux is None and support.uy is None:
+        report.add(path, "holds nothing", "give ux = 0.0, uy = 0.0 or both, or spring = [kx, ky]")
+
+
+def _check_value(load: Traction | Pressure, path: KeyPath, report: Report) -> None:
+    value = load.traction if isinstance(load, Traction) else load.pressure
+    if value is None and load.table is None:
+        report.add((*path, load.kind), "missing, and it has no default", f'give "{load.kind}" or "table"')
+    elif value is not None and load.table is not None:
+        report.add((*path, "table"), f'"{load.kind}" is given too', "one of the two")
+
+
+def _check_displacement(load: Displacement, path: KeyPath, report: Report) -> None:
+    single = [key for key in ("ux", "uy") if getattr(load, key) is not None]
+    if load.displacement is not None and single:
+        message = '"displacement" gives both directions already'
+        report.add((*path, single[0]), message, "displacement, or ux, or uy")
+    elif load.displacement is None and not single:
+        hint = "give displacement, or ux or uy alone"
+        report.add((*path, "displacement"), "missing, and it has no default", hint)
+
+
+def _check_temperature(draft: Draft, load: Temperature, path: KeyPath, report: Report) -> None:
+    body = next((body for body in draft.bodies.values() if body.name == load.body), None)
+    material = draft.materials.get(body.material) if body is not None else None
+    if body is not None and material is not None and material.alpha is None:
+        message = f'material "{body.material}" of body "{body.name}" has no thermal expansion'
+        report.add(path, message, f"give alpha in [material.{body.material}]")
+
+
+def _check_platen(load: Platen, path: KeyPath, report: Report) -> None:
+    single = [key for key in ("ux", "uy", "fx", "fy") if getattr(load, key) is not None]
+    if load.force is not None and load.displacement is not None:
+        report.add(path, "has both force and displacement", "one direction each: ux or fx, uy or fy")
+    elif (load.force is not None or load.displacement is not None) and single:
+        both = "force" if load.force is not None else "displacement"
+        report.add(
+            (*path, single[0]), f'"{both}" gives both directions already', "ux or fx, and uy or fy instead"
+        )
+    elif not load.control:
+        report.add(path, "a platen needs a direction", "give force, displacement, or ux/uy/fx/fy")
+    for u, f in (("ux", "fx"), ("uy", "fy")):
+        if u in single and f in single:
+            report.add((*path, f), f"the direction has {u} already", "a platen is moved by one of the two")

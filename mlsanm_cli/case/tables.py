@@ -1,0 +1,90 @@
+"""Tables of loads along a boundary: read from CSV files into the case, so that it stands for itself."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from mlsanm_cli.case.lines import KeyPath
+
+HEADERS = {"pressure": ("s", "pressure"), "traction": ("s", "tx", "ty")}
+"""Columns of the table of every kind of load that may have one; s is the arc length."""
+MOST_ROWS = 100_000
+
+
+class TableError(ValueError):
+    """What is wrong with a table's file."""
+
+
+def inline_tables(data: Mapping[str, Any], base: Path) -> tuple[dict[str, Any], list[tuple[KeyPath, str]]]:
+    """The content of a case with the rows of its tables in place of their files' names.
+
+    Names are relative to the directory ``base``. Also what was wrong, by key; there the name stays.
+    """
+    content = dict(data)
+    problems: list[tuple[KeyPath, str]] = []
+    loads = data.get("load")
+    if isinstance(loads, tuple):
+        changed = []
+        for index, load in enumerate(loads):
+            if isinstance(load, Mapping) and isinstance(load.get("table"), str):
+                try:
+                    load = {
+                        **load,
+                        "table": read_table(base / load["table"], HEADERS.get(load.get("kind", ""))),
+                    }
+                except TableError as error:
+                    problems.append((("load", index, "table"), str(error)))
+            changed.append(load)
+        content["load"] = tuple(changed)
+    return content, problems
+
+
+def read_table(path: Path, header: tuple[str, ...] | None) -> tuple[tuple[float, ...], ...]:
+    """Rows of a CSV file whose first line is ``header``. Raises TableError."""
+    if header is None:
+        raise TableError("loads of this kind have no table")
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if any(row)]
+    except FileNotFoundError as error:
+        raise TableError(f"there is no file {path}") from error
+    except OSError as error:
+        raise TableError(f"cannot read {path}: {error.strerror or error}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise TableError(f"{path} is no CSV text") from error
+    found = tuple(cell.strip() for cell in lines[0][1]) if lines else ()
+    if found != header:
+        raise TableError(f"{path} must begin with the line {','.join(header)}")
+    if len(lines) > MOST_ROWS:
+        raise TableError(f"{path} has more than {MOST_ROWS} rows")
+    return tuple(_numbers(path, number, row, len(header)) for number, row in lines[1:])
+
+
+def _numbers(path: Path, line: int, row: list[str], columns: int) -> tuple[float, ...]:
+    if len(row) != columns:
+        raise TableError(f"{path}, line {line}: {len(row)} columns instead of {columns}")
+    numbers = []
+    for cell in row:
+        try:
+            number = float(cell)
+        except ValueError as error:
+            raise TableError(f'{path}, line {line}: "{cell.strip()}" is no number') from error
+        if not math.isfinite(number):
+            raise TableError(f"{path}, line {line}: {cell.strip()} is no value here")
+        numbers.append(number)
+    return tuple(numbers)
+
+
+def row_problem(rows: tuple[tuple[float, ...], ...]) -> str:
+    """What is wrong with the arc lengths of a table, "" if nothing is."""
+    if len(rows) < 2:
+        return "a table needs two rows or more"
+    for number, (before, after) in enumerate(pairwise(rows), start=2):
+        if not before[0] < after[0]:
+            return f"arc lengths must increase: row {number} has {after[0]:g} after {before[0]:g}"
+    return ""

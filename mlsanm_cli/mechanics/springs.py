@@ -1,0 +1,42 @@
+"""Springs along a body's surfaces: which of them hold like supports, and which give way.
+
+A spring is stiff where it gives way by less than the body itself, k size > C. Its force then comes from the
+stress inside the body, as that of a held surface does: k times displacements that hardly differ from nothing
+would tell of their errors only. That of a soft spring is k u; it says how far the body moves as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.mechanics.material import PlaneMaterial
+
+Springs = Mapping[str, tuple[float, float]]
+Held = Mapping[str, tuple[bool, bool]]
+
+NO_SPRING = (0.0, 0.0)
+FREE = (False, False)
+
+
+def stiffest_soft(cloud: Cloud, material: PlaneMaterial) -> float:
+    """The stiffness k, traction per displacement, up to which springs give way."""
+    return material.modulus / float(np.ptp(cloud.points, axis=0).max())
+
+
+def gripped(held: Held, springs: Springs, limit: float) -> dict[str, tuple[bool, bool]]:
+    """The components of every surface that are held, or by springs stiffer than ``limit``."""
+    found = dict(held)
+    for name, (x, y) in springs.items():
+        if x > limit or y > limit:
+            before = held.get(name, FREE)
+            found[name] = (before[0] or x > limit, before[1] or y > limit)
+    return found
+
+
+def soft(springs: Springs, limit: float) -> dict[str, tuple[float, float]]:
+    """The springs that give way, 0 where there is none."""
+    kept = {name: (x if x <= limit else 0.0, y if y <= limit else 0.0) for name, (x, y) in springs.items()}
+    return {name: both for name, both in kept.items() if any(both)}
