@@ -47,7 +47,8 @@ class State:
 class PathStep:
     """A finished step: the state at its end, the wanted states in it (its end included), what it cost.
 
-    ``series`` holds the arrays from which any state of the step can be had again (ANM only); ``warning`` is
+    ``series`` holds the arrays from which any state of the step can be had again (ANM only), ``order`` is the
+    series' and 0 without one; ``iterations`` are updates of the nonlinear solution; ``warning`` is
     what the user should know about the step.
     """
 
@@ -55,6 +56,7 @@ class PathStep:
     saved: tuple[State, ...]
     length: float = 0.0
     order: int = 0
+    iterations: int = 0
     factorizations: int = 0
     solves: int = 0
     series: Mapping[str, FloatArray] = field(default_factory=dict)

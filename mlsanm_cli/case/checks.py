@@ -238,7 +238,7 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
             report.add(("contact", index, "regularization", "law"), message, hint)
     _check_friction_laws(draft, report)
     method = draft.solver.method if draft.solver else "auto"
-    fitting = {"anm": "hyperbolic", "active-set": "exact"}
+    fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}
     if method in fitting and first is not None and first != fitting[method]:
         message = f'"{method}" cannot follow the {first} contact law'
         hint = f'law = "{fitting[method]}" in [contact.regularization], or method = "auto"'

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.continuation.anm import AnmFollower, follow
+from mlsanm_cli.continuation.anm import AnmFollower
 from mlsanm_cli.continuation.corrector import Correction, correct
-from mlsanm_cli.continuation.options import AnmOptions
+from mlsanm_cli.continuation.follow import follow
+from mlsanm_cli.continuation.newton import NewtonFollower
+from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions, PathOptions
 from mlsanm_cli.continuation.path import Follower, Outcome, Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
 from mlsanm_cli.continuation.series import Branch, locate
@@ -16,7 +18,10 @@ __all__ = [
     "Correction",
     "FloatArray",
     "Follower",
+    "NewtonFollower",
+    "NewtonOptions",
     "Outcome",
+    "PathOptions",
     "Problem",
     "SingularTangentError",
     "Step",
