@@ -38,9 +38,9 @@ def smooth_path(built: Built) -> Iterator[PathStep]:
     wanted = wanted_positions(built)
     law, options = regularization(built), path_options(built)
     for stage in range(len(built.case.stage)):
-        problem = _problem(built, law, stage)
+        problem = problem_of(built, law, stage)
         if stage == 0:
-            x = _start_point(built, problem)
+            x = start_point(built, problem)
             corrected = correct(problem, x, 0.0, options)
             x = corrected.x
             start = _regularized_state(problem, x, 0.0, stage, corrected.residual)
@@ -95,7 +95,8 @@ def regularization(built: Built) -> Regularization:
     return regularize(condensed, built.ends, eta, stick)
 
 
-def _problem(built: Built, law: Regularization, stage: int) -> Memoryless:
+def problem_of(built: Built, law: Regularization, stage: int) -> Memoryless:
+    """The equations of a stage under a law without memory."""
     make = HolonomicContact if len(built.condensed.rubbing) else HyperbolicContact
     return make(built.condensed, law, built.stages[stage], built.stages[stage + 1])
 
@@ -148,7 +149,7 @@ def sharpened(problem: Problem, step: Step) -> Step:
     return step
 
 
-def _start_point(built: Built, problem: Memoryless) -> FloatArray:
+def start_point(built: Built, problem: Memoryless) -> FloatArray:
     """Open gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
     x = drawn(built, problem.law)
     if isinstance(problem, HolonomicContact):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from mlsanm_cli.continuation.anm import AnmFollower
 from mlsanm_cli.continuation.corrector import Correction, correct
 from mlsanm_cli.continuation.follow import follow
+from mlsanm_cli.continuation.homotopy import Family, solve_at
 from mlsanm_cli.continuation.newton import NewtonFollower
 from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions, PathOptions
 from mlsanm_cli.continuation.path import Follower, Outcome, Step, StopReason
@@ -16,6 +17,7 @@ __all__ = [
     "AnmOptions",
     "Branch",
     "Correction",
+    "Family",
     "FloatArray",
     "Follower",
     "NewtonFollower",
@@ -30,4 +32,5 @@ __all__ = [
     "correct",
     "follow",
     "locate",
+    "solve_at",
 ]

@@ -123,8 +123,8 @@ def iterate(
 ) -> Point:
     """Return the point that damped Newton updates come to from an admissible (x, lam).
 
-    They keep the load factor, or stay on ``plane``, and end at ``options.goal``, after ``max_corrections``, or
-    where no part of an update lowers the norm of the residual. Work is added to ``effort``.
+    They keep the load factor, or stay on ``plane``, and end at ``options.goal``, after ``max_corrections``,
+    or where no part of an update lowers the norm of the residual. Work is added to ``effort``.
 
     Raises
     ------

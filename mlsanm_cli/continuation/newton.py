@@ -18,7 +18,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Across, Correction, admissible_part, iterate
+from mlsanm_cli.continuation.corrector import (
+    Across,
+    Correction,
+    admissible_part,
+    iterate,
+    residual_norm,
+)
 from mlsanm_cli.continuation.expansion import Station
 from mlsanm_cli.continuation.options import NewtonOptions
 from mlsanm_cli.continuation.path import Step, StopReason
@@ -31,15 +37,20 @@ _HALF = 0.5
 # On the plane across the tangent a step may turn by an angle of at most this cosine, and its end lies no
 # further from its first guess than this part of the guess's own way.
 _TURN, _ASTRAY = 0.3, 1.0
-# An event is settled when its place moves by less than this part of the step, or of the load factor's range.
-_SETTLED, _ROUND_OFF = 1e-11, 1e-15
+# Events are looked for on a cubic whose residual midway is below this; it grows as the fourth power of the
+# step, which is cut down by no more than this at once.
+_FAITHFUL, _CUT = 1e-4, 0.2
+# An event is settled when its place moves by less than this part of the step (the next move would be about
+# the square of that), or no less than before and within the tolerance: problems may hand out tangents that
+# are not quite new.
+_SETTLED, _SHRINKING = 1e-8, 0.5
 _GUESSES = 20
 # The cubic up to the last guess is also looked at beyond it, to this multiple of its length.
 _BEYOND = 1.25
 # So near the start, as a part of the step, the first cubic is good to round-off: no other is needed.
 _NEAR = 1e-6
 # After an event at some part of a step, the next step is no longer than this many such parts.
-_AFTER = 4.0
+_AFTER = 2.0
 
 
 class _Failed(Exception):
@@ -83,7 +94,7 @@ class NewtonFollower(Walker):
         super().__init__(problem, x0, lam0, lam_end, self._options, previous, barrier)
         self._loaded = self._options.control == "load"
         self._levels = sorted({*levels, self._lam_end})
-        self._pace = 0.0
+        self._pace = self._way = 0.0
 
     def _walk(self) -> Iterator[Step]:
         try:
@@ -95,8 +106,8 @@ class NewtonFollower(Walker):
         if self._previous is not None and not self._options.direction:
             toward = self._previous.x[1], float(self._previous.lam[1])
         along = self._along(here, toward)
-        way = abs((self._lam_end - self._lam) / along[1]) if along[1] else 1.0
-        self._pace = self._options.first * way if self._previous is None else self._previous.length
+        self._way = abs((self._lam_end - self._lam) / along[1]) if along[1] else 1.0
+        self._pace = self._options.first * self._way if self._previous is None else self._previous.length
         while not self._stopped:
             self._allow()
             leg = self._advance(here, along)
@@ -150,7 +161,9 @@ class NewtonFollower(Walker):
         self._pace = max(self._pace, pace) if ease >= 1.0 else pace
         if not self._loaded:
             leg = self._at_level(here, along, leg)
-        return leg if self._barrier is None else self._before_event(here, along, leg, self._barrier)
+        if self._barrier is None:
+            return leg
+        return self._before_event(here, along, self._faithful(here, along, leg), self._barrier)
 
     def _solved(
         self,
@@ -160,7 +173,7 @@ class NewtonFollower(Walker):
         a: float,
         level: float | None = None,
     ) -> _Leg:
-        """Return the step that ends at ``level``, else at the parameter ``a``, its end guessed by ``guess``."""
+        """Return the step that ends at ``level``, else at the parameter ``a`` of ``guess``."""
         x, lam = guess.evaluate(a)
         lam = lam if level is None else level
         part = admissible_part(self._problem, (here.x, here.lam), (x - here.x, lam - here.lam))
@@ -208,6 +221,19 @@ class NewtonFollower(Walker):
         crossings = [(a, v) for a, v in found if a is not None and a > 0.0]
         return self._solved(here, along, leg.piece, *min(crossings)) if crossings else leg
 
+    def _faithful(self, here: Station, along: tuple[FloatArray, float], leg: _Leg) -> _Leg:
+        """Return the step, or a shorter one whose cubic follows the path well enough to show its events."""
+        while True:
+            length = leg.piece.length
+            error = residual_norm(self._problem, *leg.piece.evaluate(0.5 * length))
+            if error <= _FAITHFUL:
+                return leg
+            part = max(_CUT, min(_HALF, (0.5 * _FAITHFUL / error) ** 0.25)) if np.isfinite(error) else _CUT
+            self._pace = part * length
+            if self._pace * self._metric.norm(*along) < self._options.min_length:
+                raise _Failed(StopReason.STEP_TOO_SMALL, "the path bends too sharply to look for events")
+            leg = self._solved(here, along, leg.piece, self._pace)
+
     def _before_event(
         self,
         here: Station,
@@ -216,20 +242,21 @@ class NewtonFollower(Walker):
         barrier: Callable[[Branch], float],
     ) -> _Leg:
         """Return the step, or a shorter one to the first event in it."""
-        whole, a = leg.piece.length, barrier(leg.piece)
+        whole, a, before = leg.piece.length, barrier(leg.piece), np.inf
         if not a < whole:
             return leg
         for _ in range(_GUESSES):
             leg = self._at(here, along, leg, a)
-            settled = max(_SETTLED * whole, _ROUND_OFF / abs(along[1])) if along[1] else _SETTLED * whole
             if a <= _NEAR * whole:
                 break
             found = barrier(leg.piece.shortened(min(_BEYOND * leg.piece.length, whole)))
             if found == np.inf:
                 return leg  # the first cubic's own doing
-            if abs(found - leg.piece.length) <= settled:
+            move = abs(found - leg.piece.length)
+            within = move <= self._options.tolerance * self._way and move > _SHRINKING * before
+            if move <= _SETTLED * whole or within:
                 break
-            a = found
+            a, before = found, move
         else:
             raise _Failed(StopReason.CORRECTION_FAILED, f"no event settles near {leg.end.lam:.9g}")
         if leg.piece.length > _NEAR * whole:
