@@ -43,7 +43,7 @@ _FAITHFUL, _CUT = 1e-4, 0.2
 # An event is settled when its place moves by less than this part of the step (the next move would be about
 # the square of that), or no less than before and within the tolerance: problems may hand out tangents that
 # are not quite new.
-_SETTLED, _SHRINKING = 1e-8, 0.5
+_SETTLED, _SHRINKING = 1e-10, 0.5
 _GUESSES = 20
 # The cubic up to the last guess is also looked at beyond it, to this multiple of its length.
 _BEYOND = 1.25
@@ -198,16 +198,15 @@ class NewtonFollower(Walker):
     def _cubic(self, here: Station, along: tuple[FloatArray, float], ahead: Station) -> Branch:
         """Return the piece of path with the values and tangents of both ends. Raises _Failed."""
         x, lam = ahead.x - here.x, ahead.lam - here.lam
-        slope, rise = self._along(ahead, along)
         if self._loaded:
-            length = abs(lam)
-            slope, rise = along[1] * ahead.slope, along[1]
+            length, turn, slope, rise = abs(lam), 1.0, along[1] * ahead.slope, along[1]
         else:
+            slope, rise = self._along(ahead, along)
             length, turn = (self._metric.product(*one, *along) for one in ((x, lam), (slope, rise)))
-            if not (length > 0.0 and turn >= _TURN):
-                message = f"the path turns too far before load factor {ahead.lam:.9g}"
-                raise _Failed(StopReason.CORRECTION_FAILED, message)
-            slope, rise = slope / turn, rise / turn
+        if not (length > 0.0 and turn >= _TURN):
+            message = f"the path turns too far before load factor {ahead.lam:.9g}"
+            raise _Failed(StopReason.CORRECTION_FAILED, message)
+        slope, rise = slope / turn, rise / turn
         first = np.append(along[0], along[1])
         secant, last = np.append(x, lam) / length, np.append(slope, rise)
         bend = (3.0 * secant - 2.0 * first - last) / length
