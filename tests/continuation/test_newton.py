@@ -54,6 +54,10 @@ def test_levels_are_ends_of_steps(control: Literal["load", "arc-length"]) -> Non
         assert step.order == 0
         x, reached = step.branch.evaluate(step.branch.length)
         assert (x[0], reached) == pytest.approx((step.x[0], lam), rel=1e-13)
+        weights = step.branch.derivative_weights(np.array([0.0, step.branch.length]))
+        slope = (weights @ step.branch.terms[0])[:, 0] / (weights @ step.branch.terms[1])
+        ends = step.branch.evaluate_many(np.array([0.0, step.branch.length]))[0][:, 0]
+        assert slope == pytest.approx(1.0 / (1.0 + 2.0 * ends), rel=1e-6)
 
 
 @pytest.mark.parametrize("eta", [1e-1, 1e-3, 1e-5])
