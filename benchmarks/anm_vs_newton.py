@@ -228,7 +228,7 @@ def draw(path: Path, results: dict[str, list[Row]]) -> None:
             }.items()
         ):
             place = axes[row][number]
-            for (curve, rows), marker in zip(curves.items(), "osdP^v*", strict=False):
+            for (curve, rows), marker in zip(curves.items(), itertools.cycle("osdP^v*X"), strict=False):
                 place.loglog(
                     [r["eta"] for r in rows], [r[key] for r in rows], f"-{marker}", label=curve, ms=4, lw=1.2
                 )
@@ -238,7 +238,7 @@ def draw(path: Path, results: dict[str, list[Row]]) -> None:
             place.invert_xaxis()
             place.grid(which="both", alpha=0.25)
     for row in range(2):
-        axes[row][0].legend(fontsize=7)
+        axes[row][0].legend(fontsize=6, ncols=2, framealpha=0.6)
     figure.savefig(path, dpi=110)
 
 
