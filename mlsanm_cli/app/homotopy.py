@@ -16,12 +16,13 @@ from mlsanm_cli.app.series_path import (
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.homotopy import carried
+from mlsanm_cli.contact.scales import regularize
 from mlsanm_cli.continuation import Correction, Family, solve_at
 from mlsanm_cli.errors import NumericalError
 
 
 def lowered(built: Built, etas: Sequence[float], stage: int = 0) -> Iterator[Correction]:
-    """States at the end of a stage for relative ``etas``, from a large one down.
+    """States at the end of a stage for relative ``etas``, of all contacts alike, from a large one down.
 
     Raises NumericalError for friction with memory, whose states do not follow from the load alone, and where
     no solution is found.
@@ -32,12 +33,13 @@ def lowered(built: Built, etas: Sequence[float], stage: int = 0) -> Iterator[Cor
             'use contact.regularization.friction_law = "holonomic", or follow the load path',
         )
     law = regularization(built)
+    whole = regularize(built.condensed, built.ends, 1.0).eta
 
     def problem(eta: float) -> Memoryless:
-        return problem_of(built, replace(law, eta=eta * law.pressure), stage)
+        return problem_of(built, replace(law, eta=eta * whole), stage)
 
     def guess(x: FloatArray, before: float, eta: float) -> FloatArray:
-        return carried(problem(before), x, eta * law.pressure)
+        return carried(problem(before), x, eta * whole)
 
     start = start_point(built, problem(etas[0]))
     yield from solve_at(Family(problem, guess), etas, start, 1.0, path_options(built))

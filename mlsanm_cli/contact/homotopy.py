@@ -9,8 +9,8 @@ from mlsanm_cli.contact.holonomic import HolonomicContact
 from mlsanm_cli.contact.hyperbolic import HyperbolicContact
 
 
-def carried(problem: HyperbolicContact | HolonomicContact, x: FloatArray, eta: float) -> FloatArray:
-    """Unknowns on the hyperbola of ``eta`` (a pressure) near those on that of ``problem``.
+def carried(problem: HyperbolicContact | HolonomicContact, x: FloatArray, eta: FloatArray) -> FloatArray:
+    """Unknowns on the hyperbola of ``eta`` (m,), pressures, near those on that of ``problem``.
 
     Closed nodes keep their pressure, open ones their gap; tractions stay in proportion to what friction can
     carry.
@@ -23,5 +23,5 @@ def carried(problem: HyperbolicContact | HolonomicContact, x: FloatArray, eta: f
     whole = np.concatenate([pressure, gap, x[2 * m :]])
     if isinstance(problem, HolonomicContact):
         rub = problem.condensed.rubbing
-        problem.split(whole)[3][:] *= (pressure[rub] + eta) / (p[rub] + law.eta)
+        problem.split(whole)[3][:] *= (pressure + eta)[rub] / (p + law.eta)[rub]
     return whole

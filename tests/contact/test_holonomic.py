@@ -115,7 +115,7 @@ def test_carried_to_another_eta(m: int, k: int, seed: int, ratio: float) -> None
     assert other.admissible(found, 0.3)
     assert np.abs(other.residual(found, 0.3)[:m]).max() <= 1e-12
     used = [
-        one.split(y)[3] / (one.split(y)[0][one.condensed.rubbing] + one.law.eta)
+        one.split(y)[3] / (one.split(y)[0] + one.law.eta)[one.condensed.rubbing]
         for one, y in ((problem, x), (other, found))
     ]
     assert used[1] == pytest.approx(used[0], rel=1e-10)
