@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.rubbing_path import rubbing_path
-from mlsanm_cli.app.series_path import anm_path, is_holonomic
+from mlsanm_cli.app.series_path import is_holonomic, smooth_path
 from mlsanm_cli.app.states import PathStep, State, factors_at, stops, wanted_positions
 from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
@@ -29,7 +29,7 @@ def path_of(built: Built) -> Iterator[PathStep]:
         return linear_path(built)
     smooth, rough = built.case.contact[0].regularization.law != "exact", bool(len(built.condensed.rubbing))
     if smooth:
-        return rubbing_path(built) if rough and not is_holonomic(built) else anm_path(built)
+        return rubbing_path(built) if rough and not is_holonomic(built) else smooth_path(built)
     return friction_path(built) if rough else exact_path(built)
 
 

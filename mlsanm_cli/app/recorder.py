@@ -47,7 +47,7 @@ class Recorder:
         self._states = StateWriter(directory)
         self._started = time.monotonic()
         self.last: State | None = None
-        self.steps = self.factorizations = self.solves = 0
+        self.steps = self.iterations = self.factorizations = self.solves = 0
         self.residual = 0.0
         self.linear_residual: float | None = None
         self.warnings: list[str] = []
@@ -71,6 +71,7 @@ class Recorder:
                 "step", index=index, position=state.position, residual=state.residual, length=step.length
             )
             self.last, self.steps = state, index
+            self.iterations += step.iterations
             self.factorizations += step.factorizations
             self.solves += step.solves
             self.residual = max(self.residual, state.residual, *(s.residual for s in step.saved), 0.0)

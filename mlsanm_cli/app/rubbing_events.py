@@ -42,19 +42,18 @@ class Hits:
 class Barrier:
     """Finds the first event on a piece of path.
 
-    Afterwards ``reached`` tells whether there was one, ``hits`` what it was; ``piece`` is the whole piece.
+    Afterwards ``reached`` tells whether there was one, ``hits`` what it was.
     """
 
     def __init__(self, problem: RubbingContact) -> None:
         self._problem = problem
         self._stuck, self._sliding = np.flatnonzero(problem.sets.stuck), np.flatnonzero(problem.sets.sense)
         self.hits = Hits.none(problem.n)
-        self.piece: Branch | None = None
         self.reached = False
 
     def __call__(self, piece: Branch) -> float:
         """The parameter of the first event, or inf."""
-        self.piece, self.reached = piece, False
+        self.reached = False
         values, rates = self._conditions(piece)
         grid = np.linspace(0.0, piece.length, SAMPLES)
         levels = np.hstack([piece.weights(grid) @ values, piece.derivative_weights(grid) @ rates])

@@ -1,4 +1,4 @@
-"""The load path of the smooth contact law with friction: power series from event to event."""
+"""The load path of the smooth contact law with friction, followed from event to event."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import numpy as np
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.rubbing_events import Barrier, Hits, continued
 from mlsanm_cli.app.series_path import (
-    anm_options,
     at,
     drawn,
+    levels_in,
+    path_options,
     path_step,
     regularization,
     series_arrays,
@@ -27,7 +28,7 @@ from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
 from mlsanm_cli.contact.set_search import NoStateError
 from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.contact.sliding import SlidingError, slides_freely
-from mlsanm_cli.continuation import AnmOptions, Branch, Step, StopReason, correct, follow
+from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, StopReason, correct, follow
 from mlsanm_cli.errors import NumericalError
 
 STANDSTILL = 1e-12
@@ -49,7 +50,7 @@ class _Point:
 
 def rubbing_path(built: Built) -> Iterator[PathStep]:
     """States of the regularised contact with friction; wanted ones come from the series of their step."""
-    wanted, options = wanted_positions(built), replace(anm_options(built), direction=1)
+    wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
     point = _first(built, options)
     start = _state(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
     yield PathStep(start, (start,) if 0.0 in wanted else ())
@@ -74,7 +75,7 @@ def _slides(stage: int, lam: float) -> NumericalError:
     return NumericalError(f"{error.message} at position {stage + lam:.9g}", error.hint)
 
 
-def _first(built: Built, options: AnmOptions) -> _Point:
+def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
     """The state before the first load: as drawn, no traction anywhere.
 
     Pressed nodes stick from the very start; friction of the others begins when they reach the law's
@@ -105,7 +106,9 @@ def _first(built: Built, options: AnmOptions) -> _Point:
 class _Walk:
     """One stage: pieces of path between events."""
 
-    def __init__(self, point: _Point, stage: int, wanted: tuple[float, ...], options: AnmOptions) -> None:
+    def __init__(
+        self, point: _Point, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions
+    ) -> None:
         self.point = point
         self._stage, self._wanted, self._options = stage, wanted, options
         self._standing = 0
@@ -117,11 +120,14 @@ class _Walk:
             yield from self._waiting()
             return
         tangents = self._go_on(self.point, Hits.none(self.point.problem.n))
+        levels = levels_in(self._wanted, self._stage)
         while self.point.lam < 1.0:
             if slides_freely(self.point.problem.condensed, self.point.problem.sets):
                 raise _slides(self._stage, self.point.lam)
             begin, barrier = self.point, Barrier(self.point.problem)
-            follower = follow(begin.problem, begin.x, begin.lam, 1.0, self._options, self._previous, barrier)
+            follower = follow(
+                begin.problem, begin.x, begin.lam, 1.0, self._options, self._previous, barrier, levels
+            )
             for step in follower.steps():
                 step = replace(step, factorizations=step.factorizations + tangents)
                 tangents = 0
@@ -131,7 +137,7 @@ class _Walk:
                     yield self._step(sharpened(begin.problem, step) if step.lam == 1.0 else step)
             if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
                 raise stopped(self._stage, follower.outcome)
-            self._previous = barrier.piece
+            self._previous = follower.outcome.piece
             self._standing = self._standing + 1 if self.point.lam - begin.lam < STANDSTILL else 0
             if self._standing > 4 * begin.problem.n + 50:
                 raise NoStateError(sliding=False)

@@ -1,4 +1,4 @@
-"""The load path of the smooth contact law, followed by the asymptotic numerical method."""
+"""The load path of the smooth contact law, followed by power series or by Newton-Raphson."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from mlsanm_cli.contact.sets import OPEN, SLIP, STICK
 from mlsanm_cli.continuation import (
     AnmOptions,
     Branch,
+    NewtonOptions,
     Outcome,
     Problem,
     Step,
@@ -32,14 +33,14 @@ BRANCH_HINT = (
 )
 
 
-def anm_path(built: Built) -> Iterator[PathStep]:
-    """Laws without memory followed by power series; wanted states come from the series of their step."""
+def smooth_path(built: Built) -> Iterator[PathStep]:
+    """Laws without memory; wanted states come from the series of their step, or end one of Newton's."""
     wanted = wanted_positions(built)
-    law, options = regularization(built), anm_options(built)
+    law, options = regularization(built), path_options(built)
     for stage in range(len(built.case.stage)):
-        problem = _problem(built, law, stage)
+        problem = problem_of(built, law, stage)
         if stage == 0:
-            x = _start_point(built, problem)
+            x = start_point(built, problem)
             corrected = correct(problem, x, 0.0, options)
             x = corrected.x
             start = _regularized_state(problem, x, 0.0, stage, corrected.residual)
@@ -54,7 +55,7 @@ def anm_path(built: Built) -> Iterator[PathStep]:
             state = _regularized_state(problem, x, 1.0, stage, float(np.abs(problem.residual(x, 1.0)).max()))
             yield PathStep(state, tuple(replace(state, position=p) for p in wanted if stage < p <= stage + 1))
             continue
-        follower = follow(problem, x, 0.0, 1.0, options)
+        follower = follow(problem, x, 0.0, 1.0, options, levels=levels_in(wanted, stage))
         before = 0.0
         for step in follower.steps():
             if step.lam == 1.0:
@@ -94,17 +95,25 @@ def regularization(built: Built) -> Regularization:
     return regularize(condensed, built.ends, eta, stick)
 
 
-def _problem(built: Built, law: Regularization, stage: int) -> Memoryless:
+def problem_of(built: Built, law: Regularization, stage: int) -> Memoryless:
+    """The equations of a stage under a law without memory."""
     make = HolonomicContact if len(built.condensed.rubbing) else HyperbolicContact
     return make(built.condensed, law, built.stages[stage], built.stages[stage + 1])
 
 
-def anm_options(built: Built) -> AnmOptions:
-    """The case's options of the series."""
+def path_options(built: Built) -> AnmOptions | NewtonOptions:
+    """The case's method and its options."""
     solver = built.case.solver
+    if solver.method == "newton":
+        return NewtonOptions(tolerance=solver.tolerance, max_steps=solver.max_steps)
     return AnmOptions(
         order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=solver.max_steps
     )
+
+
+def levels_in(wanted: tuple[float, ...], stage: int) -> list[float]:
+    """The wanted positions within a stage, as fractions of it."""
+    return [position - stage for position in wanted if stage < position < stage + 1]
 
 
 def stopped(stage: int, outcome: Outcome) -> NumericalError:
@@ -118,8 +127,11 @@ def stopped(stage: int, outcome: Outcome) -> NumericalError:
 def sharpened(problem: Problem, step: Step) -> Step:
     """The step with one more Newton update at its end, where users compare figures to the last digit.
 
-    The path itself is only followed to its tolerance, and where its steps end depends on round-off.
+    A path of series is only followed to its tolerance, and where its steps end depends on round-off. Newton's
+    steps have converged.
     """
+    if not step.order:
+        return step
     try:
         tangent = problem.tangent(step.x, step.lam)
     except np.linalg.LinAlgError:  # a fold at the very target: the step's own end keeps the tolerance
@@ -128,7 +140,7 @@ def sharpened(problem: Problem, step: Step) -> Step:
     residual = float(np.abs(problem.residual(x, step.lam)).max())
     step = replace(
         step,
-        corrections=step.corrections + 1,
+        iterations=step.iterations + 1,
         factorizations=step.factorizations + 1,
         solves=step.solves + 1,
     )
@@ -137,7 +149,7 @@ def sharpened(problem: Problem, step: Step) -> Step:
     return step
 
 
-def _start_point(built: Built, problem: Memoryless) -> FloatArray:
+def start_point(built: Built, problem: Memoryless) -> FloatArray:
     """Open gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
     x = drawn(built, problem.law)
     if isinstance(problem, HolonomicContact):
@@ -155,8 +167,14 @@ def drawn(built: Built, law: Regularization) -> FloatArray:
 def states_in(
     problem: Problem, step: Step, stage: int, places: list[float]
 ) -> Iterator[tuple[FloatArray, float, float]]:
-    """Unknowns, fraction and residual at positions ``places`` within a step, from its series."""
+    """Unknowns, fraction and residual at positions ``places`` within a step, from its series.
+
+    A step without a series has such a place at its end only.
+    """
     for position in places:
+        if not step.order:
+            yield step.x, step.lam, step.residual
+            continue
         x, lam = step.branch.evaluate(step.branch.parameter_at(min(position - stage, step.lam)))
         yield x, lam, float(np.abs(problem.residual(x, lam)).max())
 
@@ -172,16 +190,16 @@ def at(places: list[float], states: list[State], end: State) -> tuple[State, ...
 def path_step(
     step: Step, end: State, stage: int, saved: tuple[State, ...], series: dict[str, FloatArray]
 ) -> PathStep:
-    """A finished step as the recorder takes it."""
+    """A finished step as the recorder takes it; what is only a guess between two states is not stored."""
     return PathStep(
         state=end,
         saved=saved,
         length=step.arc_length,
         order=step.order,
-        iterations=step.corrections,
+        iterations=step.iterations,
         factorizations=step.factorizations,
         solves=step.solves,
-        series=series,
+        series=series if step.order else {},
         series_attributes={"length": step.branch.length, "stage": stage},
     )
 

@@ -57,9 +57,9 @@ class Polish:
 class PathStep:
     """A finished step: the state at its end, the wanted states in it (its end included), what it cost.
 
-    ``series`` holds the arrays from which any state of the step can be had again (ANM only);
-    ``iterations`` are updates of the nonlinear solution; ``warning`` is what the user should know about the
-    step, ``polish`` what the exact laws changed at its end.
+    ``series`` holds the arrays from which any state of the step can be had again (ANM only), ``order`` is the
+    series' and 0 without one; ``iterations`` are updates of the nonlinear solution; ``warning`` is what the
+    user should know about the step, ``polish`` what the exact laws changed at its end.
     """
 
     state: State

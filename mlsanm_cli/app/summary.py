@@ -38,6 +38,7 @@ def summarise(
         "stop_reason": ending.reason,
         "position": state.position if state else None,
         "steps": recorder.steps,
+        "iterations": recorder.iterations,
         "factorizations": recorder.factorizations,
         "solves": recorder.solves,
     }

@@ -228,7 +228,7 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
         why = "the exact contact law needs none" if first else "there is no [[contact]]"
         report.add(("solver", "polish"), f"nothing to polish: {why}", "remove it, or set it to false")
     method = draft.solver.method if draft.solver else "auto"
-    fitting = {"anm": "hyperbolic", "active-set": "exact"}
+    fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}
     if method in fitting and first is not None and first != fitting[method]:
         message = f'"{method}" cannot follow the {first} contact law'
         hint = f'law = "{fitting[method]}" in [contact.regularization], or method = "auto"'

@@ -12,13 +12,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Correction, Effort, correct, correct_end, residual_norm
-from mlsanm_cli.continuation.expansion import Metric, Series, Station, expand, station
+from mlsanm_cli.continuation.corrector import Correction, Effort, correct_end, residual_norm
+from mlsanm_cli.continuation.expansion import Series, Station, expand
 from mlsanm_cli.continuation.options import AnmOptions
-from mlsanm_cli.continuation.path import Outcome, Step, StopReason
+from mlsanm_cli.continuation.path import Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.continuation.ranges import Gauge
 from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.continuation.walker import Stopped, Walker
 
 # An end of step that cannot be used is tried again at this part of the length, so often at most.
 _RETREAT = 0.7
@@ -33,15 +34,7 @@ _BEFORE = 0.98
 _SHORT = 1e-6
 
 
-class _Stop(Exception):
-    """The path ends here, for a reason."""
-
-    def __init__(self, reason: StopReason, message: str) -> None:
-        super().__init__(message)
-        self.reason, self.message = reason, message
-
-
-class AnmFollower:
+class AnmFollower(Walker):
     """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once."""
 
     def __init__(
@@ -54,96 +47,33 @@ class AnmFollower:
         previous: Branch | None = None,
         barrier: Callable[[Branch], float] | None = None,
     ) -> None:
-        self._problem, self._options, self._barrier = problem, options or AnmOptions(), barrier
-        self._lam_end, self._previous = float(lam_end), previous
-        self._metric = Metric(problem.scale)
+        self._options = options or AnmOptions()
+        super().__init__(problem, x0, lam0, lam_end, self._options, previous, barrier)
         self._gauge = Gauge(problem, self._metric, self._lam_end, self._options)
-        self._x, self._lam, self._residual = np.array(x0, dtype=np.float64), float(lam0), np.inf
-        if self._x.shape != (problem.size,):
-            raise ValueError(f"the start point has shape {self._x.shape}, the problem size {problem.size}")
-        self._steps, self._done, self._effort = 0, Effort(), Effort()
-        self._reason, self._message = StopReason.STOPPED_BY_CALLER, "the caller took no more steps"
-        self._started = self._stopped = False
-
-    @property
-    def outcome(self) -> Outcome:
-        """How the path ended, or, while steps are still to come, where it stands (stopped by the caller)."""
-        return Outcome(
-            reason=self._reason,
-            message=self._message,
-            x=self._x,
-            lam=self._lam,
-            residual=self._residual,
-            steps=self._steps,
-            factorizations=self._done.factorizations + self._effort.factorizations,
-            solves=self._done.solves + self._effort.solves,
-        )
-
-    def stop(self) -> None:
-        """End the path after the step handed out last."""
-        self._stopped = True
-
-    def steps(self) -> Iterator[Step]:
-        """Yield the steps as they are finished.
-
-        Raises
-        ------
-        NumericalError
-            When the start point does not satisfy the equations and cannot be corrected. Every other
-            failure ends the path, with its reason in :attr:`outcome`.
-        RuntimeError
-            When called a second time.
-        """
-        if self._started:
-            raise RuntimeError("a follower goes along its path once; make a new one")
-        self._started = True
-        self._start()
-        try:
-            yield from self._walk()
-        except _Stop as stop:
-            self._reason, self._message = stop.reason, stop.message
-
-    def _start(self) -> None:
-        if self._previous is not None:
-            self._residual = residual_norm(self._problem, self._x, self._lam)
-            if self._residual <= self._options.tolerance:
-                return  # the end of a step, which its successor starts from as it is
-        start = correct(self._problem, self._x, self._lam, self._options)
-        self._x, self._residual = start.x, start.residual
-        self._effort.factorizations += start.factorizations
-        self._effort.solves += start.solves
 
     def _walk(self) -> Iterator[Step]:
-        """Go from step to step until something raises ``_Stop``."""
-        if self._lam == self._lam_end:
-            raise _Stop(StopReason.TARGET_REACHED, "the path starts at the load factor asked for")
         try:
             here = self._station(self._x, self._lam, self._effort)
         except SingularTangentError as error:
-            raise _Stop(StopReason.SINGULAR_TANGENT, f"at the start: {error.message}") from error
+            raise Stopped(StopReason.SINGULAR_TANGENT, f"at the start: {error.message}") from error
         direction, unit = self._direction()
         while not self._stopped:
-            if self._steps == self._options.max_steps:
-                raise _Stop(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
+            self._allow()
             series = self._series(here, direction, unit)
             cut = self._soon(series)
             branch = cut or self._branch(here, series)
+            self._piece = self._piece if cut else branch
             limit = branch.length if self._barrier is None or cut else self._barrier(branch)
             if cut or limit < branch.length:
                 piece = branch.shortened(limit)
-                yield self._record(piece, self._cut(here, piece), unit)
-                raise _Stop(StopReason.EVENT, f"after {self._steps} steps")
+                yield self._told(piece, self._cut(here, piece), unit)
+                raise Stopped(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._arrive(here, branch)
-            yield self._record(branch, end, unit)
+            yield self._told(branch, end, unit)
             if ahead is None:
-                raise _Stop(StopReason.TARGET_REACHED, f"after {self._steps} steps")
+                raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             here, self._effort = ahead, effort
             direction, unit = self._onward(branch)
-
-    def _station(self, x: FloatArray, lam: float, effort: Effort) -> Station:
-        effort.factorizations += 1
-        effort.solves += 1
-        return station(self._problem, x, lam)
 
     def _direction(self) -> tuple[tuple[FloatArray, float], float]:
         """Return the direction in which to leave the start point, and a guess of the step's length."""
@@ -174,6 +104,7 @@ class AnmFollower:
             piece = Branch(series.x, series.lam, self._gauge.first_guess(series))
             crossing = piece.first_crossing(self._lam_end)
             piece = piece if crossing is None else piece.shortened(crossing)
+            self._piece = piece
             limit = self._barrier(piece) if 0.0 < piece.length < np.inf else np.inf
             good = limit < piece.length and self._gauge.good(piece, limit)
         return piece.shortened(limit) if good else None
@@ -186,15 +117,17 @@ class AnmFollower:
             return branch
         place = f"at load factor {here.lam:.9g}"
         if not self._problem.admissible(*branch.evaluate(2.0 * shortest)):
-            raise _Stop(StopReason.NOT_ADMISSIBLE, f"the path leaves the admissible region {place}")
-        raise _Stop(StopReason.STEP_TOO_SMALL, f"the series is good for less than the shortest step {place}")
+            raise Stopped(StopReason.NOT_ADMISSIBLE, f"the path leaves the admissible region {place}")
+        raise Stopped(
+            StopReason.STEP_TOO_SMALL, f"the series is good for less than the shortest step {place}"
+        )
 
     def _arrive(self, here: Station, branch: Branch) -> tuple[Branch, Correction, Station | None, Effort]:
         """Settle the end of a step and factorise there; the step is shortened while that fails.
 
         Returns the step's piece of path, its end, the next station (None at the target) and its effort.
         """
-        length, failure = branch.length, _Stop(StopReason.CORRECTION_FAILED, "")
+        length, failure = branch.length, Stopped(StopReason.CORRECTION_FAILED, "")
         for _ in range(_RETREATS):
             piece = branch.shortened(length)
             crossing = piece.first_crossing(self._lam_end)
@@ -203,7 +136,7 @@ class AnmFollower:
             end = self._end(here, piece)
             place = f"near load factor {piece.load_factor(length):.9g}"
             if end is None:
-                failure = _Stop(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
+                failure = Stopped(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
             else:
                 effort = Effort()
                 try:
@@ -213,7 +146,7 @@ class AnmFollower:
                 except SingularTangentError:
                     pass
                 self._effort.add(effort)
-                failure = _Stop(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}")
+                failure = Stopped(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}")
             length *= _RETREAT
         raise failure
 
@@ -223,7 +156,7 @@ class AnmFollower:
         x, lam = piece.evaluate(piece.length)
         end = self._corrected(here, (x, lam), None)
         if end is None:
-            raise _Stop(StopReason.CORRECTION_FAILED, f"no state at the event near load factor {lam:.9g}")
+            raise Stopped(StopReason.CORRECTION_FAILED, f"no state at the event near load factor {lam:.9g}")
         return end
 
     def _finish(self, here: Station, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
@@ -256,46 +189,8 @@ class AnmFollower:
             return None
         return piece.x[1], float(piece.lam[1])
 
-    def _record(self, branch: Branch, end: Correction, unit: float) -> Step:
-        self._steps += 1
-        self._x, self._lam, self._residual = end.x, end.lam, end.residual
-        effort, self._effort = self._effort, Effort()
-        self._done.add(effort)
-        return Step(
-            index=self._steps,
-            branch=branch,
-            x=end.x,
-            lam=end.lam,
-            residual=end.residual,
-            arc_length=branch.length * unit,
-            corrections=end.updates,
-            factorizations=effort.factorizations,
-            solves=effort.solves,
-            order=branch.order,
-        )
-
-
-def follow(
-    problem: Problem,
-    x0: FloatArray,
-    lam0: float,
-    lam_end: float,
-    options: AnmOptions | None = None,
-    previous: Branch | None = None,
-    barrier: Callable[[Branch], float] | None = None,
-) -> AnmFollower:
-    """Return the follower of the path R(x, lam) = 0 from (x0, lam0) to the load factor ``lam_end``.
-
-    Parameters
-    ----------
-    x0 : (size,), start point; corrected at fixed ``lam0`` when its residual asks for it (behind a
-        ``previous`` piece: when it exceeds the tolerance)
-    lam_end : the path ends where the load factor first takes this value, going along the path
-    previous : the piece of path that led to the start point; the path goes on in its direction with its
-        length of step, exactly as if it had not been interrupted
-    barrier : tells how far along a piece of path the problem holds; the path ends there with the reason EVENT
-    """
-    return AnmFollower(problem, x0, lam0, lam_end, options, previous, barrier)
+    def _told(self, branch: Branch, end: Correction, unit: float) -> Step:
+        return self._record(branch, end, branch.length * unit, branch.order)
 
 
 def _power_of_two(length: float) -> float:

@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.continuation.expansion import Metric, Station, station
-from mlsanm_cli.continuation.options import AnmOptions
+from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
 
 # Halvings of a damped update before it counts as failed: 2^-40 of a Newton step is no progress.
 _HALVINGS = 40
+# An update that would leave the admissible region goes this part of the way to its boundary, which is found
+# by so many bisections.
+_SHORT_OF = 0.95
+_BISECTIONS = 5
 # A correction with an old tangent goes on while each update removes nine tenths of the residual.
 _CHORD_RATE = 0.1
 _CHORD_UPDATES = 3
@@ -58,8 +62,17 @@ def residual_norm(problem: Problem, x: FloatArray, lam: float) -> float:
     return value if value == value else np.inf
 
 
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Unknowns, load factor, and the largest residual there."""
+
+    x: FloatArray
+    lam: float
+    residual: float
+
+
 @np.errstate(over="ignore", invalid="ignore")
-def correct(problem: Problem, x: FloatArray, lam: float, options: AnmOptions | None = None) -> Correction:
+def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | None = None) -> Correction:
     """Solve R(x, lam) = 0 at fixed ``lam`` by Newton's method from an admissible ``x``, shape (size,).
 
     Updates are halved until the point stays admissible and the norm of the residual falls. The residual
@@ -70,39 +83,79 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: AnmOptions | N
     NumericalError
         When ``x`` is not admissible, the tangent singular, or no convergence reached.
     """
-    options = options or AnmOptions()
-    point = np.array(x, dtype=np.float64)
-    largest = residual_norm(problem, point, lam)
-    if not np.isfinite(largest):
+    options, effort = options or PathOptions(), Effort()
+    if not np.isfinite(residual_norm(problem, x, lam)):
         raise NumericalError(
             f"the start point at load factor {lam:.9g} is not admissible", "start from open gaps and no load"
         )
-    effort = Effort()
-    while largest > options.goal and effort.updates < options.max_corrections:
-        residual = problem.residual(point, lam)
-        try:
-            effort.factorizations += 1
-            effort.solves += 1
-            update = problem.tangent(point, lam).solve(-residual)
-            if not np.all(np.isfinite(update)):
-                raise SingularTangentError("the update is not finite")
-        except (SingularTangentError, np.linalg.LinAlgError) as error:
-            raise NumericalError(
-                f"singular tangent at load factor {lam:.9g} while correcting a point",
-                "check that every body is held, by supports or by contact",
-            ) from error
-        damped = _damped(problem, point, lam, update, residual)
-        if damped is None:
-            break
-        point, largest = damped
-        effort.updates += 1
-    if largest > options.tolerance:
+    try:
+        found = iterate(problem, x, lam, None, options, effort)
+    except SingularTangentError as error:
         raise NumericalError(
-            f"no solution found at load factor {lam:.9g}: residual {largest:.3g} after {effort.updates} "
-            f"updates, tolerance {options.tolerance:.3g}",
+            f"singular tangent at load factor {lam:.9g} while correcting a point",
+            "check that every body is held, by supports or by contact",
+        ) from error
+    if found.residual > options.tolerance:
+        raise NumericalError(
+            f"no solution found at load factor {lam:.9g}: residual {found.residual:.3g} after "
+            f"{effort.updates} updates, tolerance {options.tolerance:.3g}",
             "start from a smaller load or a larger contact.regularization.eta",
         )
-    return Correction(point, lam, largest, effort.updates, effort.factorizations, effort.solves)
+    counts = effort.updates, effort.factorizations, effort.solves
+    return Correction(found.x, found.lam, found.residual, *counts)
+
+
+@dataclass(frozen=True, eq=False)
+class Across:
+    """What an update keeps besides the load factor's place: its product with ``normal``, (size,) and one."""
+
+    metric: Metric
+    normal: tuple[FloatArray, float]
+
+    def along(self, dx: FloatArray, slope: FloatArray) -> float:
+        """Return the multiple of (slope, 1) that puts dx back on the plane."""
+        return -self.metric.product(dx, 0.0, *self.normal) / self.metric.product(slope, 1.0, *self.normal)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def iterate(
+    problem: Problem, x: FloatArray, lam: float, plane: Across | None, options: PathOptions, effort: Effort
+) -> Point:
+    """Return the point that damped Newton updates come to from an admissible (x, lam).
+
+    They keep the load factor, or stay on ``plane``, and end at ``options.goal``, after ``max_corrections``,
+    or where no part of an update lowers the norm of the residual. Work is added to ``effort``.
+
+    Raises
+    ------
+    SingularTangentError
+        When a tangent cannot be factorised or its solution is not finite.
+    """
+    point = Point(np.array(x, dtype=np.float64), lam, residual_norm(problem, x, lam))
+    for _ in range(options.max_corrections):
+        if point.residual <= options.goal:
+            break
+        residual = problem.residual(point.x, point.lam)
+        effort.factorizations += 1
+        effort.solves += 1
+        try:
+            tangent = problem.tangent(point.x, point.lam)
+            dx, along = tangent.solve(-residual), 0.0
+            if plane is not None:
+                effort.solves += 1
+                slope = -tangent.solve(problem.load_derivative(point.x, point.lam))
+                along = plane.along(dx, slope)
+                dx = dx + along * slope
+        except np.linalg.LinAlgError as error:
+            raise SingularTangentError(f"singular tangent at load factor {point.lam:.9g}") from error
+        if not np.all(np.isfinite(dx)):
+            raise SingularTangentError(f"singular tangent at load factor {point.lam:.9g}")
+        damped = _damped(problem, point, (dx, along), float(np.linalg.norm(residual)))
+        if damped is None:
+            break
+        point = damped
+        effort.updates += 1
+    return point
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -112,7 +165,7 @@ def correct_end(
     start: Station,
     end: tuple[FloatArray, float],
     normal: tuple[FloatArray, float] | None,
-    options: AnmOptions,
+    options: PathOptions,
     effort: Effort,
 ) -> Correction | None:
     """Bring the end of a step back to the path; None when that fails.
@@ -121,7 +174,7 @@ def correct_end(
     factorised tangent of the step's start is tried first, a fresh one where it does not converge fast.
     Work is added to ``effort``.
     """
-    point = _Point(*end, residual_norm(problem, *end))
+    point = Point(*end, residual_norm(problem, *end))
     updates = effort.updates
     for _ in range(_CHORD_UPDATES):
         if point.residual <= options.goal:
@@ -150,45 +203,57 @@ def correct_end(
     return Correction(point.x, point.lam, point.residual, effort.updates - updates, 0, 0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Point:
-    x: FloatArray
-    lam: float
-    residual: float
-
-
 def _updated(
     problem: Problem,
     metric: Metric,
     at: Station,
-    point: _Point,
+    point: Point,
     normal: tuple[FloatArray, float] | None,
     effort: Effort,
-) -> _Point:
+) -> Point:
     """Return the point after one Newton update with the tangent and slope of the station ``at``."""
     effort.solves += 1
     dx = at.tangent.solve(-problem.residual(point.x, point.lam))
     if normal is None:
         x, lam = point.x + dx, point.lam
     else:
-        along = -metric.product(dx, 0.0, *normal) / metric.product(at.slope, 1.0, *normal)
+        along = Across(metric, normal).along(dx, at.slope)
         x, lam = point.x + dx + along * at.slope, point.lam + along
-    return _Point(x, lam, residual_norm(problem, x, lam))
+    return Point(x, lam, residual_norm(problem, x, lam))
 
 
-def _damped(
-    problem: Problem, x: FloatArray, lam: float, update: FloatArray, residual: FloatArray
-) -> tuple[FloatArray, float] | None:
-    """Return the first of x + update, x + update/2, ... that is admissible and lowers the residual."""
-    size = float(np.linalg.norm(residual))
-    fraction = 1.0
-    for _ in range(_HALVINGS):
-        trial = x + fraction * update
-        largest = residual_norm(problem, trial, lam)
-        if np.isfinite(largest):
+def admissible_part(
+    problem: Problem, point: tuple[FloatArray, float], update: tuple[FloatArray, float]
+) -> float:
+    """Return 1, or how much of an update of an admissible point stays clear of the region's boundary; 0
+    where next to nothing does."""
+
+    def inside(part: float) -> bool:
+        return problem.admissible(point[0] + part * update[0], point[1] + part * update[1])
+
+    if inside(1.0):
+        return 1.0
+    low, high = 0.5, 1.0
+    while not inside(low):
+        low, high = 0.5 * low, low
+        if low < 0.5**_HALVINGS:
+            return 0.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if inside(middle) else (low, middle)
+    return _SHORT_OF * low
+
+
+def _damped(problem: Problem, point: Point, update: tuple[FloatArray, float], size: float) -> Point | None:
+    """Return the point after the first of an update's parts, halved from the admissible one on, that lowers
+    the residual's norm ``size`` enough; None where none does."""
+    part = admissible_part(problem, (point.x, point.lam), update)
+    while part >= 0.5**_HALVINGS:
+        x, lam = point.x + part * update[0], point.lam + part * update[1]
+        if problem.admissible(x, lam):
+            residual = problem.residual(x, lam)
             # The Euclidean norm falls along a Newton update, the largest residual need not.
-            reduced = float(np.linalg.norm(problem.residual(trial, lam)))
-            if reduced <= (1.0 - _DECREASE * fraction) * size:
-                return trial, largest
-        fraction *= 0.5
+            if float(np.linalg.norm(residual)) <= (1.0 - _DECREASE * part) * size:
+                return Point(x, lam, float(np.abs(residual).max(initial=0.0)))
+        part *= 0.5
     return None

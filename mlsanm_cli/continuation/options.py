@@ -1,4 +1,4 @@
-"""Options of the asymptotic numerical method."""
+"""Options of the methods that follow a path."""
 
 from __future__ import annotations
 
@@ -10,39 +10,29 @@ _CORRECTED = 0.01
 
 
 @dataclass(frozen=True)
-class AnmOptions:
-    """Options of a path followed by power series.
+class PathOptions:
+    """What every method is told.
 
     Attributes
     ----------
-    order : order N of the series, 2 to 40; 15 to 30 pays
-    tolerance : largest residual allowed anywhere on the path
-    pade : turn a series into a Padé approximant where that makes the step longer
+    tolerance : largest residual allowed anywhere on the path (Newton's method: in the states it hands out)
     max_steps : the path stops after so many steps
     direction : which way to leave the start point: load factor growing (1), falling (-1), or (0) as the piece
         of path before it went on, without one toward the load factor asked for; the sign of later steps is
         that of the path itself
-    drift : an end of step is corrected by Newton's method when its residual exceeds this fraction of
-        ``tolerance``; below, the next series leads the residual back to zero, which takes no factorisation.
-        At 1 only the start and the end of the path are corrected
     min_length : a step shorter than this, in scaled units of the path, ends it
     max_corrections : Newton updates allowed in one correction
     """
 
-    order: int = 20
     tolerance: float = 1e-8
-    pade: bool = True
     max_steps: int = 2000
     direction: Literal[-1, 0, 1] = 0
-    drift: float = 1.0
     min_length: float = 1e-10
     max_corrections: int = 50
 
     def __post_init__(self) -> None:
-        if not 2 <= self.order <= 40:
-            raise ValueError(f"order must lie between 2 and 40, not {self.order}")
-        if not 0.0 < self.tolerance < 1.0 or not 0.0 < self.drift <= 1.0:
-            raise ValueError("tolerance must lie between 0 and 1, drift must be above 0 and at most 1")
+        if not 0.0 < self.tolerance < 1.0:
+            raise ValueError("tolerance must lie between 0 and 1")
         if self.max_steps < 1 or self.max_corrections < 1:
             raise ValueError("max_steps and max_corrections must be at least 1")
         if self.direction not in (-1, 0, 1):
@@ -54,3 +44,55 @@ class AnmOptions:
     def goal(self) -> float:
         """Residual a correction aims at."""
         return self.tolerance * _CORRECTED
+
+
+@dataclass(frozen=True)
+class AnmOptions(PathOptions):
+    """Options of a path followed by power series.
+
+    Attributes
+    ----------
+    order : order N of the series, 2 to 40; 15 to 30 pays
+    pade : turn a series into a Padé approximant where that makes the step longer
+    drift : an end of step is corrected by Newton's method when its residual exceeds this fraction of
+        ``tolerance``; below, the next series leads the residual back to zero, which takes no factorisation.
+        At 1 only the start and the end of the path are corrected
+    """
+
+    order: int = 20
+    pade: bool = True
+    drift: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 2 <= self.order <= 40:
+            raise ValueError(f"order must lie between 2 and 40, not {self.order}")
+        if not 0.0 < self.drift <= 1.0:
+            raise ValueError("drift must be above 0 and at most 1")
+
+
+@dataclass(frozen=True)
+class NewtonOptions(PathOptions):
+    """Options of a path followed by Newton-Raphson iterations.
+
+    Attributes
+    ----------
+    control : every step solves at a given load factor ("load"), or on the plane across its first tangent
+        ("arc-length"), which passes folds
+    first : first step as a part of the way to the load factor asked for, straight on
+    wanted : steps grow where they take fewer iterations than this, and shrink where they take more
+    growth : most that one step is longer than the one before it
+    """
+
+    max_corrections: int = 25
+    control: Literal["load", "arc-length"] = "load"
+    first: float = 0.1
+    wanted: int = 6
+    growth: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.control not in ("load", "arc-length"):
+            raise ValueError(f'control must be "load" or "arc-length", not {self.control!r}')
+        if not self.first > 0.0 or self.wanted < 1 or not self.growth >= 1.0:
+            raise ValueError("first must be positive, wanted and growth must be at least 1")

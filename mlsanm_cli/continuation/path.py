@@ -43,9 +43,9 @@ class Step:
     x, lam : end of the step and start of the next: unknowns, shape (size,), and load factor
     residual : largest residual at the end
     arc_length : length of the step along its first tangent, in the scaled units of the path
-    corrections : Newton updates made at the end
+    iterations : Newton updates; of power series those made at the end
     factorizations, solves : tangents factorised and systems solved for this step, failed trials included
-    order : order of the series
+    order : order of the power series; 0 where ``branch`` is none and only its ends are on the path
     """
 
     index: int
@@ -54,7 +54,7 @@ class Step:
     lam: float
     residual: float
     arc_length: float
-    corrections: int
+    iterations: int
     factorizations: int
     solves: int
     order: int
@@ -62,7 +62,11 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """How a path ended: ``reason``, a sentence about it, the last good point, totals of the whole path."""
+    """How a path ended: ``reason``, a sentence about it, the last good point, totals of the whole path.
+
+    ``piece`` is the last step as long as it would have been without an event: the ``previous`` of a path that
+    goes on.
+    """
 
     reason: StopReason
     message: str
@@ -70,8 +74,10 @@ class Outcome:
     lam: float
     residual: float
     steps: int
+    iterations: int
     factorizations: int
     solves: int
+    piece: Branch | None
 
     @property
     def reached(self) -> bool:

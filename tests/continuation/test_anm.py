@@ -158,7 +158,7 @@ def test_residuals_left_at_the_ends_do_not_pile_up() -> None:
     residuals = np.array([step.residual for step in steps])
     assert residuals.max() <= 1e-8
     assert np.median(residuals[:-1]) > 1e-9  # steps go to the limit
-    assert all(step.corrections == 0 and step.factorizations <= 1 for step in steps[1:-1])
+    assert all(step.iterations == 0 and step.factorizations <= 1 for step in steps[1:-1])
     assert residuals[-1] <= 1e-10
 
 
@@ -171,7 +171,7 @@ def test_ends_are_corrected_on_request() -> None:
         np.abs(problem.residual(*step.branch.evaluate(step.branch.length))).max() for step in steps[:-1]
     ]
     assert min(before) > options.goal
-    assert sum(step.corrections for step in steps) >= len(before)
+    assert sum(step.iterations for step in steps) >= len(before)
     plain = follow(problem, open_start(problem), 0.0, 1.0)
     assert len(list(plain.steps())) <= 1.1 * len(steps)
     assert plain.outcome.factorizations < 0.75 * sum(step.factorizations for step in steps)

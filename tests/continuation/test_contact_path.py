@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import AnmOptions, Outcome, Step, follow
+from mlsanm_cli.continuation import AnmOptions, Outcome, Step, StopReason, follow, locate
 
 from .contact_problems import Contact, exact_pressure, hertz, open_start, random_contact
 
@@ -118,3 +118,30 @@ def test_unloading_leads_back() -> None:
     assert np.all(np.diff(lams) < 0.0)
     start = steps[0].branch.x[0]
     assert np.abs((back.outcome.x - start) / problem.scale).max() <= 1e-7
+
+
+def test_load_levels_between_the_steps_keep_the_tolerance() -> None:
+    problem, _, _ = hertz(120, 1e-3)
+    steps, outcome = pressed(problem, AnmOptions(order=20))
+    assert outcome.steps <= 75
+    branches = [step.branch for step in steps]
+    for level in np.random.default_rng(5).uniform(0.0, 1.0, 200):
+        index, a = locate(branches, float(level))
+        x, lam = branches[index].evaluate(a)
+        assert lam == pytest.approx(level, rel=1e-13)
+        assert problem.admissible(x, lam)
+        assert np.abs(problem.residual(x, lam)).max() <= 1e-8
+
+
+@pytest.mark.parametrize("eta", [1e-1, 1e-3, 1e-6])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-8, 1e-12])
+@pytest.mark.parametrize("order", [5, 20, 40])
+def test_every_accepted_step_keeps_the_tolerance(order: int, tolerance: float, eta: float) -> None:
+    problem, _, _ = hertz(20, eta)
+    options = AnmOptions(order=order, tolerance=tolerance, max_steps=150)
+    follower = follow(problem, open_start(problem), 0.0, 1.0, options)
+    for step in follower.steps():
+        assert step.residual <= tolerance
+        assert np.abs(problem.residual(step.x, step.lam)).max() == step.residual
+    short = order == 5 and tolerance < 1e-4  # a low order may take thousands of steps
+    assert follower.outcome.reached or (short and follower.outcome.reason is StopReason.MAX_STEPS)

@@ -1,0 +1,41 @@
+"""A path followed by the method that its options are for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from mlsanm_cli.continuation.anm import AnmFollower
+from mlsanm_cli.continuation.newton import NewtonFollower
+from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions
+from mlsanm_cli.continuation.path import Follower
+from mlsanm_cli.continuation.problem import FloatArray, Problem
+from mlsanm_cli.continuation.series import Branch
+
+
+def follow(
+    problem: Problem,
+    x0: FloatArray,
+    lam0: float,
+    lam_end: float,
+    options: AnmOptions | NewtonOptions | None = None,
+    previous: Branch | None = None,
+    barrier: Callable[[Branch], float] | None = None,
+    levels: Sequence[float] = (),
+) -> Follower:
+    """Return the follower of the path R(x, lam) = 0 from (x0, lam0) to the load factor ``lam_end``.
+
+    Parameters
+    ----------
+    x0 : (size,), start point; corrected at fixed ``lam0`` when its residual asks for it (behind a
+        ``previous`` piece: when it exceeds the tolerance)
+    lam_end : the path ends where the load factor first takes this value, going along the path
+    options : choose the method too: power series (also by default), or Newton-Raphson
+    previous : the piece of path that led to the start point; the path goes on in its direction with its
+        length of step, exactly as if it had not been interrupted
+    barrier : tells how far along a piece of path the problem holds; the path ends there with the reason EVENT
+    levels : load factors at which states are wanted. Steps of Newton's method end there; power series hold
+        them anyway
+    """
+    if isinstance(options, NewtonOptions):
+        return NewtonFollower(problem, x0, lam0, lam_end, options, previous, barrier, levels)
+    return AnmFollower(problem, x0, lam0, lam_end, options, previous, barrier)

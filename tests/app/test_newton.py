@@ -1,0 +1,133 @@
+"""Paths by Newton-Raphson: the same states as by power series, stored for what they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.build import Built, build_scene, complete
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.history import pressures_at
+from mlsanm_cli.app.homotopy import lowered
+from mlsanm_cli.app.paths import path_of
+from mlsanm_cli.app.states import State
+from mlsanm_cli.case import load_case
+from mlsanm_cli.errors import NumericalError, RunError
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import Quiet, hertz, solve
+from tests.app.test_friction import HOLONOMIC, SHEARED
+
+NEWTON = 'solver.method="newton"'
+SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def built_of(path: Path, *settings: str) -> Built:
+    loaded, clock, console = load_case(path, settings), Clock(), Quiet()
+    return complete(loaded.case, build_scene(loaded, clock, console), clock, console)
+
+
+def saved(built: Built, **solver: Any) -> list[State]:
+    """The wanted states by another method or tolerance; no step exceeds the tolerance."""
+    settings = built.case.solver.model_copy(update=solver)
+    steps = list(path_of(replace(built, case=built.case.model_copy(update={"solver": settings}))))
+    assert max(step.state.residual for step in steps) <= settings.tolerance
+    return [state for step in steps for state in step.saved]
+
+
+def coarse(spacings: tuple[float, ...], *bodies: str) -> list[str]:
+    """Settings of coarser zones than the case's, for time."""
+    return [
+        f"body.{body}.refine.{number}.spacing={spacing}"
+        for body in bodies
+        for number, spacing in enumerate(spacings)
+    ]
+
+
+HALVES = ("cylinder", "block")
+
+
+@pytest.mark.parametrize(
+    ("case", "at", "settings"),
+    [
+        ("hertz", [0.3, 0.7, 1.0], coarse((0.008, 0.002, 0.002), *HALVES)),
+        ("two_cylinders", [0.3, 0.7, 1.0], coarse((0.003,), "upper", "lower")),
+        ("block_slide", [0.5, 1.0, 1.5, 2.0, 2.5, 3.0], []),
+        ("wedge", [0.5, 1.0, 1.5, 2.0], []),
+        ("cattaneo_mindlin", [0.5, 1.0, 1.5, 2.0, 3.0, 4.0], coarse((0.008, *4 * (0.004,)), *HALVES)),
+    ],
+)
+def test_published_cases_as_by_series(case: str, at: list[float], settings: list[str]) -> None:
+    built = built_of(CASES / f"{case}.toml", SMOOTH, f"output.at={at}", *settings)
+    # Inside a step a series is as good as its residual, times what the contact makes of that.
+    series = saved(built, method="anm", tolerance=1e-10)
+    newton = saved(built, method="newton")
+    assert [state.position for state in newton] == [state.position for state in series] == at
+    for one, other in zip(series, newton, strict=True):
+        peak = one.pressure.max()
+        assert np.abs(one.pressure - other.pressure).max() <= 1e-7 * peak
+        assert np.abs(one.traction - other.traction).max(initial=0.0) <= 1e-7 * peak
+        assert (one.status == other.status).all()
+        # Dissipation is summed by trapezoids over the steps, which differ.
+        assert np.abs(one.work - other.work).max(initial=0.0) <= 1e-3 * one.work.max(initial=1.0)
+
+
+def test_friction_without_memory(tmp_path: Path) -> None:
+    case = tmp_path / "case.toml"
+    case.write_text(SHEARED)
+    once = [HOLONOMIC, "stage=[{press=1.0},{shear=1.0}]", "output.at=[1.0, 1.4, 2.0]"]
+    built = built_of(case, *once)
+    series, newton = (saved(built, method=method, tolerance=1e-9) for method in ("anm", "newton"))
+    for one, other in zip(series, newton, strict=True):
+        assert np.abs(one.pressure - other.pressure).max() <= 1e-7 * one.pressure.max()
+        assert np.abs(one.traction - other.traction).max() <= 1e-7 * one.pressure.max()
+
+
+def test_what_is_stored(hertz_run: Path, tmp_path: Path) -> None:
+    summary = solve(hertz(), tmp_path / "run", "output.at=[0.3, 0.7, 1.0]", NEWTON)
+    assert summary["status"] == "done"
+    assert 0 < summary["steps"] < summary["iterations"] <= summary["factorizations"]
+    assert summary["residual"] <= 1e-8
+    run, other = read_run(tmp_path / "run"), read_run(hertz_run)
+    assert not run.path.order.any()
+    assert (run.path.factorizations[1:] > 0).all()
+    # A cubic between two states is a guess: it must not be taken for the path.
+    with h5py.File(tmp_path / "run" / "run.h5", "r") as file:
+        assert "series" not in file
+    between = 0.5 * (run.path.position[1] + run.path.position[2])
+    with pytest.raises(RunError, match="nothing is stored between"):
+        pressures_at(run, between)
+    for position in (0.3, 0.7, 1.0):
+        (found,), (expected,) = pressures_at(run, position).values(), pressures_at(other, position).values()
+        assert np.abs(found - expected).max() <= 1e-6 * expected.max()
+    assert [state.position for state in run.states] == [0.3, 0.7, 1.0]
+
+
+def test_a_path_cut_short_says_so(tmp_path: Path) -> None:
+    summary = solve(hertz(), tmp_path / "run", NEWTON, "solver.max_steps=3")
+    assert (summary["status"], summary["steps"]) == ("failed", 3)
+    assert "max steps" in summary["stop_reason"]
+
+
+def test_eta_lowered_at_full_load(tmp_path: Path) -> None:
+    case = tmp_path / "case.toml"
+    case.write_text(hertz())
+    built = built_of(case)
+    (end,) = saved(built, method="newton")
+    *_, last = lowered(built, (1.0, 1e-1, 1e-2, 1e-3, 1e-4))
+    m = len(end.pressure)
+    assert built.case.contact[0].regularization.eta == 1e-4
+    assert np.abs(last.x[:m] - end.pressure).max() <= 1e-9 * end.pressure.max()
+    assert np.abs(last.x[m : 2 * m] - end.gap).max() <= 1e-9 * end.gap.max()
+
+
+def test_eta_is_not_lowered_under_friction_with_memory(tmp_path: Path) -> None:
+    case = tmp_path / "case.toml"
+    case.write_text(SHEARED)
+    with pytest.raises(NumericalError, match="memory"):
+        next(lowered(built_of(case), (1.0, 1e-1)))

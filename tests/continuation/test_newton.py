@@ -1,0 +1,216 @@
+"""Newton-Raphson from state to state: levels, folds, events, counts, and what it cannot reach."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.continuation import (
+    Branch,
+    FloatArray,
+    NewtonFollower,
+    NewtonOptions,
+    Step,
+    StopReason,
+    Tangent,
+    follow,
+)
+
+from .contact_problems import hertz, open_start
+from .problems import Bratu, Circle, Scalar, Truss
+from .test_anm import BRATU_FOLD
+from .test_corrector import watched
+
+ARC = NewtonOptions(control="arc-length")
+
+
+def turning(piece: Branch) -> float:
+    """A barrier at the first fold."""
+    grid = np.linspace(0.0, piece.length, 33)
+    rise = piece.derivative_weights(grid) @ piece.terms[1]
+    past = np.flatnonzero(np.sign(rise) != np.sign(rise[0]))
+    if not past.size:
+        return np.inf
+    low, high = grid[past[0] - 1], grid[past[0]]
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        ahead = float((piece.derivative_weights(np.array([middle])) @ piece.terms[1])[0])
+        low, high = (middle, high) if np.sign(ahead) == np.sign(rise[0]) else (low, middle)
+    return float(low)
+
+
+@pytest.mark.parametrize("control", ["load", "arc-length"])
+def test_levels_are_ends_of_steps(control: Literal["load", "arc-length"]) -> None:
+    levels = (0.3, 1.0 / 3.0, 7.0, 49.999)
+    options = NewtonOptions(control=control)
+    follower = NewtonFollower(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 50.0, options, levels=levels)
+    steps = {step.lam: step for step in follower.steps()}
+    assert follower.outcome.reached
+    assert {*levels, 50.0} <= steps.keys()
+    for lam, step in steps.items():
+        assert step.x[0] == pytest.approx(0.5 * (np.sqrt(1.0 + 4.0 * lam) - 1.0), rel=1e-9)
+        assert step.order == 0
+        x, reached = step.branch.evaluate(step.branch.length)
+        assert (x[0], reached) == pytest.approx((step.x[0], lam), rel=1e-13)
+        weights = step.branch.derivative_weights(np.array([0.0, step.branch.length]))
+        slope = (weights @ step.branch.terms[0])[:, 0] / (weights @ step.branch.terms[1])
+        ends = step.branch.evaluate_many(np.array([0.0, step.branch.length]))[0][:, 0]
+        assert slope == pytest.approx(1.0 / (1.0 + 2.0 * ends), rel=1e-6)
+
+
+@pytest.mark.parametrize("eta", [1e-1, 1e-3, 1e-5])
+@pytest.mark.parametrize("control", ["load", "arc-length"])
+def test_contact_as_by_series(eta: float, control: Literal["load", "arc-length"]) -> None:
+    problem, peak, _ = hertz(60, eta)
+    series = follow(problem, open_start(problem), 0.0, 1.0)
+    pieces = list(series.steps())
+    levels = (0.2, 0.55)
+    follower = follow(problem, open_start(problem), 0.0, 1.0, NewtonOptions(control=control), levels=levels)
+    found = {step.lam: step.x for step in follower.steps()}
+    assert follower.outcome.reached
+    for level in (*levels, 1.0):
+        branch = next(step.branch for step in pieces if step.lam >= level)
+        x, _ = branch.evaluate(branch.parameter_at(level))
+        assert np.abs(found[level] - x)[:60].max() <= 1e-6 * peak
+    assert np.abs(follower.outcome.x - series.outcome.x)[:60].max() <= 1e-7 * peak
+
+
+def test_the_fold_of_bratus_equation() -> None:
+    follower = NewtonFollower(Bratu(24), np.zeros(23), 0.0, 5.0, ARC, barrier=turning)
+    steps = list(follower.steps())
+    assert follower.outcome.reason is StopReason.EVENT
+    assert steps[-1].lam == pytest.approx(BRATU_FOLD, abs=1e-6)
+
+
+def test_the_truss_snaps_through_both_folds() -> None:
+    fold = 1.0 / (3.0 * np.sqrt(3.0))
+    problem, x, lam = Truss(), np.ones(1), 0.0
+    previous: Branch | None = None
+    for expected in (fold, -fold):
+        follower = NewtonFollower(problem, x, lam, 2.0 * fold, ARC, previous, turning)
+        steps = list(follower.steps())
+        assert follower.outcome.reason is StopReason.EVENT
+        assert steps[-1].lam == pytest.approx(expected, abs=1e-6)
+        assert abs(steps[-1].x[0]) == pytest.approx(1.0 / np.sqrt(3.0), abs=1e-5)
+        # Over the fold, at whose very place the tangent has no sign.
+        on = NewtonFollower(problem, x, lam, 2.0 * fold, ARC, previous)
+        for step in on.steps():
+            if (step.x[0] - steps[-1].x[0]) < -0.01:
+                on.stop()
+        x, lam, previous = on.outcome.x, on.outcome.lam, step.branch
+    end = NewtonFollower(problem, x, lam, 2.0 * fold, ARC, previous)
+    list(end.steps())
+    assert end.outcome.reached
+    roots = np.roots([-0.5, 0.0, 0.5, -2.0 * fold])
+    assert end.outcome.x[0] == pytest.approx(float(roots[np.abs(roots.imag) < 1e-9].real[0]), abs=1e-8)
+
+
+def test_load_control_says_that_it_cannot_pass_a_fold() -> None:
+    follower = NewtonFollower(Circle(), np.ones(1), 0.0, 1.5)
+    steps = list(follower.steps())
+    assert not follower.outcome.reached
+    assert follower.outcome.reason in (StopReason.CORRECTION_FAILED, StopReason.SINGULAR_TANGENT)
+    assert 0.99 < steps[-1].lam <= 1.0 + 1e-8
+
+
+@pytest.mark.parametrize("control", ["load", "arc-length"])
+@pytest.mark.parametrize("level", [1e-9, 0.01, 0.4])
+def test_events_are_located_by_solving_again(level: float, control: Literal["load", "arc-length"]) -> None:
+    calls = []
+
+    def barrier(piece: Branch) -> float:
+        calls.append(piece)
+        high = piece.length
+        if piece.evaluate(high)[0][0] < level:
+            return np.inf
+        low = 0.0
+        while high - low > 1e-16 + 1e-15 * high:
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if piece.evaluate(middle)[0][0] >= level else (middle, high)
+        return high
+
+    problem = Scalar(0.0, 1.0, 1.0)
+    options = NewtonOptions(control=control, first=1.0)
+    follower = NewtonFollower(problem, np.zeros(1), 0.0, 1.0, options, barrier=barrier)
+    steps = list(follower.steps())
+    assert follower.outcome.reason is StopReason.EVENT
+    assert steps[-1].x[0] == pytest.approx(level, rel=1e-7)
+    assert steps[-1].lam == pytest.approx(level + level**2, rel=1e-7)
+    assert len(calls) - len(steps) <= 8
+
+
+class Bent(Scalar):
+    """x - 2 exp(-(lam - 0.5)^2 / 0.02) = 0: a bump that a long step does not see."""
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        return np.asarray(x - 2.0 * np.exp(-((lam - 0.5) ** 2) / 2e-2))
+
+    def tangent(self, x: FloatArray, lam: float) -> Tangent:
+        return super().tangent(np.zeros(1), lam)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        return np.array([4.0 * (lam - 0.5) / 2e-2 * np.exp(-((lam - 0.5) ** 2) / 2e-2)])
+
+
+def test_events_inside_a_long_step_are_seen() -> None:
+    def barrier(piece: Branch) -> float:
+        grid = np.linspace(0.0, piece.length, 17)
+        past = np.flatnonzero((piece.weights(grid) @ piece.terms[0])[:, 0] >= 1.0)
+        return float(grid[past[0]]) if past.size else np.inf
+
+    follower = NewtonFollower(
+        Bent(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=1.0), barrier=barrier
+    )
+    list(follower.steps())
+    assert follower.outcome.reason is StopReason.EVENT
+    assert follower.outcome.lam == pytest.approx(0.5 - np.sqrt(2e-2 * np.log(2.0)), abs=0.02)
+
+
+def test_no_trial_leaves_the_admissible_region() -> None:
+    problem = watched(1e-4, 3)  # asserts so itself
+    follower = NewtonFollower(problem, open_start(problem), 0.0, 1.0, NewtonOptions(first=1.0))
+    steps = list(follower.steps())
+    assert follower.outcome.reached
+    assert max(step.residual for step in steps) <= 1e-8
+
+
+@pytest.mark.parametrize("control", ["load", "arc-length"])
+def test_work_is_counted(control: Literal["load", "arc-length"]) -> None:
+    problem, _, _ = hertz(30, 1e-4)
+    follower = NewtonFollower(problem, open_start(problem), 0.0, 1.0, NewtonOptions(control=control))
+    steps: list[Step] = list(follower.steps())
+    end = follower.outcome
+    assert end.reached
+    assert problem.counts.tangents == end.factorizations == sum(step.factorizations for step in steps)
+    assert problem.counts.solves == end.solves == sum(step.solves for step in steps)
+    assert end.iterations == sum(step.iterations for step in steps) >= end.factorizations - len(steps)
+
+
+def test_steps_grow_where_it_is_easy() -> None:
+    follower = NewtonFollower(Scalar(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=0.01))
+    rises = np.diff([step.lam for step in follower.steps()])
+    assert rises[1] == pytest.approx(2.0 * rises[0])
+    assert follower.outcome.steps <= 8
+
+
+def test_step_limit_and_stopping() -> None:
+    limited = NewtonFollower(
+        Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(max_steps=2, first=1e-3)
+    )
+    assert len(list(limited.steps())) == 2
+    assert limited.outcome.reason is StopReason.MAX_STEPS
+    stopped = NewtonFollower(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0)
+    next(steps := stopped.steps())
+    stopped.stop()
+    assert not list(steps)
+    assert stopped.outcome.reason is StopReason.STOPPED_BY_CALLER
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"control": "both"}, {"first": 0.0}, {"wanted": 0}, {"growth": 0.5}, {"tolerance": 0.0}]
+)
+def test_wrong_options_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="must"):
+        NewtonOptions(**wrong)  # type: ignore[arg-type]
