@@ -34,7 +34,7 @@ from mlsanm_cli.app.build import Built, build_scene, complete  # noqa: E402
 from mlsanm_cli.app.clock import Clock  # noqa: E402
 from mlsanm_cli.app.homotopy import lowered  # noqa: E402
 from mlsanm_cli.app.paths import path_of  # noqa: E402
-from mlsanm_cli.app.series_path import problem_of, regularization, start_point  # noqa: E402
+from mlsanm_cli.app.series_path import coupling_of, problem_of, regularization, start_point  # noqa: E402
 from mlsanm_cli.app.states import PathStep, factors_at  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.case import load_case  # noqa: E402
@@ -119,7 +119,7 @@ def hertz_rows(built: Built, repeat: int) -> Iterator[Row]:
         yield timed(lambda levels=levels: active_set(levels), repeat)  # type: ignore[misc]
     for eta in ETAS:
         variant = with_eta(built, eta)
-        problem = problem_of(variant, regularization(variant), 0)
+        problem = problem_of(variant, coupling_of(variant, regularization(variant)), 0)
         start = start_point(variant, problem)
 
         def path(options: AnmOptions | NewtonOptions, levels: Sequence[float] = (), /, **names: Any) -> Row:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.series_path import (
     Memoryless,
+    coupling_of,
     is_holonomic,
     path_options,
     problem_of,
@@ -36,7 +37,7 @@ def lowered(built: Built, etas: Sequence[float], stage: int = 0) -> Iterator[Cor
     whole = regularize(built.condensed, built.ends, 1.0).eta
 
     def problem(eta: float) -> Memoryless:
-        return problem_of(built, replace(law, eta=eta * whole), stage)
+        return problem_of(built, coupling_of(built, replace(law, eta=eta * whole)), stage)
 
     def guess(x: FloatArray, before: float, eta: float) -> FloatArray:
         return carried(problem(before), x, eta * whole)

@@ -166,7 +166,7 @@ def fields_of(built: Built, state: State, stress: bool) -> tuple[dict[str, Field
     """Fields of all bodies, stresses only if asked for; and the largest residual of the linear systems."""
     fields, worst = {}, 0.0
     for name, body in built.scene.bodies.items():
-        displacement, residual = built.condensed.displacement(built.scene, name, *state.unknowns)
+        displacement, residual = _displacement(built, name, state)
         worst = max(worst, residual)
         degrees = float(built.scene.degrees(name) @ state.factors)
         elastic = displacement - degrees * body.model.free_expansion
@@ -175,6 +175,15 @@ def fields_of(built: Built, state: State, stress: bool) -> tuple[dict[str, Field
         points = len(body.model.cloud.points)
         fields[name] = Fields(displacement[:points], sigma, across, von_mises(sigma, across))
     return fields, worst
+
+
+def _displacement(built: Built, name: str, state: State) -> tuple[FloatArray, float]:
+    """Displacements (N, 2) of a body, ghosts last, and the residual of its elastic system."""
+    if not len(state.displacement):
+        return built.condensed.displacement(built.scene, name, *state.unknowns)
+    solution = state.displacement[built.scene.places[name], None]
+    source = built.condensed.source(name, *state.unknowns)
+    return solution.reshape(-1, 2), built.scene.bodies[name].system.residual(source, solution)
 
 
 def stored_fields(fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, dict[str, FloatArray]]:

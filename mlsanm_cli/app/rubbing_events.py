@@ -83,7 +83,8 @@ class Barrier:
         held = self._stuck
         limit, friction = c.friction[held] * pressure[:, held], t[:, held] / problem.law.pressure
         base, rows = problem.base, problem.m + self._sliding
-        slip = np.hstack([p, t, q]) @ base.matrix[rows].T + np.outer(load, base.load[rows] @ problem.change)
+        slip = np.hstack([p, t, q]) @ base.slips[self._sliding].T
+        slip += np.outer(load, base.load[rows] @ problem.change)
         rates = -slip * problem.sets.sense[self._sliding]
         return np.hstack([pressure * sign, limit - friction, limit + friction]), rates
 

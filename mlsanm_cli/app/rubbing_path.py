@@ -11,6 +11,7 @@ from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.rubbing_events import Barrier, Hits, continued
 from mlsanm_cli.app.series_path import (
     at,
+    coupling_of,
     drawn,
     levels_in,
     path_options,
@@ -24,7 +25,7 @@ from mlsanm_cli.app.series_path import (
 )
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
+from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.contact.set_search import NoStateError
 from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.contact.sliding import SlidingError, slides_freely
@@ -81,9 +82,10 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
     Pressed nodes stick from the very start; friction of the others begins when they reach the law's
     threshold.
     """
-    c, law = built.condensed, regularization(built)
+    c, coupling = built.condensed, coupling_of(built, regularization(built)).softened()
+    law = coupling.law
     nothing, begin = np.zeros(len(c.rubbing)), built.stages[0]
-    x = np.concatenate([drawn(built, law), nothing])
+    x = np.concatenate([drawn(built, coupling), nothing])
     pressure = x[: len(c.weight)]
     anchor, full = nothing, law.threshold
     for _ in range(OPENINGS):
@@ -92,7 +94,7 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
         stuck = pressed[c.rubbing]
         own = 0.5 * np.maximum(pressure[c.rubbing], 0.0)
         law = replace(law, threshold=np.where(stuck, np.minimum(full, own), full))
-        base = Rubbing.of(c, law)
+        base = replace(coupling, law=law)
         problem = RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor)
         x = correct(problem, x, 0.0, options).x
         pressure, _, _, traction = problem.split(x)
@@ -211,7 +213,9 @@ def _moved(point: _Point, x: FloatArray, lam: float) -> _Point:
 
 def _series(problem: RubbingContact, branch: Branch, stage: int) -> dict[str, FloatArray]:
     names = ("pressure", "gap", "motion", "traction")
-    return series_arrays(branch, stage, dict(zip(names, problem.split(branch.x), strict=True)))
+    pressure, gap, motion, traction = problem.split(branch.x)
+    parts = (pressure, gap, problem.base.told_apart(motion)[0], traction)
+    return series_arrays(branch, stage, dict(zip(names, parts, strict=True)))
 
 
 def _state(point: _Point, stage: int, residual: float) -> State:
@@ -219,7 +223,8 @@ def _state(point: _Point, stage: int, residual: float) -> State:
     pressure, gap, motion, traction = problem.split(point.x)
     factors = problem.factors(point.lam)
     status = smooth_status(problem.law, pressure, gap, c.rubbing[problem.sets.stuck])
-    slip = c.slip(factors, motion, pressure, traction)
+    slip = problem.yielded(point.x, point.lam) - problem.law.creep * traction
+    motion, displacement = problem.base.told_apart(motion)
     return State(
         stage + point.lam,
         factors,
@@ -231,4 +236,5 @@ def _state(point: _Point, stage: int, residual: float) -> State:
         point.work,
         status,
         residual,
+        displacement,
     )

@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.coupling import Coupling, DenseCoupling
 from mlsanm_cli.contact.holonomic import HolonomicContact
-from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
+from mlsanm_cli.contact.hyperbolic import HyperbolicContact
+from mlsanm_cli.contact.monolithic import SparseCoupling, sparse_coupling
+from mlsanm_cli.contact.regularization import Regularization
 from mlsanm_cli.contact.scales import regularize
 from mlsanm_cli.contact.sets import OPEN, SLIP, STICK
 from mlsanm_cli.continuation import (
@@ -27,6 +30,7 @@ from mlsanm_cli.continuation import (
     follow,
 )
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
 BRANCH_HINT = (
     'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
@@ -36,9 +40,9 @@ BRANCH_HINT = (
 def smooth_path(built: Built) -> Iterator[PathStep]:
     """Laws without memory; wanted states come from the series of their step, or end one of Newton's."""
     wanted = wanted_positions(built)
-    law, options = regularization(built), path_options(built)
+    coupling, options = coupling_of(built, regularization(built)), path_options(built)
     for stage in range(len(built.case.stage)):
-        problem = problem_of(built, law, stage)
+        problem = problem_of(built, coupling, stage)
         if stage == 0:
             x = start_point(built, problem)
             corrected = correct(problem, x, 0.0, options)
@@ -95,10 +99,17 @@ def regularization(built: Built) -> Regularization:
     return regularize(condensed, built.ends, eta, stick)
 
 
-def problem_of(built: Built, law: Regularization, stage: int) -> Memoryless:
+def coupling_of(built: Built, law: Regularization) -> DenseCoupling | SparseCoupling:
+    """What the bodies answer with, in the scales of a law."""
+    if built.case.solver.formulation == "monolithic":
+        return sparse_coupling(built.scene, built.condensed, law, SuperLUSolver())
+    return DenseCoupling.of(built.condensed, law)
+
+
+def problem_of(built: Built, coupling: Coupling, stage: int) -> Memoryless:
     """The equations of a stage under a law without memory."""
     make = HolonomicContact if len(built.condensed.rubbing) else HyperbolicContact
-    return make(built.condensed, law, built.stages[stage], built.stages[stage + 1])
+    return make(coupling, built.stages[stage], built.stages[stage + 1])
 
 
 def path_options(built: Built) -> AnmOptions | NewtonOptions:
@@ -151,17 +162,17 @@ def sharpened(problem: Problem, step: Step) -> Step:
 
 def start_point(built: Built, problem: Memoryless) -> FloatArray:
     """Open gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
-    x = drawn(built, problem.law)
+    x = drawn(built, problem.coupling)
     if isinstance(problem, HolonomicContact):
         return problem.with_auxiliary(np.concatenate([x, np.zeros(problem.n)]), 0.0)
     return x
 
 
-def drawn(built: Built, law: Regularization) -> FloatArray:
+def drawn(built: Built, coupling: Coupling) -> FloatArray:
     """Pressures (m,), gaps (m,) and motions (k,) of the smooth law near the scene as drawn."""
-    gap = np.maximum(built.condensed.gap.constant, 0.1 * law.gap)
-    pressure = law.eta * (law.delta / gap - 1.0)
-    return np.concatenate([pressure, gap, np.zeros(len(law.motion))])
+    gap = np.maximum(built.condensed.gap.constant, 0.1 * coupling.law.gap)
+    pressure = coupling.law.eta * (coupling.law.delta / gap - 1.0)
+    return np.concatenate([pressure, gap, np.zeros(len(coupling.motion))])
 
 
 def states_in(
@@ -207,7 +218,8 @@ def path_step(
 def _series(problem: Memoryless, branch: Branch, stage: int) -> dict[str, FloatArray]:
     """Coefficients over the path parameter a, 0 <= a <= length; with ``denominator`` the Pade form holds."""
     names = ("pressure", "gap", "motion", "traction")
-    parts = problem.split(branch.x)
+    pressure, gap, motion, *rest = problem.split(branch.x)
+    parts = (pressure, gap, problem.coupling.told_apart(motion)[0], *rest)
     return series_arrays(branch, stage, dict(zip(names, parts, strict=False)))
 
 
@@ -234,6 +246,7 @@ def smooth_status(
 
 def _regularized_state(problem: Memoryless, x: FloatArray, lam: float, stage: int, residual: float) -> State:
     pressure, gap, motion, *rest = problem.split(x)
+    motion, displacement = problem.coupling.told_apart(motion)
     held = np.zeros(0, dtype=np.int64)
     traction = slip = work = np.zeros(0)
     if isinstance(problem, HolonomicContact):
@@ -243,5 +256,15 @@ def _regularized_state(problem: Memoryless, x: FloatArray, lam: float, stage: in
         work = np.full(problem.n, np.nan)
     status = smooth_status(problem.law, pressure, gap, held)
     return State(
-        stage + lam, problem.factors(lam), pressure, gap, motion, traction, slip, work, status, residual
+        stage + lam,
+        problem.factors(lam),
+        pressure,
+        gap,
+        motion,
+        traction,
+        slip,
+        work,
+        status,
+        residual,
+        displacement,
     )

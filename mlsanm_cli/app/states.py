@@ -19,7 +19,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 class State:
     """One state: load factors (L,), pressures and gaps (m,), unknown motions (k,), and of every node what it
     does (m,): OPEN, STICK or SLIP. Of the contacts with friction tractions, slips and the work dissipated per
-    length of surface so far (n,)."""
+    length of surface so far (n,). ``displacement`` (2N,) has the unknowns of all bodies if the path has them,
+    else nothing."""
 
     position: float
     factors: FloatArray
@@ -31,6 +32,7 @@ class State:
     work: FloatArray
     status: NDArray[np.int8]
     residual: float
+    displacement: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def closed(self) -> BoolArray:

@@ -233,6 +233,13 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
         message = f'"{method}" cannot follow the {first} contact law'
         hint = f'law = "{fitting[method]}" in [contact.regularization], or method = "auto"'
         report.add(("solver", "method"), message, hint)
+    if draft.solver and draft.solver.formulation == "monolithic" and first != "hyperbolic":
+        if first is None:
+            message, hint = "there is no contact to be solved together with the bodies", "remove the key"
+        else:
+            message = "the exact contact law is solved on the condensed system only"
+            hint = 'law = "hyperbolic" in [contact.regularization], or formulation = "condensed"'
+        report.add(("solver", "formulation"), message, hint)
 
 
 def _check_friction_laws(draft: Draft, report: Report) -> None:

@@ -118,7 +118,7 @@ class Solver(Section):
     """How the load path is followed."""
 
     method: Literal["auto", "anm", "newton", "active-set"] = "auto"
-    formulation: Literal["condensed"] = "condensed"
+    formulation: Literal["condensed", "monolithic"] = "condensed"
     order: Annotated[int, Field(ge=2, le=40)] = 20
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-8
     pade: bool = True

@@ -41,7 +41,8 @@ class Condensed:
     a contact with friction among the tractions (n,); ``rubbing`` (n,) are the numbers of these nodes among
     the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip``
     to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to what the
-    platens lack (k,).
+    platens lack (k,). ``beyond`` (n, n) is what of the slips the displacements' own, fitted, do not tell
+    (:func:`resolved_slip`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``solves``
@@ -59,6 +60,7 @@ class Condensed:
     slip: LinearMap
     watched: LinearMap
     balance: LinearMap
+    beyond: FloatArray
     forces: Mapping[str, LinearMap]
     contact_forces: Mapping[str, LinearMap]
     imbalance: LinearMap
@@ -78,6 +80,12 @@ class Condensed:
             masks[pairing.name] = mask
         return masks
 
+    def source(
+        self, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
+    ) -> sparse.csc_array:
+        """Right-hand side (r, 1) of a body in one state."""
+        return sparse.csc_array((self.sources[body] @ np.concatenate([f, q, p, t]))[:, None])
+
     def displacement(
         self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> tuple[FloatArray, float]:
@@ -87,11 +95,9 @@ class Condensed:
         One back-substitution; none where there is no contact, since ``solutions`` (2n, loads + motions) of so
         few columns are kept.
         """
-        unknowns = np.concatenate([f, q, p, t])
-        source = sparse.csc_array((self.sources[body] @ unknowns)[:, None])
-        system = scene.bodies[body].system
+        source, system = self.source(body, f, q, p, t), scene.bodies[body].system
         if body in self.solutions:
-            solution = (self.solutions[body] @ unknowns)[:, None]
+            solution = (self.solutions[body] @ np.concatenate([f, q, p, t]))[:, None]
         else:
             solution = system.solve(source)
         return solution.reshape(-1, 2), system.residual(source, solution)
@@ -155,7 +161,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     gap, watched = gap.take(candidate), gap.take(~candidate)
     slip = columns.split(slips).take(_candidates(rough))
     along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
-    slip = resolved_slip(slip, rough, tangential, along)
+    slip, beyond = resolved_slip(slip, rough, tangential, along)
     rubbing = _numbers([normal[pairing.name] for pairing in rough])
     return Condensed(
         pairings=pairings,
@@ -169,6 +175,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         slip=slip,
         watched=watched,
         balance=platen_balance(forces),
+        beyond=beyond,
         forces=reported_forces(forces),
         contact_forces={pairing.name: forces.contact(pairing).take(slice(0, 2)) for pairing in pairings},
         imbalance=body_imbalance(forces),

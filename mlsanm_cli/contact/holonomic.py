@@ -15,78 +15,56 @@ Tractions may pass mu p by mu eta, and a turning load is answered as if the slip
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.hyperbolic import Regularization
+from mlsanm_cli.contact.coupling import Coupling, GapTangent, Local
 
 
 class HolonomicTangent:
     """Factorised tangent; gaps and auxiliary unknowns are eliminated."""
 
     def __init__(self, problem: HolonomicContact, x: FloatArray, lam: float) -> None:
-        c, law, m, n, k = problem.condensed, problem.law, problem.m, problem.n, problem.k
+        c, law = problem.condensed, problem.law
         p, h, _, t, r = problem.split(x)
         s = problem.slip(x, lam)
-        self._problem, self._stress, self._r = problem, p + law.eta, r
-        self._s, self._pull = s, t / r
+        self._problem, self._r, self._s, self._pull = problem, r, s, t / r
         # d(r4) = r dt + mu s dp + lever ds, after r dr = s ds.
-        lever = self._pull * s + c.friction * self._stress[c.rubbing]
-        self._lever = lever
-        matrix = np.empty((m + n + k, m + n + k))
-        gap, slip, balance = c.gap, c.slip, c.balance
-        matrix[:m] = self._stress[:, None] * np.hstack([gap.pressure, gap.traction, gap.motion])
-        matrix[np.arange(m), np.arange(m)] += h
-        matrix[:m] /= law.pressure * law.gap
-        rows = np.arange(m, m + n)
-        matrix[m : m + n] = lever[:, None] * np.hstack([slip.pressure, slip.traction, slip.motion])
-        matrix[rows, rows] += r
-        matrix[rows, c.rubbing] += c.friction * s
-        matrix[m : m + n] /= problem.work[:, None]
-        matrix[m + n :] = np.hstack([balance.pressure, balance.traction, balance.motion])
-        matrix[m + n :] /= law.force[:, None]
-        # Pivots are chosen among the unknowns, whose units are unlike.
-        matrix *= problem.columns
-        self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix.T, overwrite_a=1)
-        if info != 0:
-            raise np.linalg.LinAlgError("singular tangent of the contact problem")
+        lever = self._pull * s + c.friction * (p + law.eta)[c.rubbing]
+        local = Local(
+            gap=(p + law.eta) / law.pressure,
+            pressure=h / (law.pressure * law.gap),
+            slip=lever * law.slip / problem.work,
+            traction=r / problem.work,
+            drag=c.friction * s / problem.work,
+        )
+        self._tangent = GapTangent(problem.coupling, problem.coupling.tangent(local), local)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (2m + k + 2n,)."""
-        problem, law, c = self._problem, self._problem.law, self._problem.condensed
-        m, n = problem.m, problem.n
+        problem, law = self._problem, self._problem.law
         one, two, three, four, five = problem.split(rhs)
-        shift, known = two * law.gap, five * law.slip**2 / (2.0 * self._r)
-        reduced = np.concatenate(
-            [
-                one - self._stress * shift / (law.pressure * law.gap),
-                four - self._pull * self._r * known / problem.work,
-                three,
-            ]
-        )
-        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, trans=1, overwrite_b=1)
-        solution *= problem.columns
-        p, t, q = solution[:m], solution[m : m + n], solution[m + n :]
-        h = shift + c.gap.pressure @ p + c.gap.traction @ t + c.gap.motion @ q
-        s = c.slip.pressure @ p + c.slip.traction @ t + c.slip.motion @ q
+        known = five * law.slip**2 / (2.0 * self._r)
+        four = four - self._pull * self._r * known / problem.work
+        p, h, q, t = self._tangent.solve(one, two, three, four)
+        s = problem.coupling.slips @ np.concatenate([p, t, q]) * law.slip
         return np.concatenate([p, h, q, t, known + self._s * s / self._r])
 
 
 class HolonomicContact:
     """The problem over one stage, in the form the continuation driver asks for."""
 
-    def __init__(self, condensed: Condensed, law: Regularization, start: FloatArray, end: FloatArray) -> None:
-        self.condensed, self.law, self.start, self.change = condensed, law, start, end - start
-        self.m, self.k, self.n = (len(v) for v in (condensed.weight, law.motion, condensed.rubbing))
+    def __init__(self, coupling: Coupling, start: FloatArray, end: FloatArray) -> None:
+        self.coupling, self.condensed, self.law = coupling, coupling.condensed, coupling.law
+        condensed, law = self.condensed, self.law
+        self.start, self.change = start, end - start
+        self.m, self.k, self.n = (len(v) for v in (condensed.weight, coupling.motion, condensed.rubbing))
         self.size = 2 * self.m + self.k + 2 * self.n
         limit = condensed.friction * law.pressure
         self.small: FloatArray = law.creep * limit
         self.work: FloatArray = limit * law.slip
         slips = np.full(self.n, law.slip)
-        self.columns = np.concatenate([np.full(self.m, law.pressure), limit, law.motion])
         self.scale = np.concatenate(
-            [np.full(self.m, law.pressure), np.full(self.m, law.gap), law.motion, limit, slips]
+            [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion, limit, slips]
         )
 
     def factors(self, lam: float) -> FloatArray:
@@ -102,7 +80,9 @@ class HolonomicContact:
     def slip(self, x: FloatArray, lam: float) -> FloatArray:
         """Slips (n,)."""
         p, _, q, t, _ = self.split(x)
-        return self.condensed.slip(self.factors(lam), q, p, t)
+        rows = slice(self.m, self.m + self.n)
+        shifted = self.coupling.constant[rows] + self.coupling.load[rows] @ self.factors(lam)
+        return np.asarray((shifted + self.coupling.slips @ np.concatenate([p, t, q])) * self.law.slip)
 
     def with_auxiliary(self, x: FloatArray, lam: float) -> FloatArray:
         """``x`` (2m + k + n,) with the auxiliary unknowns that go with it."""
@@ -113,13 +93,14 @@ class HolonomicContact:
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         """Dimensionless residual (2m + k + 2n,)."""
         p, h, q, t, r = self.split(x)
-        f, law, c = self.factors(lam), self.law, self.condensed
-        s = c.slip(f, q, p, t)
+        m, n, law, c = self.m, self.n, self.law, self.condensed
+        linear = self.coupling(self.factors(lam), np.concatenate([p, t, q]))
+        s = linear[m : m + n] * law.slip
         return np.concatenate(
             [
                 ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap),
-                (h - c.gap(f, q, p, t)) / law.gap,
-                c.balance(f, q, p, t) / law.force,
+                h / law.gap - linear[:m],
+                linear[m + n :],
                 (t * r + c.friction * (p + law.eta)[c.rubbing] * s) / self.work,
                 (r**2 - s**2 - self.small**2) / law.slip**2,
             ]
@@ -131,14 +112,15 @@ class HolonomicContact:
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         """Derivative by the path parameter (2m + k + 2n,)."""
-        c, law = self.condensed, self.law
+        c, law, m, n = self.condensed, self.law, self.m, self.n
         p = self.split(x)[0]
-        moved = c.slip.load @ self.change
+        linear = self.coupling.load @ self.change
+        moved = linear[m : m + n] * law.slip
         return np.concatenate(
             [
                 np.zeros(self.m),
-                -(c.gap.load @ self.change) / law.gap,
-                (c.balance.load @ self.change) / law.force,
+                -linear[:m],
+                linear[m + n :],
                 c.friction * (p + law.eta)[c.rubbing] * moved / self.work,
                 -2.0 * self.slip(x, lam) * moved / law.slip**2,
             ]
@@ -151,9 +133,9 @@ class HolonomicContact:
             return rhs
         c, law = self.condensed, self.law
         p, h, q, t, r = self.split(x[1:])
-        maps = c.slip
-        s = p @ maps.pressure.T + t @ maps.traction.T + q @ maps.motion.T
-        s += np.outer(lam[1:], maps.load @ self.change)
+        s = np.hstack([p, t, q]) @ self.coupling.slips.T
+        s += np.outer(lam[1:], self.coupling.load[self.m : self.m + self.n] @ self.change)
+        s *= law.slip
         one, _, _, four, five = self.split(rhs)
         one[:] = np.einsum("ij,ij->j", p, h[::-1]) / (-law.pressure * law.gap)
         rubbed = np.einsum("ij,ij->j", t, r[::-1]) + c.friction * np.einsum(

@@ -11,82 +11,51 @@ nothing. Unknowns x = (p, h, q); with s from 0 to 1 along the stage and f(s) = f
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
-import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.coupling import Coupling, DenseCoupling, DenseTangent, GapTangent, Local
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 
 
-@dataclass(frozen=True)
-class Regularization:
-    """``eta`` (m,) pressures, ``delta`` (m,) lengths, and the reference pressure, gap, force and motion that
-    scale residuals and unknowns; with friction a reference ``slip`` and the asperities' softness ``creep``
-    (n,), a length per traction."""
-
-    eta: FloatArray
-    delta: FloatArray
-    pressure: float
-    gap: float
-    force: FloatArray
-    motion: FloatArray
-    slip: float = 0.0
-    creep: FloatArray = field(default_factory=lambda: np.zeros(0))
-    threshold: FloatArray = field(default_factory=lambda: np.zeros(0))
-
-
 class HyperbolicTangent:
-    """Factorised tangent; gaps are eliminated, so only a dense (m + k) system is factorised."""
+    """Factorised tangent."""
 
     def __init__(self, problem: HyperbolicContact, x: FloatArray) -> None:
-        self._problem = problem
+        self._problem, law = problem, problem.law
         p, h, _ = problem.split(x)
-        balance = problem.condensed.balance
-        m, k = problem.m, problem.k
-        self._stress = p + problem.law.eta
-        matrix = np.empty((m + k, m + k), order="F")
-        np.multiply(problem.rows, self._stress[:, None], out=matrix[:m])
-        matrix[np.arange(m), np.arange(m)] += h
-        matrix[m:, :m] = balance.pressure / problem.law.force[:, None]
-        matrix[m:, m:] = balance.motion / problem.law.force[:, None]
-        matrix[:m] /= problem.law.pressure * problem.law.gap
-        self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix, overwrite_a=1)
-        if info != 0:
-            raise np.linalg.LinAlgError("singular tangent of the contact problem")
+        local = Local.frictionless((p + law.eta) / law.pressure, h / (law.pressure * law.gap))
+        self._factor = problem.coupling.tangent(local)
+        self._tangent = GapTangent(problem.coupling, self._factor, local)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (2m + k,)."""
-        problem, m = self._problem, self._problem.m
-        scale = problem.law.gap
-        shift = rhs[m : 2 * m] * scale
-        reduced = np.concatenate(
-            [rhs[:m] - self._stress * shift / (problem.law.pressure * scale), rhs[2 * m :]]
-        )
-        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
-        p, q = solution[:m], solution[m:]
-        h = shift + problem.rows @ solution
+        p, h, q, _ = self._tangent.solve(*self._problem.split(rhs), np.zeros(0))
         return np.concatenate([p, h, q])
+
+
+class DenseHyperbolicTangent(HyperbolicTangent):
+    """The same over condensed bodies, which goes through the high orders of a series by itself."""
 
     def orders(
         self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
     ) -> None:
         """Fill the orders of a series from 2 on."""
         problem, law, none = self._problem, self._problem.law, np.zeros(0, dtype=np.int64)
+        assert isinstance(problem.coupling, DenseCoupling)
+        assert isinstance(self._factor, DenseTangent)
         hyperbola_orders(
             x,
             lam,
             slope,
             normal,
             size,
-            self._factor.T,
-            self._pivots.astype(np.int64),
-            problem.rows.T,
+            self._factor.factor.T,
+            self._factor.pivots.astype(np.int64),
+            problem.coupling.matrix.T,
             problem.m,
             law.pressure * law.gap,
-            1.0,
+            law.gap,
             none,
             np.zeros(0),
             none,
@@ -96,20 +65,17 @@ class HyperbolicTangent:
 class HyperbolicContact:
     """The regularised problem over one stage, in the form the continuation driver asks for."""
 
-    def __init__(self, condensed: Condensed, law: Regularization, start: FloatArray, end: FloatArray) -> None:
-        self.condensed = condensed
-        self.law = law
-        self.m = len(condensed.weight)
-        self.k = len(condensed.balance.constant)
+    def __init__(self, coupling: Coupling, start: FloatArray, end: FloatArray) -> None:
+        self.coupling, self.condensed, self.law = coupling, coupling.condensed, coupling.law
+        law = self.law
+        self.m, self.k = len(self.condensed.weight), len(coupling.motion)
         self.size = 2 * self.m + self.k
-        self.start = start
-        self.change = end - start
-        self.scale = np.concatenate([np.full(self.m, law.pressure), np.full(self.m, law.gap), law.motion])
-        gap, balance = condensed.gap, condensed.balance
-        self.rows = np.asfortranarray(np.hstack([gap.pressure, gap.motion]))
-        self._load_derivative = np.concatenate(
-            [np.zeros(self.m), -(gap.load @ self.change) / law.gap, (balance.load @ self.change) / law.force]
+        self.start, self.change = start, end - start
+        self.scale = np.concatenate(
+            [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion]
         )
+        moved = coupling.load @ self.change
+        self._load_derivative = np.concatenate([np.zeros(self.m), -moved[: self.m], moved[self.m :]])
 
     def factors(self, lam: float) -> FloatArray:
         """Load factors (L,) at path parameter ``lam``."""
@@ -123,14 +89,15 @@ class HyperbolicContact:
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         """Dimensionless residual (2m + k,)."""
         p, h, q = self.split(x)
-        f = self.factors(lam)
-        law = self.law
+        law, m = self.law, self.m
+        linear = self.coupling(self.factors(lam), np.concatenate([p, q]))
         hyperbola = ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap)
-        gap = (h - self.condensed.gap(f, q, p)) / law.gap
-        return np.concatenate([hyperbola, gap, self.condensed.balance(f, q, p) / law.force])
+        return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m:]])
 
     def tangent(self, x: FloatArray, lam: float) -> HyperbolicTangent:
         """Factorised derivative by x; numpy's LinAlgError where it is singular."""
+        if isinstance(self.coupling, DenseCoupling):
+            return DenseHyperbolicTangent(self, x)
         return HyperbolicTangent(self, x)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:

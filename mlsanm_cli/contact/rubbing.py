@@ -15,15 +15,14 @@ are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.coupling import Coupling, DenseCoupling, GapTangent, Local
 from mlsanm_cli.contact.dense import SingularSystemError
-from mlsanm_cli.contact.hyperbolic import Regularization
 from mlsanm_cli.contact.sets import Sets, Values
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 
@@ -35,40 +34,32 @@ SAME = 1e-7
 """Unknowns within this part of their scale share a tangent."""
 
 
-@dataclass(frozen=True, eq=False)
-class Rubbing:
-    """What the problems of a path share: gaps, slips less the asperities', and balances, each dimensionless,
-    as ``constant`` (r,) + ``load`` (r, L) f + ``matrix`` (r, r) (p, t, q), r = m + n + k."""
+class CoupledRubbingTangent:
+    """Factorised tangent over whatever bodies answer with."""
 
-    condensed: Condensed
-    law: Regularization
-    constant: FloatArray
-    load: FloatArray
-    matrix: FloatArray
-
-    @classmethod
-    def of(cls, condensed: Condensed, law: Regularization) -> Rubbing:
-        """The shared part for one condensed scene and law."""
-        m, n = len(condensed.weight), len(condensed.rubbing)
-        maps = (condensed.gap, condensed.slip, condensed.balance)
-        scale = np.concatenate([np.full(m, law.gap), np.full(n, law.slip), law.force])
-        matrix = np.vstack([np.hstack([one.pressure, one.traction, one.motion]) for one in maps])
-        softened = np.arange(m, m + n)
-        matrix[softened, softened] += law.creep
-        return cls(
-            condensed,
-            law,
-            np.concatenate([one.constant for one in maps]) / scale,
-            np.vstack([one.load for one in maps]) / scale[:, None],
-            np.asfortranarray(matrix / scale[:, None]),
+    def __init__(self, problem: RubbingContact, x: FloatArray) -> None:
+        self._problem, law = problem, problem.law
+        p, h, _, _ = problem.split(x)
+        stuck = problem.sets.stuck
+        local = Local(
+            gap=(p + law.eta) / law.pressure,
+            pressure=h / (law.pressure * law.gap),
+            slip=np.where(stuck, 1.0, 0.0),
+            traction=np.where(stuck, 0.0, 1.0 / problem.limit),
+            drag=np.where(stuck, 0.0, -problem.drag / problem.limit),
         )
+        self._tangent = GapTangent(problem.base, problem.base.tangent(local), local)
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution (2m + k + n,)."""
+        return np.concatenate(self._tangent.solve(*self._problem.split(rhs)))
 
 
 class RubbingTangent:
-    """Factorised tangent; gaps and the tractions of nodes that do not stick are eliminated."""
+    """The same with dense compliances, quicker: tractions of nodes that do not stick are eliminated too."""
 
-    def __init__(self, problem: RubbingContact, x: FloatArray) -> None:
-        self._problem = problem
+    def __init__(self, problem: RubbingContact, base: DenseCoupling, x: FloatArray) -> None:
+        self._problem, self._base = problem, base
         law, m = problem.law, problem.m
         p, h, _, _ = problem.split(x)
         self._stress = (p + law.eta) / law.pressure
@@ -82,7 +73,7 @@ class RubbingTangent:
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (2m + k + n,)."""
-        problem, law, base = self._problem, self._problem.law, self._problem.base
+        problem, law, base = self._problem, self._problem.law, self._base
         m, n, stuck = problem.m, problem.n, problem.stuck
         one, two, three, four = problem.split(rhs)
         held = four[stuck]
@@ -128,37 +119,39 @@ class RubbingTangent:
 class RubbingContact:
     """The problem over one stage with given ``sets``, in the form the continuation driver asks for.
 
-    ``anchor`` (n,) are the values of s + c t at which sticking nodes came to rest.
+    The slips of ``base`` are softened by the asperities; ``anchor`` (n,) are the values of s + c t at which
+    sticking nodes came to rest.
     """
 
     def __init__(
-        self, base: Rubbing, start: FloatArray, end: FloatArray, sets: Sets, anchor: FloatArray
+        self, base: Coupling, start: FloatArray, end: FloatArray, sets: Sets, anchor: FloatArray
     ) -> None:
         condensed, law = base.condensed, base.law
         self.base, self.condensed, self.law = base, condensed, law
         self.start, self.change, self.sets, self.anchor = start, end - start, sets, anchor
-        self.m, self.k, self.n = len(condensed.weight), len(law.motion), len(condensed.rubbing)
+        self.m, self.k, self.n = len(condensed.weight), len(base.motion), len(condensed.rubbing)
         self.size = 2 * self.m + self.k + self.n
         self.limit = condensed.friction * law.pressure
         self.stuck = np.flatnonzero(sets.stuck)
         self.drag = sets.sense * condensed.friction
         self.scale = np.concatenate(
-            [np.full(self.m, law.pressure), np.full(self.m, law.gap), law.motion, self.limit]
+            [np.full(self.m, law.pressure), np.full(self.m, law.gap), base.motion, self.limit]
         )
-        self.reduced = self._reduced()
         moved = base.load @ self.change
         rubbed = np.zeros(self.n)
         rubbed[self.stuck] = moved[self.m + self.stuck]
         self._load_derivative = np.concatenate(
             [np.zeros(self.m), -moved[: self.m], moved[self.m + self.n :], rubbed]
         )
-        self._ready: tuple[FloatArray, RubbingTangent] | None = None
+        self._ready: tuple[FloatArray, RubbingTangent | CoupledRubbingTangent] | None = None
 
-    def _reduced(self) -> FloatArray:
+    @cached_property
+    def reduced(self) -> FloatArray:
         """Rows of gaps, sticking nodes' slips and balances over pressures, their tractions and motions.
 
-        The tractions of slipping nodes go with their pressures.
+        The tractions of slipping nodes go with their pressures. Dense couplings only.
         """
+        assert isinstance(self.base, DenseCoupling)
         m, n = self.m, self.n
         # LAPACK takes columns: they are the rows of the transposed matrices.
         columns = self.base.matrix.T
@@ -185,22 +178,27 @@ class RubbingContact:
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         """Dimensionless residual (2m + k + n,)."""
         p, h, q, t = self.split(x)
-        m, n, law, base = self.m, self.n, self.law, self.base
-        linear = base.constant + base.load @ self.factors(lam) + base.matrix @ np.concatenate([p, t, q])
+        m, n, law = self.m, self.n, self.law
+        linear = self.base(self.factors(lam), np.concatenate([p, t, q]))
         hyperbola = ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap)
         rub = (t - self.drag * self.pressed(p)) / self.limit
         rub[self.stuck] = linear[m + self.stuck] - self.anchor[self.stuck] / law.slip
         return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m + n :], rub])
 
-    def tangent(self, x: FloatArray, lam: float) -> RubbingTangent:
+    def tangent(self, x: FloatArray, lam: float) -> RubbingTangent | CoupledRubbingTangent:
         """Factorised derivative by x; numpy's LinAlgError where it is singular.
 
         Points that differ by no more than a correction at an event share their tangent: what that costs, the
         residuals of the series show.
         """
         if self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
-            self._ready = (x.copy(), RubbingTangent(self, x))
+            self._ready = (x.copy(), self._factorised(x))
         return self._ready[1]
+
+    def _factorised(self, x: FloatArray) -> RubbingTangent | CoupledRubbingTangent:
+        if isinstance(self.base, DenseCoupling):
+            return RubbingTangent(self, self.base, x)
+        return CoupledRubbingTangent(self, x)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         """Derivative by the path parameter (2m + k + n,)."""
@@ -224,7 +222,7 @@ class RubbingContact:
         tangent = self.tangent(x, lam) if self._ready is None else self._ready[1]
         p, _, q, t = self.split(-tangent.solve(self._load_derivative))
         rows = slice(self.m, self.m + self.n)
-        moved = self.base.load[rows] @ self.change + self.base.matrix[rows] @ np.concatenate([p, t, q])
+        moved = self.base.load[rows] @ self.change + self.base.slips @ np.concatenate([p, t, q])
         return np.asarray(moved * self.law.slip)
 
     def rates(self, x: FloatArray, lam: float) -> tuple[Values, FloatArray]:
@@ -236,7 +234,7 @@ class RubbingContact:
         slope = -self.tangent(x, lam).solve(self._load_derivative)
         p, _, q, t = self.split(slope)
         base, rows = self.base, slice(self.m, self.m + self.n)
-        slipped = base.load[rows] @ self.change + base.matrix[rows] @ np.concatenate([p, t, q])
+        slipped = base.load[rows] @ self.change + base.slips @ np.concatenate([p, t, q])
         if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
             raise SingularSystemError
         gap = np.where(self.sets.closed, 0.0, -p * np.diagonal(self.condensed.gap.pressure))
@@ -262,4 +260,6 @@ class RubbingContact:
     def yielded(self, x: FloatArray, lam: float) -> FloatArray:
         """Slips less what the asperities' softness explains, s + c t (n,)."""
         p, _, q, t = self.split(x)
-        return self.condensed.slip(self.factors(lam), q, p, t) + self.law.creep * t
+        rows = slice(self.m, self.m + self.n)
+        shifted = self.base.constant[rows] + self.base.load[rows] @ self.factors(lam)
+        return np.asarray((shifted + self.base.slips @ np.concatenate([p, t, q])) * self.law.slip)

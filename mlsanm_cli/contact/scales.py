@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.active_set import ExactState
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.hyperbolic import Regularization
+from mlsanm_cli.contact.regularization import Regularization
 from mlsanm_cli.errors import NumericalError
 
 WIDEST = 10.0

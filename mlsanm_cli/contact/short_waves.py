@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.linear_map import LinearMap
@@ -24,7 +25,7 @@ def resolved_slip(
     pairings: tuple[Pairing, ...],
     places: Mapping[str, slice],
     softness: Mapping[str, FloatArray],
-) -> LinearMap:
+) -> tuple[LinearMap, FloatArray]:
     """The slips (n,) of all contacts with friction, with short waves about as a half-plane has them.
 
     ``places`` are the contacts' rows, ``softness`` 1/E* at their nodes along the tangent. Let F be a local
@@ -34,12 +35,15 @@ def resolved_slip(
     own fit gets the compliance 3 h/(pi E*) (t - F t) on top. Without this, tractions of sticking nodes
     oscillated from node to node by 30 %. With G t the linear function nearest to t over the whole contact,
     slips due to G t are fitted like the others, so that a patch under uniform stress stays exact.
+
+    Returned too is what own tractions cause beyond the fit of all slips (n, n).
     """
     kept = slip.take(np.arange(len(slip.constant)))
+    beyond = np.zeros_like(slip.traction)
     for pairing in pairings:
         own, chosen = places[pairing.name], pairing.candidate
         arc, spacing, weight = pairing.arc[chosen], pairing.spacing[chosen], pairing.weight[chosen]
-        fit = surface_fit(arc, weight, arc, SMOOTH * spacing).toarray()
+        fit = slip_fit(pairing).toarray()
         short = np.eye(len(arc)) - fit
         compliance = slip.traction[own, own]
         for array in (kept.constant, kept.load, kept.motion, kept.pressure, kept.traction):
@@ -47,7 +51,15 @@ def resolved_slip(
         by_own = compliance - short @ compliance @ _linear_part(arc, weight)
         shortest = SHORTEST * softness[pairing.name] * spacing
         kept.traction[own, own] = by_own + shortest[:, None] * short
-    return kept
+        beyond[own, own] = kept.traction[own, own] - fit @ compliance
+    return kept, beyond
+
+
+def slip_fit(pairing: Pairing) -> sparse.csr_array:
+    """The local linear fit F (n, n) of nodal values along a contact."""
+    chosen = pairing.candidate
+    arc = pairing.arc[chosen]
+    return surface_fit(arc, pairing.weight[chosen], arc, SMOOTH * pairing.spacing[chosen])
 
 
 def _linear_part(arc: FloatArray, weight: FloatArray) -> FloatArray:

@@ -106,6 +106,12 @@ class Scene:
         """A body's surface by name."""
         return self.bodies[body].model.cloud.surfaces[name]
 
+    @property
+    def places(self) -> dict[str, slice]:
+        """Where every body's displacement unknowns stand when those of all are counted through."""
+        ends = np.cumsum([0, *(body.model.unknowns for body in self.bodies.values())]).tolist()
+        return {name: slice(a, b) for name, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
+
     def center(self, body: str, surface: str) -> tuple[float, float]:
         """The point that moments of a held surface are taken about: its platen's centre, else the origin."""
         for platen in self.platens:

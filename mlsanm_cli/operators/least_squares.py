@@ -21,6 +21,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.refinement import MOST, PRECISE, Progress
+from mlsanm_cli.operators.system import Equations
 
 TINY = np.finfo(float).tiny
 STRONGEST = 1e5
@@ -85,6 +86,17 @@ class LeastSquares:
         """Right-hand sides (r, c) multiplied by the weights, and below them their sums (k, c)."""
         weighted = (sources * self.weight[:, None]).toarray()
         return np.concatenate([weighted, np.asarray(self.sums @ sources)])
+
+    def equations(self, sources: sparse.csc_array) -> Equations:
+        """The normal equations, bordered by the sums of rows."""
+        normal = sparse.csr_array(self.rows.T @ self.rows)
+        weighted = sparse.csr_array(self.rows.T @ (sources * self.weight[:, None]))
+        return Equations(normal, weighted, self.images, np.asarray(self.sums @ sources), definite=True)
+
+    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+        """The gradient (n,) of half the sum of squares, formed from the rows' own residuals."""
+        lack = np.concatenate([self.weight * source, self.sums @ source]) - self._apply(solution)
+        return -self._gather(lack)
 
     def _apply(self, solution: FloatArray) -> FloatArray:
         """Weighted rows and sums (r + k, c) of ``solution`` (n, c)."""

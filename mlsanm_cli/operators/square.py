@@ -11,6 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.refinement import PRECISE, refine
+from mlsanm_cli.operators.system import Equations
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,16 @@ class Square:
     def scaled(self, sources: sparse.csc_array) -> FloatArray:
         """The equations' own right-hand sides (n, c) for those of the rows (r, c)."""
         return np.asarray((self.choice @ sources).toarray())
+
+    def equations(self, sources: sparse.csc_array) -> Equations:
+        """The matrix as it is, without any border."""
+        count = self.matrix.shape[0]
+        few, none = np.zeros((0, count)), np.zeros((0, sources.shape[1]))
+        return Equations(self.matrix, sparse.csr_array(self.choice @ sources), few, none, definite=False)
+
+    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+        """Left-hand side less right-hand side (n,)."""
+        return np.asarray(self.matrix @ solution - self.choice @ source)
 
 
 def factorise(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Protocol
 
 import scipy.sparse as sparse
@@ -11,6 +12,24 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.refinement import PRECISE, QUICK
 
 BLOCK = 64
+
+
+@dataclass(frozen=True)
+class Equations:
+    """A body's equations as they are scaled, written out, with right-hand sides in columns::
+
+        matrix u + border^T z = sources v
+        border u - z = border_sources v
+
+    ``matrix`` (n, n) and ``sources`` (n, c) are sparse, ``border`` (k, n) and ``border_sources`` (k, c) few
+    dense rows; ``definite`` tells whether the matrix is symmetric positive definite.
+    """
+
+    matrix: sparse.csr_array
+    sources: sparse.csr_array
+    border: FloatArray
+    border_sources: FloatArray
+    definite: bool
 
 
 class LinearSystem(Protocol):
@@ -39,6 +58,15 @@ class LinearSystem(Protocol):
 
     def scaled(self, sources: sparse.csc_array) -> FloatArray:
         """Right-hand sides (r, c) as the equations are scaled."""
+        ...
+
+    def equations(self, sources: sparse.csc_array) -> Equations:
+        """The equations for right-hand sides ``sources`` (r, c), to be factorised together with others."""
+        ...
+
+    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+        """What ``solution`` (n,) has too much in each equation (n,) for a right-hand side ``source`` (r,),
+        to more digits than the matrix of :meth:`equations` would tell."""
         ...
 
 

@@ -11,8 +11,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coulomb import CoulombState
 from mlsanm_cli.contact.history import follow, start
-from mlsanm_cli.contact.hyperbolic import Regularization
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.regularization import Regularization
 from tests.contact.scenes import synthetic
 
 

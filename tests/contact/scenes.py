@@ -50,6 +50,7 @@ def synthetic(
         slip=columns.zeros(0),
         watched=columns.zeros(0),
         balance=columns.zeros(0) if balance is None else balance,
+        beyond=np.zeros((0, 0)),
         forces={},
         contact_forces={},
         imbalance=columns.zeros(0),

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.coupling import DenseCoupling
 from mlsanm_cli.contact.holonomic import HolonomicContact
 from mlsanm_cli.contact.homotopy import carried
 from tests.contact.derivatives import tangent_times
@@ -20,7 +21,7 @@ from tests.contact.test_rubbing import random_problem as random_rubbing
 def random_problem(m: int, k: int, seed: int) -> HolonomicContact:
     """A made-up problem whose first node has no friction."""
     one = random_rubbing(m, k, seed)
-    return HolonomicContact(one.condensed, one.law, one.start, one.start + one.change)
+    return HolonomicContact(DenseCoupling.of(one.condensed, one.law), one.start, one.start + one.change)
 
 
 def state(problem: HolonomicContact, seed: int) -> FloatArray:
@@ -73,7 +74,7 @@ def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed
 def test_units_change_no_digit(m: int, k: int, seed: int) -> None:
     problem = random_problem(m, k, seed)
     changed = in_units(problem.condensed, problem.law, 2.0**-20, 2.0**40)
-    other = HolonomicContact(*changed, problem.start, problem.start + problem.change)
+    other = HolonomicContact(DenseCoupling.of(*changed), problem.start, problem.start + problem.change)
     x, rhs = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
     unit = other.scale / problem.scale
     assert (other.residual(x * unit, 0.3) == problem.residual(x, 0.3)).all()

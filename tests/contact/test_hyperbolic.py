@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.active_set import solve_exact
-from mlsanm_cli.contact.hyperbolic import HyperbolicContact, Regularization
+from mlsanm_cli.contact.coupling import DenseCoupling
+from mlsanm_cli.contact.hyperbolic import HyperbolicContact
 from mlsanm_cli.contact.linear_map import Columns
+from mlsanm_cli.contact.regularization import Regularization
 from mlsanm_cli.contact.scales import WIDEST, regularize
 from mlsanm_cli.errors import NumericalError
 from tests.contact.derivatives import lack_of_orders, tangent_times
@@ -37,7 +39,7 @@ def random_problem(m: int, k: int, seed: int) -> HyperbolicContact:
         force=rng.uniform(0.5, 2.0, k),
         motion=np.ones(k),
     )
-    return HyperbolicContact(condensed, law, rng.normal(size=2), rng.normal(size=2))
+    return HyperbolicContact(DenseCoupling.of(condensed, law), rng.normal(size=2), rng.normal(size=2))
 
 
 def state(problem: HyperbolicContact, seed: int) -> FloatArray:
@@ -147,7 +149,9 @@ def test_regularised_pressure_goes_to_the_exact_one(hertz: Small) -> None:
     errors = []
     for eta in etas:
         law = regularize(hertz.condensed, [exact], eta)
-        problem = HyperbolicContact(hertz.condensed, law, 0.0 * hertz.factors, hertz.factors)
+        problem = HyperbolicContact(
+            DenseCoupling.of(hertz.condensed, law), 0.0 * hertz.factors, hertz.factors
+        )
         p, h, _ = problem.split(newton(problem))
         assert (h > 0.0).all()
         assert (p > -law.eta).all()

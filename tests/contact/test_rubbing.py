@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.coupling import DenseCoupling
 from mlsanm_cli.contact.dense import SingularSystemError
-from mlsanm_cli.contact.hyperbolic import Regularization
 from mlsanm_cli.contact.linear_map import Columns
-from mlsanm_cli.contact.rubbing import Rubbing, RubbingContact
+from mlsanm_cli.contact.regularization import Regularization
+from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.contact.sets import Sets
 from tests.contact.derivatives import lack_of_orders, tangent_times
 from tests.contact.friction import in_units
@@ -54,7 +55,7 @@ def random_problem(m: int, k: int, seed: int) -> RubbingContact:
     closed[1:] = kind > 0
     sets = Sets(closed, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
     start, end, anchor = rng.normal(size=2), rng.normal(size=2), rng.normal(size=n)
-    return RubbingContact(Rubbing.of(condensed, law), start, end, sets, anchor)
+    return RubbingContact(DenseCoupling.of(condensed, law).softened(), start, end, sets, anchor)
 
 
 def state(problem: RubbingContact, seed: int) -> FloatArray:
@@ -143,6 +144,7 @@ def test_rates_are_the_slope_of_the_path() -> None:
 def test_nothing_resists_is_told() -> None:
     problem = random_problem(4, 1, 8)
     base = problem.base
+    assert isinstance(base, DenseCoupling)
     matrix = base.matrix.copy()
     matrix[:, -1] = 0.0
     free = RubbingContact(
@@ -156,7 +158,7 @@ def test_nothing_resists_is_told() -> None:
 def test_units_change_no_digit(m: int, k: int, seed: int) -> None:
     problem = random_problem(m, k, seed)
     length, stress = 2.0**-20, 2.0**40
-    base = Rubbing.of(*in_units(problem.condensed, problem.law, length, stress))
+    base = DenseCoupling.of(*in_units(problem.condensed, problem.law, length, stress)).softened()
     end = problem.start + problem.change
     other = RubbingContact(base, problem.start, end, problem.sets, problem.anchor * length)
     x, rhs = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)

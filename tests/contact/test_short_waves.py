@@ -20,7 +20,7 @@ def small(resolved: bool) -> Small:
     """A half-disk with friction, with or without what is added for short waves."""
     with pytest.MonkeyPatch.context() as patch:
         if not resolved:
-            patch.setattr(condensed, "resolved_slip", lambda slip, *others: slip)
+            patch.setattr(condensed, "resolved_slip", lambda slip, *others: (slip, slip.traction))
         return cylinder(0.006, "contact.interface.friction=0.3", control="force = [1.0, -226.566]")
 
 
@@ -78,7 +78,7 @@ def test_contacts_keep_to_themselves() -> None:
     nothing = LinearMap(
         np.zeros(2 * m), np.zeros((2 * m, 1)), np.zeros((2 * m, 0)), np.eye(2 * m), np.zeros((2 * m, 2 * m))
     )
-    both = resolved_slip(nothing, (pairing,), {pairing.name: slice(m, 2 * m)}, {pairing.name: np.ones(m)})
+    both, _ = resolved_slip(nothing, (pairing,), {pairing.name: slice(m, 2 * m)}, {pairing.name: np.ones(m)})
     assert (both.pressure[:m] == np.eye(2 * m)[:m]).all()
     assert np.abs(both.pressure[m:] - np.eye(2 * m)[m:]).max() > 0.1
     assert (both.traction[:m] == 0.0).all()

@@ -54,7 +54,10 @@ class SuperLUSolver:
 
 
 def _factor(matrix: sparse.csc_array, order: IntArray, threshold: float) -> SuperLUFactor:
-    permuted = sparse.csc_matrix(matrix[order][:, order])
+    if np.array_equal(order, np.arange(len(order))):
+        permuted = sparse.csc_matrix(matrix)
+    else:
+        permuted = sparse.csc_matrix(matrix[order][:, order])
     try:
         factor = sparse_linalg.splu(
             permuted, permc_spec="NATURAL", diag_pivot_thresh=threshold, options={"SymmetricMode": True}

@@ -1,0 +1,125 @@
+"""The large sparse tangent of all bodies and their contacts: how it is scaled, ordered and factorised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
+from mlsanm_cli.operators.system import Equations
+
+LAST = 2.0**-40
+"""Factor on the rows eliminated last: partial pivoting must not fetch one of these dense rows early."""
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """A sparse matrix (R, R) that is factorised again and again with other factors on its first r rows.
+
+    ``matrix`` is in the ``order`` (R,) of its elimination, of which the ``last`` ones belong to dense rows
+    and columns; its columns are multiplied by ``scale`` (R,), the sizes of the unknowns.
+    """
+
+    matrix: sparse.csc_array
+    scale: FloatArray
+    order: IntArray
+    last: int
+    definite: bool
+    solver: DirectSolver
+
+    def with_added(self, added: sparse.csr_array) -> Elimination:
+        """The same with further entries (r, r)."""
+        return replace(self, matrix=self.matrix + self._placed(added))
+
+    def factor(self, rows: FloatArray, added: sparse.csr_array) -> Factor:
+        """Factor of the matrix whose first rows are multiplied by ``rows`` (r,), and with entries ``added``
+        (r, r); numpy's LinAlgError where it is singular."""
+        factors = np.ones(len(self.order))
+        factors[: len(rows)] = rows
+        values = self.matrix.data * factors[self.order][self.matrix.indices]
+        whole = sparse.csc_array((values, self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape)
+        make = self.solver.factor if self.definite else self.solver.factor_unsymmetric
+        try:
+            return make(sparse.csc_array(whole + self._placed(added)), np.arange(len(self.order)))
+        except NumericalError as error:
+            raise np.linalg.LinAlgError("singular tangent of the contact problem") from error
+
+    def solve(self, factor: Factor, rhs: FloatArray) -> FloatArray:
+        """Unknowns (r,) over their sizes for right-hand sides ``rhs`` (r,), as exact as the factor is."""
+        whole = np.zeros(len(self.order))
+        whole[: len(rhs)] = rhs
+        whole = whole[self.order]
+        whole[len(whole) - self.last :] *= LAST
+        solution = np.empty_like(whole)
+        solution[self.order] = factor.solve(whole)
+        return solution[: len(rhs)]
+
+    def _placed(self, added: sparse.csr_array) -> sparse.csc_array:
+        """Entries by their numbers, all among the last ones, as they stand in the matrix."""
+        whole = added.tocoo()
+        rows, columns = whole.coords
+        place = np.empty_like(self.order)
+        place[self.order] = np.arange(len(self.order))
+        values = LAST * whole.data * self.scale[columns]
+        return sparse.csc_array((values, (place[rows], place[columns])), shape=self.matrix.shape)
+
+
+def plan_elimination(
+    scene: Scene,
+    contact: sparse.csr_array,
+    equations: Mapping[str, Equations],
+    scale: FloatArray,
+    unknowns: FloatArray,
+    solver: DirectSolver,
+) -> Elimination:
+    """The matrix of ``contact`` rows (c, r) above the bodies' ``equations``, divided by ``scale`` (2N,), over
+    unknowns with typical sizes ``unknowns`` (r,): c of the contact's, then the bodies' displacements.
+
+    The equations' right-hand sides are those of the contact's unknowns. The unknowns of a body are eliminated
+    as in its own system; borders and contact come last, so that what is left for them is a condensed problem,
+    whose pivots are sound.
+    """
+    count, total = contact.shape
+    matrix = sparse.block_diag([one.matrix for one in equations.values()], format="csr")
+    caused = sparse.vstack([one.sources for one in equations.values()], format="csr")
+    border = sparse.block_diag([sparse.csr_array(one.border) for one in equations.values()], format="csr")
+    border_caused = np.concatenate([one.border_sources for one in equations.values()])
+    own = sparse.diags_array(1.0 / scale)
+    few = border.shape[0]
+    size = abs(border).max(axis=1).toarray().ravel() * unknowns[count:].max() if few else np.zeros(0)
+    down = sparse.diags_array(1.0 / size) if few else sparse.csr_array((0, 0))
+    across = sparse.diags_array(size) if few else sparse.csr_array((0, 0))
+    bodies = [-(own @ caused), own @ matrix, own @ border.T @ across]
+    borders = [-(down @ border_caused), down @ border, -sparse.eye_array(few)]
+    whole = sparse.vstack(
+        [
+            sparse.hstack([contact, sparse.csr_array((count, few))]),
+            sparse.hstack(bodies),
+            sparse.hstack(borders),
+        ],
+        format="csr",
+    )
+    columns = np.concatenate([unknowns, np.ones(few)])
+    parts, first = [], count
+    for name, one in equations.items():
+        pattern = sparse.csc_array(abs(one.matrix) + abs(one.matrix).T)
+        parts.append(first + solver.analyse(pattern, scene.bodies[name].model.nodes))
+        first += one.matrix.shape[0]
+    order = np.concatenate([*parts, np.arange(total, total + few), np.arange(count)])
+    factors = np.ones(total + few)
+    factors[order[len(order) - few - count :]] = LAST
+    scaled = sparse.csr_array(sparse.diags_array(factors) @ whole @ sparse.diags_array(columns))
+    return Elimination(
+        matrix=sparse.csc_array(scaled[order][:, order]),
+        scale=columns,
+        order=order,
+        last=few + count,
+        definite=all(one.definite for one in equations.values()),
+        solver=solver,
+    )
