@@ -97,11 +97,12 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
         base = replace(coupling, law=law)
         problem = RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor)
         x = correct(problem, x, 0.0, options).x
-        pressure, _, _, traction = problem.split(x)
+        pressure, _, motion, traction = problem.split(x)
         if (np.abs(traction) <= FREE * c.friction * np.maximum(pressure[c.rubbing], 0.0))[stuck].all():
             break
         traction[:] = 0.0
-        anchor = problem.yielded(x, 0.0)
+        # What the condensed bodies slip by without tractions: displacements among the unknowns still have them.
+        anchor = c.slip(begin, coupling.told_apart(motion)[0], pressure, nothing)
     return _Point(problem, x, 0.0, nothing)
 
 
