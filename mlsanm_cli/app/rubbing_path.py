@@ -101,7 +101,7 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
         if (np.abs(traction) <= FREE * c.friction * np.maximum(pressure[c.rubbing], 0.0))[stuck].all():
             break
         traction[:] = 0.0
-        # What the condensed bodies slip by without tractions: displacements among the unknowns still have them.
+        # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
         anchor = c.slip(begin, coupling.told_apart(motion)[0], pressure, nothing)
     return _Point(problem, x, 0.0, nothing)
 

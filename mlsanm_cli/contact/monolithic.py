@@ -151,7 +151,8 @@ def sparse_coupling(
             source = condensed.sources[name][:, [number]].toarray()[:, 0]
             loads[own, number] = system.excess(source, np.zeros(own.stop - own.start))
     elastic = ELASTIC * law.gap
-    scale = elastic * np.concatenate([np.abs(one.matrix.diagonal()) for one in equations.values()])
+    largest = [abs(one.matrix).max(axis=1).toarray().ravel() for one in equations.values()]
+    scale = elastic * np.concatenate(largest)
     motion = np.concatenate([law.motion, np.full(total, elastic)])
     unknowns = np.concatenate([np.full(m, law.pressure), condensed.friction * law.pressure, motion])
     contact, constant, load = _contact_rows(scene, condensed, law, columns)

@@ -220,12 +220,19 @@ def test_method_and_law(method: str, law: str, fits: bool) -> None:
         assert only(HERTZ, settings).key == "solver.method"
 
 
+def test_monolithic_is_for_smooth_contact_laws() -> None:
+    chosen = 'solver.formulation="monolithic"'
+    assert parse(HERTZ, [chosen]).solver.formulation == "monolithic"
+    problem = only(HERTZ, [chosen, 'contact.interface.regularization.law="exact"'])
+    assert problem.key == "solver.formulation"
+    assert 'formulation = "condensed"' in problem.hint
+
+
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
         ("support.0.uy=0.1", "support that moves"),
         ('contact.interface={name="interface", slave="cylinder.arc", obstacle={kind="plane"}}', "obstacle"),
-        ('solver.formulation="monolithic"', "monolithic"),
         ('probe=[{name="tip"}]', "[[probe]]"),
     ],
 )

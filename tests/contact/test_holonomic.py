@@ -107,8 +107,7 @@ def test_carried_to_another_eta(m: int, k: int, seed: int, ratio: float) -> None
     problem = random_problem(m, k, seed)
     x = state(problem, seed)
     other = HolonomicContact(
-        problem.condensed,
-        replace(problem.law, eta=ratio * problem.law.eta),
+        DenseCoupling.of(problem.condensed, replace(problem.law, eta=ratio * problem.law.eta)),
         problem.start,
         problem.start + problem.change,
     )
