@@ -222,7 +222,7 @@ def test_method_and_law(method: str, law: str, fits: bool) -> None:
 
 def test_monolithic_is_for_smooth_contact_laws() -> None:
     chosen = 'solver.formulation="monolithic"'
-    assert parse(HERTZ, [chosen]).solver.formulation == "monolithic"
+    assert parse(HERTZ, [chosen]).case.solver.formulation == "monolithic"
     problem = only(HERTZ, [chosen, 'contact.interface.regularization.law="exact"'])
     assert problem.key == "solver.formulation"
     assert 'formulation = "condensed"' in problem.hint
