@@ -170,8 +170,8 @@ def main() -> None:
             f"ratio {one['ratio']:.1f}  difference {seen}",
             flush=True,
         )
-    (arguments.out / "condensed_vs_monolithic.json").write_text(json.dumps(results, indent=1) + "\n")
-    draw(arguments.out / "condensed_vs_monolithic.png", results)
+        (arguments.out / "condensed_vs_monolithic.json").write_text(json.dumps(results, indent=1) + "\n")
+        draw(arguments.out / "condensed_vs_monolithic.png", results)
 
 
 if __name__ == "__main__":

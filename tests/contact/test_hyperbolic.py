@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.active_set import solve_exact
 from mlsanm_cli.contact.coupling import DenseCoupling
-from mlsanm_cli.contact.hyperbolic import HyperbolicContact
+from mlsanm_cli.contact.hyperbolic import DenseHyperbolicTangent, HyperbolicContact
 from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.regularization import Regularization
 from mlsanm_cli.contact.scales import WIDEST, regularize
@@ -72,7 +72,9 @@ def test_load_derivative(m: int, k: int, seed: int) -> None:
 def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int) -> None:
     problem = random_problem(m, k, seed)
     x = state(problem, seed)
-    assert lack_of_orders(problem, problem.tangent(x, 0.3), x, seed) <= 1e-8
+    tangent = problem.tangent(x, 0.3)
+    assert isinstance(tangent, DenseHyperbolicTangent)
+    assert lack_of_orders(problem, tangent, x, seed) <= 1e-8
 
 
 @given(order=st.integers(1, 8), **sizes)

@@ -14,7 +14,7 @@ from mlsanm_cli.contact.coupling import DenseCoupling
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.regularization import Regularization
-from mlsanm_cli.contact.rubbing import RubbingContact
+from mlsanm_cli.contact.rubbing import RubbingContact, RubbingTangent
 from mlsanm_cli.contact.sets import Sets
 from tests.contact.derivatives import lack_of_orders, tangent_times
 from tests.contact.friction import in_units
@@ -88,7 +88,9 @@ def test_load_derivative(m: int, k: int, seed: int) -> None:
 def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int) -> None:
     problem = random_problem(m, k, seed)
     x = state(problem, seed)
-    assert lack_of_orders(problem, problem.tangent(x, 0.3), x, seed) <= 1e-8
+    tangent = problem.tangent(x, 0.3)
+    assert isinstance(tangent, RubbingTangent)
+    assert lack_of_orders(problem, tangent, x, seed) <= 1e-8
 
 
 @given(order=st.integers(1, 6), **sizes)
