@@ -238,7 +238,8 @@ class RubbingContact:
         if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
             raise SingularSystemError
         gap = np.where(self.sets.closed, 0.0, -p * np.diagonal(self.condensed.gap.pressure))
-        values = Values(np.where(self.sets.closed, p, 0.0), t, q, gap, slipped * self.law.slip)
+        platens, _ = base.told_apart(q)
+        values = Values(np.where(self.sets.closed, p, 0.0), t, platens, gap, slipped * self.law.slip)
         return values, slipped * self.law.slip
 
     def within_cone(self, x: FloatArray) -> FloatArray:
