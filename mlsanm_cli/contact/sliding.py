@@ -41,9 +41,9 @@ def slides_freely(condensed: Condensed, sets: Sets) -> bool:
     largest = np.sqrt((across**2).sum(axis=0) + (tangential**2).sum(axis=0))
     units = np.diag(1.0 / np.where(largest > 0.0, largest, 1.0))
     motions = units @ _unmoved(tangential[sets.stuck] @ units)
-    both = np.vstack([across, tangential[slipping]]) @ motions
-    if not both.size:
+    if not motions.size:
         return False
+    both = np.vstack([across, tangential[slipping]]) @ motions
     left, values, _ = linalg.svd(both, full_matrices=False)
     moving = left[: len(across), values > ROUND_OFF]
     # The singular values are the parts of orthonormal motions that go across.
@@ -54,7 +54,8 @@ def _unmoved(rows: FloatArray) -> FloatArray:
     """An orthonormal basis (k, d) of the motions that the ``rows`` (r, k) do not see."""
     if not len(rows):
         return np.eye(rows.shape[1])
-    _, values, right = linalg.svd(rows)
+    # Their triangle has the same singular values, and is much smaller.
+    _, values, right = linalg.svd(np.linalg.qr(rows, mode="r"))
     seen = int((values > ROUND_OFF).sum())
     basis: FloatArray = right[seen:].T
     return basis

@@ -138,6 +138,8 @@ class Branch:
 
     def first_crossing(self, lam: float) -> float | None:
         """As :meth:`parameter_at`, but return None when the load factor is not reached."""
+        if self.denominator is None and self._stays_off(lam):
+            return None
         grid = np.linspace(0.0, self.length, _SAMPLES)
         weights = self._weights_many(grid)
         values = weights @ self._terms[1] - lam
@@ -158,6 +160,12 @@ class Branch:
         if not changes.size:
             return self.length if abs(values[-1]) <= slack else None
         return self._root(lam, float(grid[last - 1]), float(grid[last]))
+
+    def _stays_off(self, lam: float) -> bool:
+        """Tell whether the terms of the power series together cannot bring it to the load factor."""
+        reach = float(self._weights(self.length) @ np.abs(self.lam))
+        first = float(self.lam[0])
+        return reach - abs(first) + _ROUND_OFF * (abs(lam) + reach) < abs(lam - first)
 
     def shortened(self, length: float) -> Branch:
         """Return the same piece of path with another ``length``."""
