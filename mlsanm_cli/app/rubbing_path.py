@@ -11,6 +11,7 @@ from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.rubbing_events import Barrier, Hits, continued
 from mlsanm_cli.app.series_path import (
     at,
+    at_target,
     coupling_of,
     drawn,
     levels_in,
@@ -18,7 +19,6 @@ from mlsanm_cli.app.series_path import (
     path_step,
     regularization,
     series_arrays,
-    sharpened,
     smooth_status,
     states_in,
     stopped,
@@ -137,7 +137,7 @@ class _Walk:
                 if barrier.reached:
                     yield from self._event(step, barrier.hits)
                 else:
-                    yield self._step(sharpened(begin.problem, step) if step.lam == 1.0 else step)
+                    yield self._step(at_target(begin.problem, step) if step.lam == 1.0 else step)
             if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
                 raise stopped(self._stage, follower.outcome)
             self._previous = follower.outcome.piece
@@ -179,9 +179,10 @@ class _Walk:
         stage = self._stage
         end = _state(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
+        step, states = states_in(before.problem, step, stage, places)
         saved = [
-            _state(_moved(before, x, lam), stage, residual)
-            for x, lam, residual in states_in(before.problem, step, stage, places)
+            _state(_moved(before, before.problem.within_cone(x), lam), stage, residual)
+            for x, lam, residual in states
         ]
         series = _series(before.problem, step.branch, stage)
         return path_step(step, end, stage, at(places, saved, end), series)

@@ -63,14 +63,12 @@ def smooth_path(built: Built) -> Iterator[PathStep]:
         before = 0.0
         for step in follower.steps():
             if step.lam == 1.0:
-                step = sharpened(problem, step)
+                step = at_target(problem, step)
             x = step.x
             end = _regularized_state(problem, x, step.lam, stage, step.residual)
             places = [p for p in wanted if stage + before < p <= stage + step.lam]
-            saved = [
-                _regularized_state(problem, x_at, lam, stage, residual)
-                for x_at, lam, residual in states_in(problem, step, stage, places)
-            ]
+            step, states = states_in(problem, step, stage, places)
+            saved = [_regularized_state(problem, *one[:2], stage, one[2]) for one in states]
             yield path_step(step, end, stage, at(places, saved, end), _series(problem, step.branch, stage))
             before = step.lam
         if not follower.outcome.reached:
@@ -135,29 +133,36 @@ def stopped(stage: int, outcome: Outcome) -> NumericalError:
     )
 
 
-def sharpened(problem: Problem, step: Step) -> Step:
-    """The step with one more Newton update at its end, where users compare figures to the last digit.
+def sharpened(problem: Problem, x: FloatArray, lam: float) -> tuple[FloatArray, float]:
+    """Unknowns of a state from a series with one more Newton update, and their residual.
 
-    A path of series is only followed to its tolerance, and where its steps end depends on round-off. Newton's
-    steps have converged.
+    A series only keeps the tolerance, where users compare figures to the last digit.
     """
+    lack = problem.residual(x, lam)
+    before = float(np.abs(lack).max())
+    try:
+        better = x - problem.tangent(x, lam).solve(lack)
+    except np.linalg.LinAlgError:  # a fold at the very target: the series' own state keeps the tolerance
+        return x, before
+    after = float(np.abs(problem.residual(better, lam)).max())
+    return (better, after) if after < before and problem.admissible(better, lam) else (x, before)
+
+
+def at_target(problem: Problem, step: Step) -> Step:
+    """The last step of a stage, its end sharpened unless Newton's method has done that."""
     if not step.order:
         return step
-    try:
-        tangent = problem.tangent(step.x, step.lam)
-    except np.linalg.LinAlgError:  # a fold at the very target: the step's own end keeps the tolerance
-        return step
-    x = step.x + tangent.solve(-problem.residual(step.x, step.lam))
-    residual = float(np.abs(problem.residual(x, step.lam)).max())
-    step = replace(
+    x, residual = sharpened(problem, step.x, step.lam)
+    return _with_updates(replace(step, x=x, residual=residual), 1)
+
+
+def _with_updates(step: Step, count: int) -> Step:
+    return replace(
         step,
-        iterations=step.iterations + 1,
-        factorizations=step.factorizations + 1,
-        solves=step.solves + 1,
+        iterations=step.iterations + count,
+        factorizations=step.factorizations + count,
+        solves=step.solves + count,
     )
-    if residual < step.residual and problem.admissible(x, step.lam):
-        step = replace(step, x=x, residual=residual)
-    return step
 
 
 def start_point(built: Built, problem: Memoryless) -> FloatArray:
@@ -177,17 +182,21 @@ def drawn(built: Built, coupling: Coupling) -> FloatArray:
 
 def states_in(
     problem: Problem, step: Step, stage: int, places: list[float]
-) -> Iterator[tuple[FloatArray, float, float]]:
-    """Unknowns, fraction and residual at positions ``places`` within a step, from its series.
+) -> tuple[Step, list[tuple[FloatArray, float, float]]]:
+    """The step with what its ``places`` took, and there unknowns, fractions and residuals.
 
-    A step without a series has such a place at its end only.
+    Those inside come from its series, sharpened; a step without a series has such a place at its end only.
     """
+    states, sharp = [], 0
     for position in places:
-        if not step.order:
-            yield step.x, step.lam, step.residual
+        if not step.order or position - stage >= step.lam:
+            states.append((step.x, step.lam, step.residual))
             continue
-        x, lam = step.branch.evaluate(step.branch.parameter_at(min(position - stage, step.lam)))
-        yield x, lam, float(np.abs(problem.residual(x, lam)).max())
+        x, lam = step.branch.evaluate(step.branch.parameter_at(position - stage))
+        x, residual = sharpened(problem, x, lam)
+        states.append((x, lam, residual))
+        sharp += 1
+    return _with_updates(step, sharp), states
 
 
 def at(places: list[float], states: list[State], end: State) -> tuple[State, ...]:

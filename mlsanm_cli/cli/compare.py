@@ -32,7 +32,7 @@ _STATUS_CODES = {"disagree": 1, "failed": 3}
 @click.option(
     "--tolerance",
     type=click.FloatRange(min=0.0, min_open=True),
-    help="Largest difference between methods with the same law.  [default: 1000 x solver.tolerance]",
+    help="Largest difference between methods with the same law.  [default: 10 x solver.tolerance]",
 )
 @click.option(
     "--repeat",
