@@ -142,9 +142,11 @@ def _expected(problem: RubbingContact, x: FloatArray, lam: float, hits: Hits) ->
 
 def continued(
     problem: RubbingContact, x: FloatArray, lam: float, hits: Hits
-) -> tuple[RubbingContact, FloatArray, int]:
-    """The problem with the sets that hold beyond (x, lam), the state with the event's values made exact, and
-    the tangents it took. Raises NoStateError."""
+) -> tuple[RubbingContact, FloatArray]:
+    """The problem with the sets that hold beyond (x, lam), and the state with the event's values made exact.
+
+    Raises NoStateError.
+    """
     c, before = problem.condensed, problem.sets
     x = x.copy()
     p, _, _, t = problem.split(x)
@@ -163,15 +165,16 @@ def continued(
 
     def solve(sets: Sets) -> tuple[RubbingContact, Values, FloatArray]:
         anchor = np.where(sets.stuck & ~before.stuck, now, problem.anchor)
-        system = RubbingContact(problem.base, problem.start, problem.start + problem.change, sets, anchor)
+        end = problem.start + problem.change
+        system = RubbingContact(problem.base, problem.start, end, sets, anchor, problem.tally)
         try:
             rates, slipped = system.rates(x, lam)
         except np.linalg.LinAlgError as error:
             raise SingularSystemError from error
         return system, rates, slipped
 
-    _, system, _, count = find_sets(c, _expected(problem, x, lam, hits), watch, solve)
+    _, system, _, _ = find_sets(c, _expected(problem, x, lam, hits), watch, solve)
     p, _, _, t = system.split(x)
     free = ~system.sets.stuck
     t[free] = (system.drag * system.pressed(p))[free]
-    return system, x, count
+    return system, x

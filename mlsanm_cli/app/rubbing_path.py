@@ -25,7 +25,7 @@ from mlsanm_cli.app.series_path import (
 )
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.rubbing import RubbingContact
+from mlsanm_cli.contact.rubbing import RubbingContact, Tally
 from mlsanm_cli.contact.set_search import NoStateError
 from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.contact.sliding import SlidingError, slides_freely
@@ -54,10 +54,11 @@ def rubbing_path(built: Built) -> Iterator[PathStep]:
     wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
     point = _first(built, options)
     start = _state(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
-    yield PathStep(start, (start,) if 0.0 in wanted else ())
+    saved = (start,) if 0.0 in wanted else ()
+    yield PathStep(start, saved, factorizations=point.problem.tally.taken())
     for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
         problem = point.problem
-        staged = RubbingContact(problem.base, begin, end, problem.sets, problem.anchor)
+        staged = RubbingContact(problem.base, begin, end, problem.sets, problem.anchor, problem.tally)
         walk = _Walk(replace(point, problem=staged, lam=0.0), stage, wanted, options)
         try:
             yield from walk.steps()
@@ -87,7 +88,7 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
     nothing, begin = np.zeros(len(c.rubbing)), built.stages[0]
     x = np.concatenate([drawn(built, coupling), nothing])
     pressure = x[: len(c.weight)]
-    anchor, full = nothing, law.threshold
+    anchor, full, tally = nothing, law.threshold, Tally()
     for _ in range(OPENINGS):
         pressed = np.zeros(len(pressure), dtype=bool)
         pressed[c.rubbing] = pressure[c.rubbing] > -FREE * law.eta[c.rubbing]
@@ -95,7 +96,7 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
         own = 0.5 * np.maximum(pressure[c.rubbing], 0.0)
         law = replace(law, threshold=np.where(stuck, np.minimum(full, own), full))
         base = replace(coupling, law=law)
-        problem = RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor)
+        problem = RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor, tally)
         x = correct(problem, x, 0.0, options).x
         pressure, _, motion, traction = problem.split(x)
         if (np.abs(traction) <= FREE * c.friction * np.maximum(pressure[c.rubbing], 0.0))[stuck].all():
@@ -122,7 +123,7 @@ class _Walk:
         if not self.point.problem.change.any():
             yield from self._waiting()
             return
-        tangents = self._go_on(self.point, Hits.none(self.point.problem.n))
+        self._go_on(self.point, Hits.none(self.point.problem.n))
         levels = levels_in(self._wanted, self._stage)
         while self.point.lam < 1.0:
             if slides_freely(self.point.problem.condensed, self.point.problem.sets):
@@ -132,8 +133,6 @@ class _Walk:
                 begin.problem, begin.x, begin.lam, 1.0, self._options, self._previous, barrier, levels
             )
             for step in follower.steps():
-                step = replace(step, factorizations=step.factorizations + tangents)
-                tangents = 0
                 if barrier.reached:
                     yield from self._event(step, barrier.hits)
                 else:
@@ -145,26 +144,25 @@ class _Walk:
             if self._standing > 4 * begin.problem.n + 50:
                 raise NoStateError(sliding=False)
 
-    def _go_on(self, point: _Point, hits: Hits) -> int:
-        """Put the path on the sets that hold beyond a point; return the tangents it took."""
-        problem, x, tangents = continued(point.problem, point.x, point.lam, hits)
+    def _go_on(self, point: _Point, hits: Hits) -> None:
+        """Put the path on the sets that hold beyond a point."""
+        problem, x = continued(point.problem, point.x, point.lam, hits)
         # What the event's place, known to the series' tolerance, and the new sets disagree by.
         x = x + problem.tangent(x, point.lam).solve(-problem.residual(x, point.lam))
         self.point = _inside(replace(point, problem=problem, x=x))
-        return tangents
 
     def _event(self, step: Step, hits: Hits) -> Iterator[PathStep]:
         """A step that ends at an event, its end already as the path goes on from it."""
         before = self.point
-        point, failure, tangents = _moved(before, step.x, step.lam), None, 0
+        point, failure = _moved(before, step.x, step.lam), None
         try:
-            tangents = self._go_on(point, hits)
+            self._go_on(point, hits)
         except NoStateError as error:
             failure = error
             self.point = _inside(point)
         problem = self.point.problem
         residual = float(np.abs(problem.residual(self.point.x, step.lam)).max())
-        step = replace(step, factorizations=step.factorizations + tangents, residual=residual)
+        step = replace(step, residual=residual)
         yield self._told(before, step)
         if failure is not None:
             raise failure
@@ -185,6 +183,8 @@ class _Walk:
             for x, lam, residual in states
         ]
         series = _series(before.problem, step.branch, stage)
+        # Points share tangents, of which the followers know nothing.
+        step = replace(step, factorizations=self.point.problem.tally.taken())
         return path_step(step, end, stage, at(places, saved, end), series)
 
     def _waiting(self) -> Iterator[PathStep]:

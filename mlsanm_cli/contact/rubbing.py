@@ -15,6 +15,7 @@ are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -116,16 +117,35 @@ class RubbingTangent:
         )
 
 
+@dataclass
+class Tally:
+    """How many tangents have been factorised since it was last asked."""
+
+    count: int = 0
+
+    def taken(self) -> int:
+        """The count, which begins anew."""
+        count, self.count = self.count, 0
+        return count
+
+
 class RubbingContact:
     """The problem over one stage with given ``sets``, in the form the continuation driver asks for.
 
     The slips of ``base`` are softened by the asperities; ``anchor`` (n,) are the values of s + c t at which
-    sticking nodes came to rest.
+    sticking nodes came to rest. ``tally`` counts the tangents of a whole path.
     """
 
     def __init__(
-        self, base: Coupling, start: FloatArray, end: FloatArray, sets: Sets, anchor: FloatArray
+        self,
+        base: Coupling,
+        start: FloatArray,
+        end: FloatArray,
+        sets: Sets,
+        anchor: FloatArray,
+        tally: Tally | None = None,
     ) -> None:
+        self.tally = tally or Tally()
         condensed, law = base.condensed, base.law
         self.base, self.condensed, self.law = base, condensed, law
         self.start, self.change, self.sets, self.anchor = start, end - start, sets, anchor
@@ -196,6 +216,7 @@ class RubbingContact:
         return self._ready[1]
 
     def _factorised(self, x: FloatArray) -> RubbingTangent | CoupledRubbingTangent:
+        self.tally.count += 1
         if isinstance(self.base, DenseCoupling):
             return RubbingTangent(self, self.base, x)
         return CoupledRubbingTangent(self, x)
@@ -254,7 +275,9 @@ class RubbingContact:
     def rested(self, x: FloatArray, lam: float) -> RubbingContact:
         """The same problem with its sticking nodes at rest where they are in x."""
         anchor = np.where(self.sets.stuck, self.yielded(x, lam), self.anchor)
-        problem = RubbingContact(self.base, self.start, self.start + self.change, self.sets, anchor)
+        problem = RubbingContact(
+            self.base, self.start, self.start + self.change, self.sets, anchor, self.tally
+        )
         problem._ready = self._ready
         return problem
 

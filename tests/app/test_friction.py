@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
 from mlsanm_cli.app.plot import plot
+from mlsanm_cli.contact.rubbing import RubbingTangent
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
@@ -80,6 +82,19 @@ def test_pictures_of_friction(sheared: Path) -> None:
     names = {file.name for file in plot(sheared)}
     assert {"plot_traction_interface.png", "plot_loop_interface.png"} <= names
     assert all((sheared / name).stat().st_size > 10_000 for name in names)
+
+
+@pytest.mark.parametrize("method", ["anm", "newton"])
+def test_factorizations_are_those_made(method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, init = [], RubbingTangent.__init__
+
+    def counted(*args: Any) -> None:
+        made.append(1)
+        init(*args)
+
+    monkeypatch.setattr(RubbingTangent, "__init__", counted)
+    summary = solve(SHEARED, tmp_path / "run", f'solver.method="{method}"')
+    assert summary["factorizations"] == len(made) > 0
 
 
 def test_series_hold_tractions(tmp_path: Path) -> None:
