@@ -53,6 +53,7 @@ class Recorder:
         self.warnings: list[str] = []
         self.cone: dict[str, float] = {}
         self.polished: list[Polish] = []
+        self._mapped = False
 
     def start(self, built: Built) -> None:
         """Store the model."""
@@ -65,6 +66,9 @@ class Recorder:
             state = step.state
             index = self.steps if self.last is None else self.steps + 1
             if step.series:
+                if not self._mapped:
+                    recording.write_maps(self._file, built)
+                    self._mapped = True
                 self._file.write_series(index, step.series, step.series_attributes)
             self._file.append_step(recording.step_record(built, step, time.monotonic() - self._started))
             self._events.write(

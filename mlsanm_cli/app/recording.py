@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.profile import half_width
 from mlsanm_cli.contact.sets import SLIP, STICK
-from mlsanm_cli.io.records import ContactRecord, StepRecord
+from mlsanm_cli.io.records import ContactRecord, ProbeRecord, StepRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
 from mlsanm_cli.mechanics.elasticity import von_mises
@@ -64,7 +64,18 @@ def write_model(file: RunFile, built: Built) -> None:
             slave_arc(pairing),
             pairing.weight[chosen],
         )
-    file.start_path(built.scene.loads, tuple(built.condensed.forces), tuple(platen_displacements(built)))
+    condensed = built.condensed
+    moved = tuple(platen_displacements(built))
+    file.start_path(built.scene.loads, tuple(condensed.forces), moved, tuple(condensed.probes))
+
+
+def write_maps(file: RunFile, built: Built) -> None:
+    """What else follows from the unknowns that series hold: forces, slips, what probes observe."""
+    condensed = built.condensed
+    slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
+    for kind, maps in (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes)):
+        if maps:
+            file.write_maps(kind, {name: one.matrix for name, one in maps.items()})
 
 
 def platen_displacements(built: Built, state: State | None = None) -> dict[str, FloatArray]:
@@ -113,6 +124,15 @@ def cone_ratio(built: Built, contact: str, state: State) -> float:
     return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
 
 
+def probe_record(built: Built, name: str, state: State) -> ProbeRecord:
+    """What a probe observes in one state."""
+    values = built.condensed.probes[name](*state.unknowns)
+    body = next(probe.body for probe in built.scene.probes if probe.name == name)
+    stress, material = values[2:], built.scene.bodies[body].model.material
+    across = material.across_stress(stress[None], float(built.scene.degrees(body) @ state.factors))
+    return ProbeRecord(values[:2], stress, float(von_mises(stress[None], across)[0]))
+
+
 def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
     """One row of the path."""
     state = step.state
@@ -128,6 +148,7 @@ def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
         resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
         displacements=platen_displacements(built, state),
         contacts={p.name: contact_record(built, p, state) for p in built.condensed.pairings},
+        probes={name: probe_record(built, name, state) for name in built.condensed.probes},
     )
 
 

@@ -16,6 +16,7 @@ from mlsanm_cli.contact.pairing import Pairing, pair_surfaces
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.body import BodyModel, assemble
+from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.springs import gripped, stiffest_soft
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
@@ -35,7 +36,8 @@ class Prepared:
     """A scene without its factorised systems: what can be said before anything is solved.
 
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
-    by one, ``acting`` the loads' values, ``notes`` what a person should know.
+    by one, ``acting`` the loads' values, ``probes`` the points to observe, ``notes`` what a person should
+    know.
     """
 
     models: Mapping[str, BodyModel]
@@ -44,6 +46,7 @@ class Prepared:
     held_nodes: Mapping[str, tuple[tuple[int, int], ...]]
     platens: tuple[mechanics.Platen, ...]
     acting: Acting
+    probes: tuple[Probe, ...]
     notes: tuple[str, ...]
 
 
@@ -56,8 +59,8 @@ def mls_settings(case: Case) -> MlsSettings:
 def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
     """Stencils, pairs and conditions.
 
-    Raises CaseError for contacts without facing nodes, for platens whose force nothing resists, and for loads
-    without a value at some node.
+    Raises CaseError for contacts without facing nodes, for platens whose force nothing resists, for loads
+    without a value at some node, and for probes outside their body.
     """
     stiffness = materials(case)
     loads = acting(case, clouds)
@@ -80,7 +83,7 @@ def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
         for name, model in models.items()
     }
     platens, notes = _platens(case, clouds, pairings, grips, held_nodes, loads)
-    return Prepared(models, pairings, held, held_nodes, platens, loads, notes)
+    return Prepared(models, pairings, held, held_nodes, platens, loads, _probes(case, clouds), notes)
 
 
 def factorise(case: Case, prepared: Prepared, solver: DirectSolver) -> mechanics.Scene:
@@ -101,6 +104,7 @@ def factorise(case: Case, prepared: Prepared, solver: DirectSolver) -> mechanics
         held_nodes={name: _components(nodes) for name, nodes in prepared.held_nodes.items()},
         body_forces=prepared.acting.body_forces,
         heatings=prepared.acting.heatings,
+        probes=prepared.probes,
     )
 
 
@@ -195,6 +199,20 @@ def _held_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], .
             node = int(np.argmin(((cloud.points - np.array(support.near)) ** 2).sum(axis=1)))
             pairs += [(node, c) for c, value in enumerate((support.ux, support.uy)) if value is not None]
     return tuple(pairs)
+
+
+def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:
+    probes, problems = [], []
+    for probe in case.probe:
+        point = np.array([probe.point])
+        if not clouds[probe.body].holds(point)[0]:
+            x, y = probe.point
+            message = f'({x:g}, {y:g}) lies outside body "{probe.body}"'
+            problems.append(CaseProblem(f"probe.{probe.name}.point", message, hint="as it is before loading"))
+        probes.append(Probe(probe.name, probe.body, point))
+    if problems:
+        raise CaseError(tuple(problems))
+    return tuple(probes)
 
 
 def _components(nodes: tuple[tuple[int, int], ...]) -> tuple[bool, bool]:

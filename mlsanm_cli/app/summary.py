@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from mlsanm_cli.app import recording
@@ -66,6 +66,10 @@ def summarise(
         }
         summary["error_estimate"] = adapted.accuracy.figures(built, state)
         summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
+        if built.condensed.probes:
+            summary["probes"] = {
+                name: asdict(recording.probe_record(built, name, state)) for name in built.condensed.probes
+            }
         summary["force_balance"] = verdict.force_balance
         summary["force_balance_bodies"] = dict(verdict.bodies)
     if recorder.polished:

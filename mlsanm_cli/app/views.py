@@ -10,6 +10,7 @@ from mlsanm_cli.app.history import pressures_at
 from mlsanm_cli.app.materials import materials
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case, Temperature
+from mlsanm_cli.cloud.membership import boundary_chords
 from mlsanm_cli.contact.profile import THRESHOLD
 from mlsanm_cli.io.plot_cloud import CloudBody
 from mlsanm_cli.io.run_reader import BodyData, RunData
@@ -88,12 +89,8 @@ def contact_window(
 
 def boundary_edges(body: BodyData) -> IntArray:
     """Pairs (b, 2) of neighbours along a body's boundary, loop by loop."""
-    names = np.array(body.boundary_name)
-    chains = [body.boundary_index[names == name] for name in dict.fromkeys(body.boundary_name)]
-    starts = {int(chain[0]) for chain in chains}
-    # A surface that goes on nowhere is closed in itself.
-    whole = [chain if int(chain[-1]) in starts else np.append(chain, chain[0]) for chain in chains]
-    return np.concatenate([np.stack([chain[:-1], chain[1:]], axis=1) for chain in whole])
+    chords: IntArray = body.boundary_index[boundary_chords(body.boundary_index, body.boundary_name)]
+    return chords
 
 
 def _size(bodies: Sequence[CloudBody]) -> float:

@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    PlainValidator,
+    WithJsonSchema,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from mlsanm_cli.case.expressions import ExpressionError, compile_expression
 
@@ -16,9 +26,32 @@ BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
 
 
 class Section(BaseModel):
-    """A table of the case file: frozen, no unknown keys, no nan or inf, no guessing between types."""
+    """A table of the case file: frozen, no unknown keys, no nan or inf, no guessing between types.
+
+    The docstring below a key is what `mlsanm explain` and the JSON Schema say of it; keys that are tables
+    themselves are described by the docstring of their class.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What a number measures; `mlsanm explain` and the JSON Schema tell it."""
+
+    name: str
+
+    def __get_pydantic_json_schema__(
+        self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return {**handler(core_schema), UNIT: self.name}
+
+
+UNIT = "x-unit"
+LENGTH, STRESS, FORCE = Unit("length"), Unit("stress"), Unit("force per thickness")
+ANGLE, NUMBER = Unit("degrees"), Unit("dimensionless")
+DENSITY, FOUNDATION = Unit("force per volume"), Unit("stress per length")
+TEMPERATURE, EXPANSION = Unit("temperature"), Unit("per temperature")
 
 
 def _two_items(value: Any) -> Any:
@@ -80,7 +113,9 @@ def _amount(value: Any) -> float | str:
 Vector = Annotated[tuple[float, float], BeforeValidator(_two_items)]
 """Two finite numbers."""
 
-Amount = Annotated[float | str, PlainValidator(_amount)]
+Amount = Annotated[
+    float | str, PlainValidator(_amount), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})
+]
 """A finite number, or an expression in x and y."""
 
 AmountVector = Annotated[tuple[Amount, Amount], BeforeValidator(_two_items)]
@@ -89,14 +124,30 @@ AmountVector = Annotated[tuple[Amount, Amount], BeforeValidator(_two_items)]
 Positive = Annotated[float, Field(gt=0.0)]
 """A finite number above 0."""
 
-Name = Annotated[str, PlainValidator(_name)]
+Name = Annotated[
+    str,
+    PlainValidator(_name),
+    WithJsonSchema({"type": "string", "pattern": f"^{NAME_PATTERN.pattern}$"}),
+]
 """The name of a body, load, contact or material."""
 
-BoundaryName = Annotated[str, PlainValidator(_boundary)]
+BoundaryName = Annotated[
+    str,
+    PlainValidator(_boundary),
+    WithJsonSchema({"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}),
+]
 """A boundary of a body: ``"<body>.<boundary>"``."""
 
-AutoCount = Annotated[int | Literal["auto"], PlainValidator(_auto_or_count)]
-AutoLength = Annotated[float | Literal["auto"], PlainValidator(_auto_or_length)]
+AutoCount = Annotated[
+    int | Literal["auto"],
+    PlainValidator(_auto_or_count),
+    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "integer", "exclusiveMinimum": 0}]}),
+]
+AutoLength = Annotated[
+    float | Literal["auto"],
+    PlainValidator(_auto_or_length),
+    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0.0}]}),
+]
 
 
 def split_boundary(boundary: str) -> tuple[str, str]:

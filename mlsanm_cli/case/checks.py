@@ -44,7 +44,7 @@ def run_checks(draft: Draft, report: Report) -> None:
 
 
 def _check_names(draft: Draft, report: Report) -> None:
-    for section in ("body", "load", "contact"):
+    for section in ("body", "load", "contact", "probe"):
         first: dict[str, int] = {}
         for index, name in draft.names(section):
             if name in first:
@@ -121,7 +121,7 @@ def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None
 def _check_references(draft: Draft, report: Report) -> None:
     """Names of bodies and boundaries, also in items with other faults."""
     names = [known for _, known in draft.names("body")]
-    for section in ("support", "load"):
+    for section in ("support", "load", "probe"):
         for index, name in draft.texts(section, "body"):
             if name not in names:
                 hint = suggestion(name, names, "bodies")

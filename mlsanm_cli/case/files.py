@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Protocol
 
 from pydantic import Field
 
-from mlsanm_cli.case.base import Section
+from mlsanm_cli.case.base import ANGLE, Section
 from mlsanm_cli.case.chains import Point
 from mlsanm_cli.errors import GeometryError
 
@@ -26,8 +26,11 @@ class _FileShape(Section):
     """
 
     file: Annotated[str, Field(min_length=1)]
-    corner: Degrees = 40.0
+    """The file; a relative path is relative to the case file."""
+    corner: Annotated[Degrees, ANGLE] = 40.0
+    """Above this angle the outline has a corner at a node."""
     sha256: str | None = None
+    """SHA-256 of the file when the case was resolved: a file that has changed since is refused."""
 
 
 class Mesh(_FileShape):
@@ -37,8 +40,11 @@ class Mesh(_FileShape):
     """
 
     kind: Literal["mesh"]
+    """What the shape is."""
     use: Literal["nodes", "outline"] = "nodes"
+    """Whether the mesh's nodes become the body's, or its outline is filled with a cloud of `spacing`."""
     group: str | None = None
+    """The group of elements that is the body; all of them by default."""
 
     @property
     def brings_nodes(self) -> bool:
@@ -50,6 +56,7 @@ class Points(_FileShape):
     """Nodes with tags on the boundary."""
 
     kind: Literal["points"]
+    """What the shape is."""
 
     @property
     def brings_nodes(self) -> bool:

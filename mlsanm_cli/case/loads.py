@@ -7,7 +7,20 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
-from mlsanm_cli.case.base import Amount, AmountVector, BoundaryName, Name, Section, Vector, split_boundary
+from mlsanm_cli.case.base import (
+    DENSITY,
+    FORCE,
+    LENGTH,
+    STRESS,
+    TEMPERATURE,
+    Amount,
+    AmountVector,
+    BoundaryName,
+    Name,
+    Section,
+    Vector,
+    split_boundary,
+)
 from mlsanm_cli.case.tables import row_problem
 
 Control = Literal["force", "displacement"]
@@ -23,7 +36,9 @@ def _sound(rows: Rows) -> Rows:
 
 class _OnBoundary(Section):
     name: Name
+    """Name of the load; stages call it by this name."""
     boundary: BoundaryName
+    """The boundary it acts on."""
 
     @property
     def owner(self) -> str:
@@ -33,7 +48,9 @@ class _OnBoundary(Section):
 
 class _InBody(Section):
     name: Name
+    """Name of the load; stages call it by this name."""
     body: str
+    """The body it acts on."""
 
     @property
     def owner(self) -> str:
@@ -48,8 +65,11 @@ class Traction(_OnBoundary):
     """
 
     kind: Literal["traction"]
-    traction: AmountVector | None = None
-    table: Annotated[tuple[tuple[float, float, float], ...], AfterValidator(_sound)] | None = None
+    """What the load is."""
+    traction: Annotated[AmountVector, STRESS] | None = None
+    """Force per length of boundary, x and y: numbers or expressions in x and y."""
+    table: Annotated[tuple[tuple[float, float, float], ...], AfterValidator(_sound), STRESS] | None = None
+    """Rows of arc length along the boundary, x and y, interpolated linearly; instead of `traction`."""
 
 
 class Pressure(_OnBoundary):
@@ -57,8 +77,11 @@ class Pressure(_OnBoundary):
     ``table`` of arc length and pressure."""
 
     kind: Literal["pressure"]
-    pressure: Amount | None = None
-    table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_sound)] | None = None
+    """What the load is."""
+    pressure: Annotated[Amount, STRESS] | None = None
+    """Pressure, positive in compression: a number or an expression in x and y."""
+    table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_sound), STRESS] | None = None
+    """Rows of arc length along the boundary and pressure, interpolated linearly; instead of `pressure`."""
 
 
 class Displacement(_OnBoundary):
@@ -66,9 +89,13 @@ class Displacement(_OnBoundary):
     alone."""
 
     kind: Literal["displacement"]
-    displacement: AmountVector | None = None
-    ux: Amount | None = None
-    uy: Amount | None = None
+    """What the load is."""
+    displacement: Annotated[AmountVector, LENGTH] | None = None
+    """Displacement of every point, x and y: numbers or expressions in x and y."""
+    ux: Annotated[Amount, LENGTH] | None = None
+    """Displacement in x alone."""
+    uy: Annotated[Amount, LENGTH] | None = None
+    """Displacement in y alone."""
 
     @property
     def components(self) -> tuple[Amount | None, Amount | None]:
@@ -80,14 +107,18 @@ class BodyForce(_InBody):
     """Force per unit volume (x, y), numbers or expressions in x and y."""
 
     kind: Literal["body-force"]
-    body_force: AmountVector = Field(alias="body-force")
+    """What the load is."""
+    body_force: Annotated[AmountVector, DENSITY] = Field(alias="body-force")
+    """Force per volume, x and y: numbers or expressions in x and y."""
 
 
 class Temperature(_InBody):
     """An even change of the body's temperature, in the degrees of the material's ``alpha``."""
 
     kind: Literal["temperature"]
-    temperature: float
+    """What the load is."""
+    temperature: Annotated[float, TEMPERATURE]
+    """Change of temperature."""
 
 
 class Platen(_OnBoundary):
@@ -98,13 +129,21 @@ class Platen(_OnBoundary):
     """
 
     kind: Literal["platen"]
-    force: Vector | None = None
-    displacement: Vector | None = None
-    ux: float | None = None
-    uy: float | None = None
-    fx: float | None = None
-    fy: float | None = None
+    """What the load is."""
+    force: Annotated[Vector, FORCE] | None = None
+    """Force on the plate, x and y."""
+    displacement: Annotated[Vector, LENGTH] | None = None
+    """Displacement of the plate, x and y."""
+    ux: Annotated[float, LENGTH] | None = None
+    """Displacement of the plate in x alone."""
+    uy: Annotated[float, LENGTH] | None = None
+    """Displacement of the plate in y alone."""
+    fx: Annotated[float, FORCE] | None = None
+    """Force on the plate in x alone."""
+    fy: Annotated[float, FORCE] | None = None
+    """Force on the plate in y alone."""
     rotation: Literal["fixed", "free"] = "fixed"
+    """Whether the plate may turn."""
 
     @property
     def control(self) -> dict[str, tuple[Control, float]]:

@@ -6,15 +6,18 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import PlainValidator
+from pydantic import PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from mlsanm_cli.case.base import Positive, Section
+from mlsanm_cli.case.base import ANGLE, EXPANSION, NUMBER, STRESS, Positive, Section
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.report import Report
 
 Triple = tuple[float, float, float]
 Form = Literal["isotropic", "orthotropic", "stiffness"]
+
+_TRIPLE = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+_MATRIX = {"type": "array", "items": _TRIPLE, "minItems": 3, "maxItems": 3}
 
 FORMS: dict[Form, tuple[str, ...]] = {
     "isotropic": ("E", "nu"),
@@ -65,18 +68,41 @@ class Material(Section):
     in the order xx, yy, xy, the last strain being the engineer's.
     """
 
-    E: Positive | None = None
-    nu: float | None = None
-    E1: Positive | None = None
-    E2: Positive | None = None
-    E3: Positive | None = None
-    G12: Positive | None = None
-    nu12: float | None = None
-    nu13: float | None = None
-    nu23: float | None = None
-    angle: float | None = None
-    stiffness: Annotated[tuple[Triple, Triple, Triple], PlainValidator(_matrix)] | None = None
-    alpha: Annotated[float | Triple, PlainValidator(_expansion)] | None = None
+    E: Annotated[Positive, STRESS] | None = None
+    """Young's modulus."""
+    nu: Annotated[float, NUMBER] | None = None
+    """Poisson's ratio, above -1 and up to 0.5; below 0.5 in plane strain."""
+    E1: Annotated[Positive, STRESS] | None = None
+    """Young's modulus along the first axis of an orthotropic material."""
+    E2: Annotated[Positive, STRESS] | None = None
+    """Young's modulus along the second axis."""
+    E3: Annotated[Positive, STRESS] | None = None
+    """Young's modulus across the plane; plane strain needs it."""
+    G12: Annotated[Positive, STRESS] | None = None
+    """Shear modulus in the plane."""
+    nu12: Annotated[float, NUMBER] | None = None
+    """Contraction along the second axis over stretch along the first."""
+    nu13: Annotated[float, NUMBER] | None = None
+    """Contraction across the plane over stretch along the first axis; plane strain needs it."""
+    nu23: Annotated[float, NUMBER] | None = None
+    """Contraction across the plane over stretch along the second axis; plane strain needs it."""
+    angle: Annotated[float, ANGLE] | None = None
+    """From the x axis to the first axis, counter-clockwise; 0 by default."""
+    stiffness: (
+        Annotated[tuple[Triple, Triple, Triple], PlainValidator(_matrix), WithJsonSchema(_MATRIX), STRESS]
+        | None
+    ) = None
+    """Between plane strains and stresses in the order xx, yy, xy, the last strain being the engineer's."""
+    alpha: (
+        Annotated[
+            float | Triple,
+            PlainValidator(_expansion),
+            WithJsonSchema({"anyOf": [{"type": "number"}, _TRIPLE]}),
+            EXPANSION,
+        ]
+        | None
+    ) = None
+    """Thermal expansion: one number, or three where the material has axes; none by default."""
 
     @property
     def form(self) -> Form:

@@ -11,12 +11,16 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from mlsanm_cli.case.base import (
+    FOUNDATION,
+    LENGTH,
+    NUMBER,
     AutoCount,
     AutoLength,
     BoundaryName,
     Name,
     Positive,
     Section,
+    Unit,
     Vector,
 )
 from mlsanm_cli.case.files import Mesh, Points
@@ -26,19 +30,25 @@ from mlsanm_cli.case.shapes import Shape
 
 
 class Model(Section):
-    """Plane strain or plane stress."""
+    """The plane problem."""
 
     plane: Literal["strain", "stress"]
+    """Plane strain (nothing moves out of the plane) or plane stress (a thin sheet)."""
 
 
 class Refine(Section):
-    """Finer nodes within ``radius`` of a point or of a boundary, growing by ``growth`` per unit length."""
+    """Finer nodes near a point or a boundary; of several refinements the smallest spacing holds."""
 
-    at: Vector | None = None
+    at: Annotated[Vector, LENGTH] | None = None
+    """The point to refine around; either this or `along`."""
     along: str | None = None
-    spacing: Positive
-    radius: Annotated[float, Field(ge=0.0)]
-    growth: Annotated[float, Field(gt=0.0, le=1.0)] = 0.12
+    """The boundary of the body to refine along; either this or `at`."""
+    spacing: Annotated[Positive, LENGTH]
+    """Node spacing within `radius` of the place, at most the body's."""
+    radius: Annotated[float, Field(ge=0.0), LENGTH]
+    """Within this distance of the place the spacing is even; outside it grows."""
+    growth: Annotated[float, Field(gt=0.0, le=1.0), NUMBER] = 0.12
+    """Growth of the spacing per unit length outside `radius`; above 0.3 a run warns."""
 
     def edge(self, body: str) -> str:
         """The boundary in ``along`` without the name of its body, which may stand in front or not."""
@@ -49,9 +59,13 @@ class Body(Section):
     """One elastic body and the spacing of its nodes; None where a file brings the nodes."""
 
     name: Name
+    """Name of the body; its boundaries are called `<body>.<boundary>`."""
     material: str
-    spacing: Positive | None = None
+    """Name of its material."""
+    spacing: Annotated[Positive, LENGTH] | None = None
+    """Node spacing far from refinements; none where a file brings the nodes."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """Seed of the random generator that places the nodes: another seed, another cloud of the same spacing."""
     shape: Shape
     refine: tuple[Refine, ...] = ()
 
@@ -62,15 +76,21 @@ class Body(Section):
 
 
 class Support(Section):
-    """Held displacement components of a boundary, or of the node of a body nearest to a point; or springs on
-    a boundary, (x, y) traction per displacement."""
+    """Holds displacements at zero, of a boundary or of the node of a body nearest to a point; or springs on
+    a boundary."""
 
     boundary: BoundaryName | None = None
+    """The whole boundary that is held; either this, or `body` and `near`."""
     body: str | None = None
-    near: Vector | None = None
-    ux: float | None = None
-    uy: float | None = None
-    spring: Vector | None = None
+    """The body of which one node is held."""
+    near: Annotated[Vector, LENGTH] | None = None
+    """The node nearest to this point is held."""
+    ux: Annotated[float, LENGTH] | None = None
+    """Displacement in x; a direction that is not named is free."""
+    uy: Annotated[float, LENGTH] | None = None
+    """Displacement in y; a direction that is not named is free."""
+    spring: Annotated[Vector, FOUNDATION] | None = None
+    """Springs on the boundary: traction per displacement, x and y."""
 
     @property
     def holds(self) -> tuple[bool, bool]:
@@ -80,87 +100,134 @@ class Support(Section):
 
 
 class Regularization(Section):
-    """The contact law: hyperbolic with the small pressure ``eta`` and the small slip ``stick`` (relative), or
-    exact; friction that remembers, or that knows the total slip only."""
+    """The law of contact and friction."""
 
     law: Literal["hyperbolic", "exact"] = "hyperbolic"
-    eta: Positive = 1e-4
-    stick: Positive = 1e-4
+    """Smooth hyperbola, whose path is followed by power series, or exact; the same in all contacts."""
+    eta: Annotated[Positive, NUMBER] = 1e-4
+    """Smallness of the hyperbolic law, relative to the largest pressure."""
+    stick: Annotated[Positive, NUMBER] = 1e-4
+    """Under the hyperbolic law, slip of a sticking node at its friction limit, relative to the largest slip
+    that friction at its limit everywhere would cause."""
     friction_law: Literal["memory", "holonomic"] = "memory"
+    """Friction that remembers, or that knows the total slip only (hyperbolic law, loads that never turn
+    back); the same in all contacts."""
 
 
 class Contact(Section):
     """Two boundaries that may touch."""
 
     name: Name
+    """Name of the contact."""
     slave: BoundaryName
+    """The boundary whose nodes carry the pressures: the one with the finer nodes or the smaller radius."""
     master: BoundaryName
-    friction: Annotated[float, Field(ge=0.0)] = 0.0
-    reach: AutoLength = "auto"
+    """The boundary it may touch."""
+    friction: Annotated[float, Field(ge=0.0), NUMBER] = 0.0
+    """Coulomb's coefficient; 0 leaves every tangential unknown out."""
+    reach: Annotated[AutoLength, LENGTH] = "auto"
+    """Nodes with a larger initial gap are left out; a run in which one of them closes fails."""
     regularization: Regularization = Regularization()
 
 
+class Probe(Section):
+    """Displacement and stress at a point of a body, recorded at every step."""
+
+    name: Name
+    """Name under which the values are stored, as `/probes/<name>` in run.h5."""
+    body: str
+    """The body that the point belongs to."""
+    point: Annotated[Vector, LENGTH]
+    """The point, before loading; inside the body or on its boundary."""
+
+
 class Mls(Section):
-    """Moving least squares: degree, scheme, nodes per stencil."""
+    """Moving least squares."""
 
     degree: Annotated[int, Field(ge=1, le=6)] = 2
+    """Degree of the local polynomials."""
     scheme: Literal["least-squares", "collocation", "ghost"] = "least-squares"
+    """What becomes of the rows: all of them in the least-squares sense, or one per unknown."""
     neighbors: AutoCount = "auto"
+    """Nodes per stencil; automatic is about 2.5 times the number of coefficients."""
 
 
 class Adapt(Section):
-    """Passes of refinement at the contact edges found."""
+    """Refinement of the clouds by what was found on coarser ones."""
 
     passes: Annotated[int, Field(ge=0)] = 0
+    """So often the scene is solved, refined where contact begins and ends and where local fits are poor, and
+    solved again; it ends earlier when nothing changes any more."""
 
 
 class Solver(Section):
     """How the load path is followed."""
 
     method: Literal["auto", "anm", "newton", "active-set"] = "auto"
+    """Power series (anm) or Newton-Raphson steps for the hyperbolic law, active-set for the exact one; auto
+    takes what fits."""
     formulation: Literal["condensed", "monolithic"] = "condensed"
+    """Unknowns of the path: condensed leaves the contact's own, monolithic takes the bodies' displacements
+    too."""
     order: Annotated[int, Field(ge=2, le=40)] = 20
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-8
+    """Order of the power series."""
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 1e-8
+    """Largest scaled residual anywhere on the path."""
     pade: bool = True
+    """Use Padé approximants where they lengthen a step."""
     polish: bool = False
+    """End every saved level with the exact laws."""
     max_steps: Annotated[int, Field(ge=1)] = 2000
+    """A path that needs more steps fails."""
     linear: Literal["auto", "superlu"] = "auto"
+    """Direct solver of the bodies' linear systems."""
 
 
 class Output(Section):
-    """Path positions (stage index + fraction) at which fields are written, and which."""
+    """What is written, and where on the path."""
 
-    at: tuple[float, ...] = ()
+    at: Annotated[tuple[float, ...], Unit("position on the path")] = ()
+    """Positions (finished stages + fraction of the current one) at which fields are written; the end of the
+    path when empty."""
     fields: tuple[Literal["displacement", "stress", "von_mises"], ...] = (
         "displacement",
         "stress",
         "von_mises",
     )
+    """Which fields are written."""
     vtu: bool = True
+    """Write VTU files for ParaView."""
 
 
 class Reference(Section):
-    """The closed formula that the result can be compared with."""
+    """The closed formula that the result is compared with; its parameters come from the case."""
 
     solution: Literal["hertz-line", "uniform-pressure"]
+    """Hertz' line contact, or the same pressure everywhere; one that does not fit the scene is an error."""
 
 
 class Case(Section):
-    """A whole case. ``stage`` defaults to one stage that brings every load to its full value."""
+    """A scene for mlsanm. No units are assumed: lengths, stresses and forces only have to agree."""
 
     format: Literal[1]
+    """Version of the file format."""
     title: str = ""
+    """Free text."""
     model: Model
     material: dict[Name, Material]
+    """Materials by name."""
     body: tuple[Body, ...] = Field(min_length=1)
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = Field(min_length=1)
     contact: tuple[Contact, ...] = ()
-    stage: tuple[dict[str, float], ...]
+    stage: tuple[dict[str, float], ...] = ()
+    """Stages follow each other. In each the loads named move together from where they are to these factors;
+    without any there is one stage that brings every load to 1."""
     mls: Mls = Mls()
     adapt: Adapt = Adapt()
     solver: Solver = Solver()
     output: Output = Output()
+    probe: tuple[Probe, ...] = ()
     reference: Reference | None = None
 
     @model_validator(mode="before")

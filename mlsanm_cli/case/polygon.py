@@ -10,16 +10,19 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.base import Name, Positive, Section, Vector
+from mlsanm_cli.case.base import LENGTH, Name, Positive, Section, Vector
 from mlsanm_cli.case.chains import Piece, Point, Round, Side, extent, on_round, pieces
 
 
 class Hole(Section):
     """A circular hole; its boundary is called ``name``."""
 
-    center: Vector
-    radius: Positive
+    center: Annotated[Vector, LENGTH]
+    """Centre of the circle."""
+    radius: Annotated[Positive, LENGTH]
+    """Radius of the circle."""
     name: Name | None = None
+    """Name of its boundary; hole1, hole2 and so on by default."""
 
 
 class Polygon(Section):
@@ -30,9 +33,13 @@ class Polygon(Section):
     """
 
     kind: Literal["polygon"]
-    points: tuple[Vector, ...] = Field(min_length=3)
+    """What the shape is."""
+    points: Annotated[tuple[Vector, ...], Field(min_length=3), LENGTH]
+    """Corners in either direction; the last joins the first by itself."""
     names: tuple[Name, ...] = ()
-    rounding: tuple[Annotated[float, Field(ge=0.0)], ...] = ()
+    """Names of the sides, one per point: from that point to the next; side1, side2 ... by default."""
+    rounding: Annotated[tuple[Annotated[float, Field(ge=0.0)], ...], LENGTH] = ()
+    """Radius of the arc at each point, 0 where it stays sharp; all sharp by default."""
     holes: tuple[Hole, ...] = ()
 
     @property

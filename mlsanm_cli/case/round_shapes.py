@@ -6,9 +6,9 @@ Lengths are in the case's own unit.
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
-from mlsanm_cli.case.base import Positive, Section, Vector
+from mlsanm_cli.case.base import ANGLE, LENGTH, Positive, Section, Vector
 from mlsanm_cli.case.chains import Point
 
 _OUTWARD: dict[str, float] = {"right": 0.0, "upper": 0.5 * math.pi, "left": math.pi, "lower": 1.5 * math.pi}
@@ -18,8 +18,11 @@ class Annulus(Section):
     """A whole ring; ``radii`` are its inner and outer radius."""
 
     kind: Literal["annulus"]
-    center: Vector
-    radii: Vector
+    """What the shape is."""
+    center: Annotated[Vector, LENGTH]
+    """Centre of the circle."""
+    radii: Annotated[Vector, LENGTH]
+    """Inner and outer radius."""
 
     @property
     def boundaries(self) -> tuple[str, ...]:
@@ -54,8 +57,11 @@ class Disk(Section):
     """A full disk; its only boundary is ``arc``."""
 
     kind: Literal["disk"]
-    center: Vector
-    radius: Positive
+    """What the shape is."""
+    center: Annotated[Vector, LENGTH]
+    """Centre of the circle."""
+    radius: Annotated[Positive, LENGTH]
+    """Radius of the circle."""
 
     @property
     def boundaries(self) -> tuple[str, ...]:
@@ -89,9 +95,13 @@ class HalfDisk(Section):
     """Half a disk on one side of its centre; ``flat`` is the cut, ``arc`` the rest."""
 
     kind: Literal["half-disk"]
-    center: Vector
-    radius: Positive
+    """What the shape is."""
+    center: Annotated[Vector, LENGTH]
+    """Centre of the circle."""
+    radius: Annotated[Positive, LENGTH]
+    """Radius of the circle."""
     side: Literal["lower", "upper", "left", "right"]
+    """The half that is kept."""
 
     @property
     def boundaries(self) -> tuple[str, ...]:
@@ -133,9 +143,13 @@ class Sector(Section):
     """
 
     kind: Literal["sector"]
-    center: Vector
-    radii: Vector
-    angles: Vector
+    """What the shape is."""
+    center: Annotated[Vector, LENGTH]
+    """Centre of the circle."""
+    radii: Annotated[Vector, LENGTH]
+    """Inner and outer radius."""
+    angles: Annotated[Vector, ANGLE]
+    """From and to, counter-clockwise from the x axis."""
 
     @property
     def boundaries(self) -> tuple[str, ...]:

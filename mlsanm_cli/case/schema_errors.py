@@ -19,6 +19,7 @@ from mlsanm_cli.case.model import (
     Mls,
     Model,
     Output,
+    Probe,
     Reference,
     Refine,
     Regularization,
@@ -43,6 +44,7 @@ _TABLES: dict[tuple[str, ...], type[Any]] = {
     ("adapt",): Adapt,
     ("solver",): Solver,
     ("output",): Output,
+    ("probe", "*"): Probe,
     ("reference",): Reference,
 }
 # Tables whose keys depend on their "kind".
@@ -50,7 +52,7 @@ _KINDS: dict[tuple[str, ...], Mapping[str, type[Any]]] = {
     ("body", "*", "shape"): SHAPES,
     ("load", "*"): LOADS,
 }
-_LISTS = {"body", "support", "load", "contact", "stage", "refine", "holes"}
+_LISTS = {"body", "support", "load", "contact", "stage", "refine", "holes", "probe"}
 _WORDS = {
     "float_type": "expected a number",
     "int_type": "expected a whole number",

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.base import Section, Vector
+from mlsanm_cli.case.base import LENGTH, Section, Vector
 from mlsanm_cli.case.chains import Point
 from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.polygon import Polygon
@@ -20,8 +20,11 @@ class Rectangle(Section):
     """A rectangle with sides along the axes: ``x`` and ``y`` are its ranges."""
 
     kind: Literal["rectangle"]
-    x: Vector
-    y: Vector
+    """What the shape is."""
+    x: Annotated[Vector, LENGTH]
+    """Range in x, the smaller number first."""
+    y: Annotated[Vector, LENGTH]
+    """Range in y, the smaller number first."""
 
     @property
     def boundaries(self) -> tuple[str, ...]:

@@ -48,7 +48,6 @@ PLANNED: tuple[Planned, ...] = (
     Planned(("support", "*", "ux"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("support", "*", "uy"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("contact", "*", "obstacle"), "a rigid obstacle", part=2, hint="give slave and master"),
-    Planned(("probe",), "[[probe]]", part=1, hint="remove the table"),
 )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from mlsanm_cli import __version__
+from mlsanm_cli.cli.authoring import explain, new, schema
 from mlsanm_cli.cli.compare import compare
 from mlsanm_cli.cli.options import (
     FILE,
@@ -19,12 +20,13 @@ from mlsanm_cli.cli.options import (
     set_option,
     threads_option,
 )
+from mlsanm_cli.cli.probe import probe
 from mlsanm_cli.cli.results import run_text
 from mlsanm_cli.cli.settings import Settings, set_threads
 from mlsanm_cli.errors import RunError
 
 # Names that later versions will bring; they are refused by name, not as typing errors.
-LATER = ("cache", "collect", "explain", "new", "probe", "resume", "schema", "sweep")
+LATER = ("cache", "collect", "resume", "sweep")
 _STATUS_CODES = {"failed": 3, "stopped": 75}
 
 
@@ -72,7 +74,8 @@ def cli() -> None:
     """
 
 
-cli.add_command(compare)
+for command in (compare, new, schema, explain, probe):
+    cli.add_command(command)
 
 
 @cli.command()

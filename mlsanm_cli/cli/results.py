@@ -29,6 +29,8 @@ def run_text(summary: Mapping[str, Any], color: bool = False) -> str:
             ("cost", f"{polish['levels']} levels, {polish['factorizations']} factorizations"),
         ]
         parts.append(table("polished with the exact laws", rows, color))
+    for name, probe in summary.get("probes", {}).items():
+        parts.append(table(f"probe {name}", [(label(key), number(probe[key])) for key in probe], color))
     parts.append(table("quality and cost", _quality(summary), color))
     return "\n".join(parts)
 

@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.sight import Sight, look
 from mlsanm_cli.cloud.spacing import Spacing
@@ -66,6 +67,17 @@ class Cloud:
     def edges(self) -> IntArray:
         """Pairs (b, 2) of neighbours along the boundary, loop by loop, the material on their left."""
         return _edges(self.surfaces.values())
+
+    def holds(self, targets: FloatArray) -> BoolArray:
+        """Which of the ``targets`` (e, 2) lie in the body or on its boundary."""
+        surfaces = self.surfaces.values()
+        return belongs(
+            self.points,
+            np.concatenate([surface.index for surface in surfaces]),
+            np.concatenate([surface.normal for surface in surfaces]),
+            [surface.name for surface in surfaces for _ in surface.index],
+            targets,
+        )
 
     @cached_property
     def sight(self) -> Sight | None:

@@ -15,7 +15,7 @@ factorised once; every column costs one block solve, of which only the functiona
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sparse
@@ -27,6 +27,7 @@ from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spr
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.short_waves import resolved_slip
 from mlsanm_cli.contact.sources import body_sources
+from mlsanm_cli.mechanics.probes import ROWS, Probe, probe_rows, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.refinement import PRECISE, QUICK
 from mlsanm_cli.operators.system import solve_blocks
@@ -45,8 +46,8 @@ class Condensed:
     (:func:`resolved_slip`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
-    its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``solves``
-    counts columns.
+    its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes``
+    maps each probe to its displacement and stress (5,). ``solves`` counts columns.
     """
 
     pairings: tuple[Pairing, ...]
@@ -67,6 +68,7 @@ class Condensed:
     sources: Mapping[str, sparse.csc_array]
     solutions: Mapping[str, FloatArray]
     solves: int
+    probes: Mapping[str, LinearMap] = field(default_factory=dict)
 
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
         """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""
@@ -112,7 +114,8 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     sprung = [(name, surface) for name, body in scene.bodies.items() for surface in body.soft_springs]
 
     counts = [sum(len(pairing.position) for pairing in some) for some in (pairings, rough)]
-    counts += [3] * len(held) + [2 * len(scene.surface(*where).index) for where in sprung]
+    counts += [3] * len(held) + [ROWS] * len(scene.probes)
+    counts += [2 * len(scene.surface(*where).index) for where in sprung]
     observed = np.zeros((sum(counts), columns.total))
     sources, solutions = {}, {}
     solves = 0
@@ -123,10 +126,11 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
             reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None
             for owner, surface in held
         ]
+        probed = [probe_rows(body.model, p.point) if p.body == name else None for p in scene.probes]
         pulls = [spring_rows(body, surface) if owner == name else None for owner, surface in sprung]
         blocks = [
             sparse.csr_array((count, body.model.unknowns)) if block is None else block
-            for count, block in zip(counts, [*relative, *reactions, *pulls], strict=True)
+            for count, block in zip(counts, [*relative, *reactions, *probed, *pulls], strict=True)
         ]
         rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
         # Stresses, and so reactions, come from the displacements beyond those of free expansion.
@@ -155,7 +159,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         tangential,
         columns,
         dict(zip(held, map(columns.split, acting[: len(held)]), strict=True)),
-        dict(zip(sprung, map(columns.split, acting[len(held) :]), strict=True)),
+        dict(zip(sprung, map(columns.split, acting[len(held) + len(scene.probes) :]), strict=True)),
     )
     modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
@@ -182,7 +186,18 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         sources=sources,
         solutions=solutions,
         solves=solves,
+        probes={
+            probe.name: _seen(scene, probe, columns, rows)
+            for probe, rows in zip(scene.probes, acting[len(held) :], strict=False)
+        },
     )
+
+
+def _seen(scene: Scene, probe: Probe, columns: Columns, rows: FloatArray) -> LinearMap:
+    """What a probe observes: displacement, and the stress of all but free expansion."""
+    free = stress_of_expansion(scene.bodies[probe.body].model.material)
+    rows[-len(free) :, : columns.loads] -= np.outer(free, scene.degrees(probe.body))
+    return columns.split(rows)
 
 
 def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:

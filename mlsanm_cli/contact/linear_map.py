@@ -51,6 +51,11 @@ class LinearMap:
             factors @ self.traction,
         )
 
+    @property
+    def matrix(self) -> FloatArray:
+        """All of it (r, 1 + L + k + m + n): what multiplies 1, f, q, p and t."""
+        return np.hstack([self.constant[:, None], self.load, self.motion, self.pressure, self.traction])
+
     def take(self, rows: IntArray | BoolArray | slice) -> LinearMap:
         """Some of its rows."""
         return LinearMap(

@@ -28,6 +28,7 @@ CONTACT_COLUMNS: Mapping[str, type[np.generic]] = {
     "slip": np.float64,
     "status": np.int8,
 }
+PROBE_COLUMNS: Mapping[str, tuple[int, ...]] = {"displacement": (2,), "stress": (3,), "von_mises": ()}
 CONTACT_TOTALS: Mapping[str, type[np.generic]] = {"dissipated_work": np.float64}
 
 FloatArray = NDArray[np.float64]
@@ -51,6 +52,15 @@ class ContactRecord:
 
 
 @dataclass(frozen=True)
+class ProbeRecord:
+    """Displacement (2,), stress xx, yy, xy (3,) and von Mises stress at a probe."""
+
+    displacement: FloatArray
+    stress: FloatArray
+    von_mises: float
+
+
+@dataclass(frozen=True)
 class StepRecord:
     """One row of /path and of every contact history; ``position`` is stage index + fraction.
 
@@ -69,3 +79,4 @@ class StepRecord:
     resultants: Mapping[str, FloatArray]
     contacts: Mapping[str, ContactRecord]
     displacements: Mapping[str, FloatArray] = field(default_factory=dict)
+    probes: Mapping[str, ProbeRecord] = field(default_factory=dict)

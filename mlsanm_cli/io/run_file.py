@@ -8,6 +8,8 @@ Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
     /path/<column>          (S+1,)   with factors/<load> (S+1,), resultants/<load or support> (S+1, 2) and
                                      displacements/<load of a platen> (S+1, 2)
     /contacts/<c>/...       (m,) geometry, (S+1, m) and (S+1,) history
+    /probes/<p>/...         (S+1, 2), (S+1, 3), (S+1,) history
+    /maps/<kind>/<name>     (r, 1 + unknowns)
     /series/<step>/...      whatever reproduces the step
     /fields/<k>/<b>/...     saved states, /fields/position (K,)
 
@@ -34,6 +36,7 @@ from mlsanm_cli.io.records import (
     CONTACT_TOTALS,
     FORMAT,
     PATH_COLUMNS,
+    PROBE_COLUMNS,
     ContactRecord,
     StepRecord,
 )
@@ -67,6 +70,7 @@ class RunFile:
         self._loads: list[str] | None = None
         self._resultants: list[str] = []
         self._displacements: list[str] = []
+        self._probes: list[str] = []
         self._states = 0
 
     @classmethod
@@ -144,10 +148,14 @@ class RunFile:
         self._contacts.append(name)
 
     def start_path(
-        self, loads: Sequence[str], resultants: Sequence[str], displacements: Sequence[str] = ()
+        self,
+        loads: Sequence[str],
+        resultants: Sequence[str],
+        displacements: Sequence[str] = (),
+        probes: Sequence[str] = (),
     ) -> None:
         """Make the empty /path: a factor per load, a resultant per load or support named, a displacement per
-        load of a platen named."""
+        load of a platen named; and the empty history of each probe."""
         if self._loads is not None:
             raise ValueError("the path was started already")
         with self._storing():
@@ -163,10 +171,17 @@ class RunFile:
             moves = group.create_group("displacements", track_order=True)
             for name in displacements:
                 self._add_column(moves, f"displacements/{name}", checked_name(name), (2,), np.float64)
+            if probes:
+                observed = self._file.create_group("probes", track_order=True)
+            for name in probes:
+                point = observed.create_group(checked_name(name))
+                for key, tail in PROBE_COLUMNS.items():
+                    self._add_column(point, f"probes/{name}/{key}", key, tail, np.float64)
             self._file.flush()
         self._loads = list(loads)
         self._resultants = list(resultants)
         self._displacements = list(displacements)
+        self._probes = list(probes)
 
     def append_step(self, step: StepRecord) -> None:
         """Append one row to /path and to every contact history, and flush.
@@ -179,6 +194,7 @@ class RunFile:
         _check_keys("resultants", step.resultants, self._resultants)
         _check_keys("displacements", step.displacements, self._displacements)
         _check_keys("contacts", step.contacts, self._contacts)
+        _check_keys("probes", step.probes, self._probes)
         values: dict[str, ArrayLike] = {key: getattr(step, key) for key in PATH_COLUMNS}
         values |= {f"factors/{name}": value for name, value in step.factors.items()}
         values |= {f"resultants/{name}": value for name, value in step.resultants.items()}
@@ -187,12 +203,22 @@ class RunFile:
             values |= {
                 f"contacts/{name}/{key}": getattr(record, key) for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)
             }
+        for name, probe in step.probes.items():
+            values |= {f"probes/{name}/{key}": getattr(probe, key) for key in PROBE_COLUMNS}
         rows = {key: self._columns[key].checked(value) for key, value in values.items()}
         with self._storing():
             for key, row in rows.items():
                 self._columns[key].write(self._rows, row)
             self._file.flush()
         self._rows += 1
+
+    def write_maps(self, kind: str, maps: Mapping[str, FloatArray]) -> None:
+        """Store matrices (r, 1 + u) as /maps/<kind>/<name>: they take 1 and the u unknowns of the path, load
+        factors, motions, pressures and tractions, to what they are named after."""
+        with self._storing():
+            group = self._file.require_group("maps").create_group(kind, track_order=True)
+            for name, matrix in maps.items():
+                group[checked_name(name)] = _floats(matrix)
 
     def write_series(
         self, step: int, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Attribute]

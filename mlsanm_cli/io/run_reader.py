@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_COLUMNS
+from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_COLUMNS, PROBE_COLUMNS
 from mlsanm_cli.io.run_dir import RUN_FILE
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 # A reader can catch the writer in the middle of a flush, which takes well below a millisecond.
 _ATTEMPTS = 5
 _PAUSE = 0.02
+
+MAPS = ("forces", "slip", "probes")
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -79,6 +81,15 @@ class ContactData:
 
 
 @dataclass(frozen=True)
+class ProbeData:
+    """Displacement (S+1, 2), stress (S+1, 3) and von Mises stress (S+1,) at a probe."""
+
+    displacement: FloatArray
+    stress: FloatArray
+    von_mises: FloatArray
+
+
+@dataclass(frozen=True)
 class SavedState:
     """Fields saved at one position: body name -> field name -> array (n,), (n, 2) or (n, 3)."""
 
@@ -88,7 +99,11 @@ class SavedState:
 
 @dataclass(frozen=True)
 class RunData:
-    """One run as read from its directory; mappings keep the order of the case."""
+    """One run as read from its directory; mappings keep the order of the case.
+
+    ``maps[kind][name]`` (r, 1 + u) take 1 and the unknowns of the path, load factors, motions, pressures and
+    tractions, to forces, slips or what a probe observes; there are none where no series are.
+    """
 
     directory: Path
     attributes: Mapping[str, str | int | float]
@@ -98,6 +113,8 @@ class RunData:
     path: PathData
     contacts: Mapping[str, ContactData]
     states: tuple[SavedState, ...]
+    probes: Mapping[str, ProbeData]
+    maps: Mapping[str, Mapping[str, FloatArray]]
 
     @property
     def status(self) -> str:
@@ -141,7 +158,7 @@ def _read(file: Path) -> RunData:
                 f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
                 hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
             )
-        path, contacts = _history(root)
+        path, contacts, probes = _history(root)
         return RunData(
             directory=file.parent,
             attributes=MappingProxyType(attributes),
@@ -151,16 +168,20 @@ def _read(file: Path) -> RunData:
             path=path,
             contacts=contacts,
             states=_states(root),
+            probes=probes,
+            maps={kind: {name: data[...] for name, data in _items(root, f"maps/{kind}")} for kind in MAPS},
         )
 
 
-def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData]]:
-    """The path and the contacts, cut to the rows that every dataset has.
+def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData], Mapping[str, ProbeData]]:
+    """The path, the contacts and the probes, cut to the rows that every dataset has.
 
     A run killed inside a flush leaves some datasets one row longer than others.
     """
     groups = dict(_items(root, "contacts"))
+    observed = dict(_items(root, "probes"))
     histories = [group[key] for group in groups.values() for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)]
+    histories += [group[key] for group in observed.values() for key in PROBE_COLUMNS]
     path: dict[str, Any] = {key: np.empty(0, dtype) for key, dtype in PATH_COLUMNS.items()}
     path |= {"factors": {}, "resultants": {}, "displacements": {}}
     rows = 0
@@ -181,7 +202,11 @@ def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData]]:
         )
         for name, group in groups.items()
     }
-    return PathData(**path), MappingProxyType(contacts)
+    probes = {
+        name: ProbeData(**{key: group[key][:rows] for key in PROBE_COLUMNS})
+        for name, group in observed.items()
+    }
+    return PathData(**path), MappingProxyType(contacts), MappingProxyType(probes)
 
 
 def _states(root: Any) -> tuple[SavedState, ...]:

@@ -97,8 +97,7 @@ class BodyModel:
         ghosts.
         """
         _refuse_coincident(name, cloud)
-        if material.nearly_incompressible and settings.neighbors is None:
-            settings = replace(settings, neighbors=math.ceil(MORE_NEIGHBORS * settings.stencil_size))
+        settings = enough_neighbors(settings, material)
         ghosts, nodes = np.zeros(0, dtype=np.int64), cloud.points
         if settings.scheme == "ghost":
             if cloud.sight is not None:
@@ -164,6 +163,13 @@ class BodyModel:
         gradient = np.array([[xx, 0.5 * twice_xy], [0.5 * twice_xy, yy]])
         result: FloatArray = (self.nodes - self.nodes.mean(axis=0)) @ gradient
         return result
+
+
+def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
+    """The settings with the stencils that the material needs, unless the case says how large they are."""
+    if material.nearly_incompressible and settings.neighbors is None:
+        return replace(settings, neighbors=math.ceil(MORE_NEIGHBORS * settings.stencil_size))
+    return settings
 
 
 def _refuse_coincident(name: str, cloud: Cloud) -> None:

@@ -14,6 +14,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
+from mlsanm_cli.mechanics.probes import Probe
 
 ROTATION = 2
 
@@ -101,6 +102,7 @@ class Scene:
     held_nodes: Mapping[str, tuple[bool, bool]]
     body_forces: tuple[BodyForce, ...] = ()
     heatings: tuple[Heating, ...] = ()
+    probes: tuple[Probe, ...] = ()
 
     def surface(self, body: str, name: str) -> Surface:
         """A body's surface by name."""

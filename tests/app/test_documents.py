@@ -134,6 +134,16 @@ def test_links_and_pictures_are_there() -> None:
             assert (folder / target).is_file(), target
 
 
+def test_the_gallery_shows_every_published_case() -> None:
+    page = (ROOT / "docs" / "gallery.md").read_text()
+    for case in (ROOT / "cases").glob("*.toml"):
+        assert f"(../cases/{case.name})" in page, f"python benchmarks/gallery.py --only {case.stem}"
+    targets = re.findall(r"\]\(([^)#:]+)\)", page)
+    assert len(targets) >= 18
+    for target in targets:
+        assert (ROOT / "docs" / target).stat().st_size < 150_000
+
+
 def test_summary_is_documented(hertz_run: Path, bar_run: Path) -> None:
     for summary in (summary_of(hertz_run), summary_of(bar_run)):
         for key in (*summary, *(key for contact in summary["contacts"].values() for key in contact)):

@@ -233,7 +233,6 @@ def test_monolithic_is_for_smooth_contact_laws() -> None:
     [
         ("support.0.uy=0.1", "support that moves"),
         ('contact.interface={name="interface", slave="cylinder.arc", obstacle={kind="plane"}}', "obstacle"),
-        ('probe=[{name="tip"}]', "[[probe]]"),
     ],
 )
 def test_planned_keys_are_refused_by_name(setting: str, words: str) -> None:

@@ -22,13 +22,26 @@ def mlsanm(*arguments: str, code: str = "") -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, env=environment, check=False, cwd=ROOT)
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["run", "--help"], ["compare", "--help"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["--version"], ["run", "--help"], ["compare", "--help"], ["probe", "--help"]],
+)
 def test_nothing_heavy_is_imported(arguments: list[str]) -> None:
     code = (
         "import sys; from mlsanm_cli.cli import main; main(sys.argv[1:]);"
         f"print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
     )
     assert mlsanm(*arguments, code=code).stderr.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize("arguments", [["schema"], ["explain", "solver.order"], ["new", "--list"]])
+def test_commands_for_writing_a_case_do_without_numerics(arguments: list[str]) -> None:
+    heavy = tuple(name for name in HEAVY if name != "pydantic")
+    code = (
+        "import sys; from mlsanm_cli.cli import main; code = main(sys.argv[1:]);"
+        f"print(code, [name for name in {heavy} if name in sys.modules], file=sys.stderr)"
+    )
+    assert mlsanm(*arguments, code=code).stderr.splitlines()[-1] == "0 []"
 
 
 def test_help_is_instant() -> None:

@@ -1,0 +1,272 @@
+"""Every published case with its picture, its closed formula, its error and its time: docs/gallery.md.
+
+    python benchmarks/gallery.py [--only CASE ...] [--keep DIR]
+
+Takes every case in cases/ that has an entry in ``ENTRIES`` below or a [reference], and names the others at
+the end of the page. Each runs in a process of its own, on one thread with compiled kernels; its time is the
+CPU time that its summary tells. With --only the figures of other cases are taken from docs/gallery.json,
+where all are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from mlsanm_cli.arrays import FloatArray  # noqa: E402
+from mlsanm_cli.io.run_reader import ContactData, RunData, read_run  # noqa: E402
+from mlsanm_cli.reference.kirsch import KirschHole  # noqa: E402
+from mlsanm_cli.reference.lame import LameRing  # noqa: E402
+
+PAGE = ROOT / "docs" / "gallery.md"
+FIGURES = ROOT / "docs" / "gallery.json"
+PICTURES = ROOT / "docs" / "gallery"
+WIDTH = 760
+LARGEST = 150_000
+Judge = Callable[[RunData], dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Which picture of `mlsanm plot` shows the case, what it is checked against, and the relative errors."""
+
+    picture: str
+    formula: str
+    judge: Judge | None = None
+
+
+def _only(run: RunData) -> ContactData:
+    (contact,) = run.contacts.values()
+    return contact
+
+
+def _at(run: RunData, position: float) -> int:
+    return int(np.flatnonzero(run.path.position == position)[0])
+
+
+def _kirsch(run: RunData) -> dict[str, float]:
+    points, stress = run.bodies["plate"].points, run.states[-1].bodies["plate"]["stress"]
+    rim = np.hypot(points[:, 0], points[:, 1]) <= 1.0 + 1e-9
+    exact = KirschHole(1.0, 100.0).stress(points)
+    return {
+        "largest stress": abs(stress[rim, 0].max() / exact[rim, 0].max() - 1.0),
+        "stress anywhere, over the largest": np.abs(stress - exact).max() / exact.max(),
+    }
+
+
+def _lame(run: RunData) -> dict[str, float]:
+    ring = LameRing(1.0, 2.0, 100.0, 210e3 / (1.0 - 0.3**2), 0.3 / 0.7)
+    points, fields = run.bodies["ring"].points, run.states[-1].bodies["ring"]
+    r = np.hypot(points[:, 0], points[:, 1])
+    c, s = (points / r[:, None]).T
+    moved, expected = fields["displacement"] @ np.eye(2), ring.displacement(r)
+    xx, yy, xy = fields["stress"].T
+    radial, hoop = ring.stress(r)
+    off = np.maximum(
+        np.abs(xx * c**2 + yy * s**2 + 2.0 * xy * c * s - radial),
+        np.abs(xx * s**2 + yy * c**2 - 2.0 * xy * c * s - hoop),
+    )
+    return {
+        "displacement": np.abs(moved[:, 0] * c + moved[:, 1] * s - expected).max() / expected.max(),
+        "stress": off.max() / np.abs(hoop).max(),
+    }
+
+
+def _cattaneo(run: RunData) -> dict[str, float]:
+    """The part of the tractions even about the middle, for the pressing of finite bodies shears a little."""
+    contact, half, peak, friction = _only(run), 0.05, 2884.7, 0.3
+    x = np.linspace(-1.3 * half, 1.3 * half, 2001)
+    order = np.argsort(contact.points[:, 0])
+    inner = half * np.sqrt(0.5)
+    arcs = [np.sqrt(np.maximum(0.0, 1.0 - (x / r) ** 2)) for r in (half, inner)]
+    expected = friction * peak * (arcs[0] - inner / half * arcs[1])
+
+    def even(values: FloatArray) -> FloatArray:
+        nodes, values = contact.points[order, 0], values[order]
+        return 0.5 * (np.interp(x, nodes, values) + np.interp(-x, nodes, values))
+
+    found = {name: even(contact.traction[_at(run, at)]) for name, at in (("sheared", 2.0), ("reversed", 4.0))}
+    signs = {"sheared": -1.0, "reversed": 1.0}
+    return {
+        f"traction, {name}, L2": float(
+            np.linalg.norm(values - signs[name] * expected) / np.linalg.norm(expected)
+        )
+        for name, values in found.items()
+    }
+
+
+def _slide(run: RunData) -> dict[str, float]:
+    contact = _only(run)
+    force = contact.traction @ contact.weight / 200.0
+    return {"friction force": max(abs(force[_at(run, 2.0)] + 0.3), abs(force[_at(run, 3.0)] - 0.3)) / 0.3}
+
+
+def _wedge(run: RunData) -> dict[str, float]:
+    friction = tomllib.loads(run.case_resolved)["contact"][0]["friction"]
+    expected = (0.1 + friction) / (1.0 - 0.1 * friction)
+    return {"pushing force": abs(run.path.resultants["push"][-1, 0] / 100.0 / expected - 1.0)}
+
+
+def _shear_patch(run: RunData) -> dict[str, float]:
+    contact = _only(run)
+    return {
+        "pressure": np.abs(contact.pressure[-1] / 100.0 - 1.0).max(),
+        "traction": np.abs(contact.traction[-1] / -20.0 - 1.0).max(),
+    }
+
+
+HERTZ = "Hertz' line contact: p = p0 sqrt(1 - x²/a²), a² = 4 F R/(pi E*), p0 = 2 F/(pi a)"
+REFERENCES = {
+    "hertz-line": Entry("pressure", HERTZ),
+    "uniform-pressure": Entry("bodies", "the same pressure everywhere"),
+}
+ENTRIES: dict[str, Entry] = {
+    "kirsch": Entry("bodies", "Kirsch: three times the tension at the hole of a wide plate", _kirsch),
+    "lame": Entry("bodies", "Lamé: radial and hoop stress A ∓ B/r²", _lame),
+    "cattaneo_mindlin": Entry(
+        "traction",
+        "Cattaneo and Mindlin: mu p less the same for the zone that sticks, of half-width "
+        "a sqrt(1 - Q/(mu P)); half-planes, from which finite bodies differ by some per cent",
+        _cattaneo,
+    ),
+    "block_slide": Entry("loop", "Coulomb: the friction force of a sliding block is mu P, both ways", _slide),
+    "wedge": Entry("bodies", "forces on a slope: F = W (tan b + mu)/(1 - mu tan b)", _wedge),
+    "shear_patch": Entry("bodies", "the same pressure and the same traction everywhere", _shear_patch),
+}
+
+
+def main() -> None:
+    """Run the cases and write the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", nargs="*", default=[], metavar="CASE")
+    parser.add_argument("--keep", type=Path, help="keep the run directories here")
+    arguments = parser.parse_args()
+    figures = json.loads(FIGURES.read_text()) if arguments.only and FIGURES.is_file() else {}
+    PICTURES.mkdir(exist_ok=True)
+    others = []
+    with tempfile.TemporaryDirectory() as scratch:
+        for file in sorted((ROOT / "cases").glob("*.toml")):
+            entry = _entry(file)
+            if entry is None:
+                others.append(file.stem)
+            elif file.stem in arguments.only or not arguments.only:
+                figures[file.stem] = _solved(file, entry, (arguments.keep or Path(scratch)) / file.stem)
+                print(file.stem, json.dumps(figures[file.stem]["errors"]), flush=True)
+    figures = {name: figures[name] for name in sorted(figures) if (ROOT / "cases" / f"{name}.toml").is_file()}
+    FIGURES.write_text(json.dumps(figures, indent=2) + "\n")
+    PAGE.write_text(page(figures, others))
+
+
+def _entry(file: Path) -> Entry | None:
+    reference = tomllib.loads(file.read_text()).get("reference", {})
+    return ENTRIES.get(file.stem, REFERENCES.get(reference.get("solution", "")))
+
+
+def _solved(file: Path, entry: Entry, directory: Path) -> dict[str, Any]:
+    """Run and draw a case, put its picture into docs, and return its figures."""
+    command = [sys.executable, "-m", "mlsanm_cli.cli"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    for arguments in (
+        ["run", str(file), "--out", str(directory), "--force", "--quiet"],
+        ["plot", str(directory)],
+    ):
+        subprocess.run([*command, *arguments], check=True, env=environment, stdout=subprocess.DEVNULL)
+    summary = json.loads((directory / "summary.json").read_text())
+    run = read_run(directory)
+    errors = entry.judge(run) if entry.judge else _of_summary(summary)
+    (drawn,) = sorted(directory.glob(f"plot_{entry.picture}*.png"))
+    _shrink(drawn, PICTURES / f"{file.stem}.png")
+    return {
+        "title": tomllib.loads(file.read_text())["title"],
+        "formula": entry.formula,
+        "errors": {name: float(error) for name, error in errors.items()},
+        "nodes": summary["nodes"],
+        "contact_unknowns": summary["contact_unknowns"],
+        "steps": summary["steps"],
+        "cpu_seconds": summary["seconds"]["total"],
+    }
+
+
+def _of_summary(summary: dict[str, Any]) -> dict[str, float]:
+    (contact,) = summary["contacts"].values()
+    reference = contact["reference"]
+    errors = {
+        "pressure, L2": reference["pressure_error_l2"],
+        "peak": abs(contact["peak_pressure"] / reference["peak_pressure"] - 1.0),
+    }
+    if reference["solution"] == "hertz-line":
+        errors["half-width at 1 % of the peak"] = abs(contact["half_width"] / reference["half_width"] - 1.0)
+    return errors
+
+
+def _shrink(source: Path, target: Path) -> None:
+    """The picture with ``WIDTH`` pixels and a palette."""
+    with Image.open(source) as picture:
+        size = WIDTH, round(WIDTH * picture.height / picture.width)
+        small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(128)
+        small.save(target, optimize=True)
+    if target.stat().st_size > LARGEST:
+        raise SystemExit(f"{target} has {target.stat().st_size} bytes, more than {LARGEST}")
+
+
+def page(figures: dict[str, Any], others: list[str]) -> str:
+    """The page as Markdown."""
+    lines = [
+        "# Gallery",
+        "",
+        "Every published case against its closed formula, made by `benchmarks/gallery.py`. CPU times are of "
+        "a busy machine, start of the program included; only their ratios mean something.",
+        "",
+        "| case | largest error | nodes | CPU s |",
+        "|---|---|---|---|",
+    ]
+    for name, case in figures.items():
+        worst = max(case["errors"], key=lambda key: case["errors"][key])
+        lines.append(
+            f"| [{name}](#{name}) | {_percent(case['errors'][worst])} ({worst}) | {case['nodes']:,} "
+            f"| {case['cpu_seconds']:.1f} |"
+        )
+    for name, case in figures.items():
+        errors = ", ".join(f"{key} {_percent(error)}" for key, error in case["errors"].items())
+        lines += [
+            "",
+            f"## {name}",
+            "",
+            f"{case['title']}: [{name}.toml](../cases/{name}.toml)",
+            "",
+            f"![{case['title']}](gallery/{name}.png)",
+            "",
+            f"Checked against {case['formula']}.",
+            "",
+            f"Errors: {errors}. {case['nodes']:,} nodes, {case['contact_unknowns']} contact unknowns, "
+            f"{case['steps']} steps.",
+        ]
+    if others:
+        listed = ", ".join(f"[{name}.toml](../cases/{name}.toml)" for name in others)
+        lines += ["", "## Cases without a closed formula", "", f"{listed}"]
+    return "\n".join(lines) + "\n"
+
+
+def _percent(error: float) -> str:
+    return f"{100.0 * error:.2g} %" if error >= 1e-6 else f"{error:.0e}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""The state of a stored run at any position of its path, and how it is known there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.continuation import Branch
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.run_reader import RunData
+from mlsanm_cli.io.series_reader import read_series
+
+STORED, SERIES, LINEAR = "stored", "series", "linear"
+SAME = 1e-12
+"""Positions this close, per stage, are the same."""
+MIXTURE = 1e-9
+"""A level is a mixture of saved ones where their load factors give its own to this part."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A position of a path.
+
+    ``how`` is its state known: from row ``row``, from the series of the step that ends there, or, without
+    contact or where no load moves, as the mean of that row and the one before, the row's weight ``share``.
+
+    Of series ``pressure`` and ``gap`` (m,), ``motion`` (k,) and ``traction`` (n,), over all contacts.
+    """
+
+    position: float
+    how: str
+    row: int
+    share: float
+    factors: FloatArray
+    pressure: FloatArray
+    gap: FloatArray
+    motion: FloatArray
+    traction: FloatArray
+
+    @property
+    def unknowns(self) -> FloatArray:
+        """What the stored maps take (1 + u,)."""
+        return np.concatenate([[1.0], self.factors, self.motion, self.pressure, self.traction])
+
+    def between(self, history: FloatArray) -> FloatArray:
+        """A history (S+1, ...) at this level, if it is stored or linear."""
+        row = np.asarray(history[self.row], dtype=np.float64)
+        if self.how == STORED:
+            return row
+        result: FloatArray = self.share * row + (1.0 - self.share) * history[self.row - 1]
+        return result
+
+
+def level_at(run: RunData, position: float) -> Level:
+    """The level of a path position.
+
+    Raises RunError where the path does not reach the position, and where the run tells nothing of it: between
+    two stored states under the exact law, or by another method than series.
+    """
+    rows = np.asarray(run.path.position)
+    if not len(rows):
+        raise RunError(f"{run.directory} holds no finished step yet")
+    slack = SAME * max(abs(position), 1.0)
+    if not rows[0] - slack <= position <= rows[-1] + slack:
+        raise RunError(
+            f"position {position:g} is outside the path, which goes from {rows[0]:g} to {rows[-1]:g}",
+            "a position is the number of finished stages plus the finished fraction of the current one",
+        )
+    nothing = np.zeros(0)
+    same = np.flatnonzero(np.abs(rows - position) <= slack)
+    if len(same):
+        row = int(same[0])
+        factors = _factors(run, row, 1.0)
+        return Level(float(rows[row]), STORED, row, 1.0, factors, nothing, nothing, nothing, nothing)
+    row = int(np.flatnonzero(rows > position)[0])
+    share = float((position - rows[row - 1]) / (rows[row] - rows[row - 1]))
+    factors = _factors(run, row, share)
+    arrays, attributes = read_series(run.directory, row)
+    if arrays:
+        names = [name for name in ("pressure", "gap", "motion", "traction") if name in arrays]
+        parts = [arrays[name] for name in names]
+        length = float(attributes["length"])
+        branch = Branch(np.hstack(parts), arrays["position"], length, arrays.get("denominator"))
+        x, _ = branch.evaluate(branch.parameter_at(position))
+        ends = np.cumsum([part.shape[1] for part in parts])[:-1]
+        values = {"traction": nothing, **dict(zip(names, np.split(x, ends), strict=True))}
+        return Level(position, SERIES, row, share, factors, **values)
+    if not run.contacts or np.array_equal(factors, _factors(run, row - 1, 1.0)):
+        return Level(position, LINEAR, row, share, factors, nothing, nothing, nothing, nothing)
+    raise RunError(
+        f"nothing is stored between positions {rows[row - 1]:.6g} and {rows[row]:.6g}, "
+        f"and contact is not linear there",
+        f"run again with {position:g} in output.at; series (law hyperbolic, method anm) know all of the path",
+    )
+
+
+def _factors(run: RunData, row: int, share: float) -> FloatArray:
+    """Load factors (L,), which go straight from stage to stage."""
+    history = np.array([np.asarray(values) for values in run.path.factors.values()])
+    if share == 1.0:
+        return np.asarray(history[:, row], dtype=np.float64)
+    return np.asarray(share * history[:, row] + (1.0 - share) * history[:, row - 1], dtype=np.float64)
+
+
+def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, str]:
+    """Displacements (n, 2) of a body's nodes at a level whose fields are saved, and how they are known.
+
+    Without contact every state is a sum of others; the saved ones then give any level whose load factors they
+    span. Raises RunError where that cannot be had.
+    """
+    saved = [state for state in run.states if "displacement" in state.bodies[body]]
+    if not saved:
+        raise RunError(
+            f"{run.directory} holds no displacement fields",
+            'add "displacement" to output.fields, or a [[probe]] at the point',
+        )
+    for state in saved:
+        if abs(state.position - level.position) <= SAME * max(abs(level.position), 1.0):
+            return state.bodies[body]["displacement"], STORED
+    if not run.contacts:
+        known = np.array([level_at(run, state.position).factors for state in saved])
+        shares = np.linalg.lstsq(known.T, level.factors, rcond=None)[0]
+        missed = np.abs(shares @ known - level.factors).max(initial=0.0)
+        if missed <= MIXTURE * max(np.abs(level.factors).max(initial=0.0), 1.0):
+            fields = np.array([state.bodies[body]["displacement"] for state in saved])
+            return np.asarray(np.einsum("s,snd->nd", shares, fields), dtype=np.float64), LINEAR
+    places = ", ".join(f"{state.position:g}" for state in saved)
+    raise RunError(
+        f"fields are saved at position {places} only, not at {level.position:g}",
+        f"run again with {level.position:g} in output.at, or with a [[probe]] at the point",
+    )

@@ -1,0 +1,244 @@
+"""``mlsanm probe``: stored quantities of a run at any level of its path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.app.levels import SERIES, Level, displacement_at, level_at
+from mlsanm_cli.app.materials import materials
+from mlsanm_cli.app.scene import mls_settings
+from mlsanm_cli.app.views import boundary_edges
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Temperature, parse_case
+from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.run_reader import RunData, read_run
+from mlsanm_cli.mechanics.body import enough_neighbors
+from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
+from mlsanm_cli.operators.stencils import build_stencils
+
+QUANTITIES = ("pressure", "traction", "gap", "slip")
+FIELDS: Mapping[str, tuple[str, ...]] = {
+    "displacement": ("ux", "uy"),
+    "stress": ("xx", "yy", "xy"),
+    "von_mises": ("von_mises",),
+}
+Values = dict[str, Any]
+
+
+def contents(rundir: Path) -> Mapping[str, Any]:
+    """What can be probed in a run."""
+    run = read_run(rundir)
+    rows = run.path.position
+    return {
+        "path": [float(rows[0]), float(rows[-1])] if run.path.rows else [],
+        "contacts": list(run.contacts),
+        "forces": [*run.path.resultants, *run.contacts],
+        "bodies": list(run.bodies),
+        "probes": list(run.probes),
+        "fields_at": [state.position for state in run.states],
+    }
+
+
+def probe_contact(
+    rundir: Path, at: Sequence[float], name: str, quantities: Sequence[str] = ()
+) -> list[Values]:
+    """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them unless told."""
+    run, case = _read(rundir)
+    _known(name, run.contacts, "contact")
+    rough = bool(_friction(case)[name])
+    for wanted in quantities:
+        if wanted in ("traction", "slip") and not rough:
+            raise RunError(f'contact "{name}" has no friction and so no {wanted}', "ask for pressure or gap")
+    chosen = quantities or (QUANTITIES if rough else ("pressure", "gap"))
+    contact = run.contacts[name]
+    place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
+    levels = _levels(run, at)
+    return [
+        _told(level) | place | {key: _on_contact(run, case, level, name, key) for key in chosen}
+        for level in levels
+    ]
+
+
+def probe_force(rundir: Path, at: Sequence[float], name: str) -> list[Values]:
+    """Force (x, y) that a load or support exerts on its body, or a contact on its slave."""
+    run, case = _read(rundir)
+    _known(name, [*run.path.resultants, *run.contacts], "load, support or contact")
+    if name in run.path.resultants and name in run.contacts:
+        raise RunError(f'"{name}" is both a load and a contact', "give one of them another name")
+    rows = []
+    for level in _levels(run, at):
+        if name in run.contacts:
+            force = _contact_force(run, case, level, name)
+        elif level.how == SERIES:
+            force = _mapped(run, level, "forces", name)
+        else:
+            force = level.between(run.path.resultants[name])
+        rows.append(_told(level) | {"fx": float(force[0]), "fy": float(force[1])})
+    return rows
+
+
+def probe_named(rundir: Path, at: Sequence[float], name: str, field: str | None = None) -> list[Values]:
+    """What a ``[[probe]]`` of the case has seen."""
+    run, case = _read(rundir)
+    _known(name, run.probes, "[[probe]]")
+    body = next(probe.body for probe in case.probe if probe.name == name)
+    rows = []
+    for level in _levels(run, at):
+        if level.how == SERIES:
+            seen = _mapped(run, level, "probes", name)
+        else:
+            seen = np.concatenate(
+                [level.between(run.probes[name].displacement), level.between(run.probes[name].stress)]
+            )
+        rows.append(_told(level) | _fields(case, body, level, seen, field))
+    return rows
+
+
+def probe_point(
+    rundir: Path, at: Sequence[float], body: str, point: tuple[float, float], field: str | None = None
+) -> list[Values]:
+    """Displacement and stress of a body at any point, where the fields of the level are saved.
+
+    Values and derivatives of the local polynomials of the run's degree, fitted to the nodes' displacements.
+    The ghost scheme's polynomials lean on ghosts, which are not stored: without them stresses at surfaces
+    were off by as much as they are.
+    """
+    run, case = _read(rundir)
+    _known(body, run.bodies, "body")
+    if case.mls.scheme == "ghost":
+        raise RunError(
+            "fields of the ghost scheme are stored without the ghosts that values between nodes need",
+            "run again with a [[probe]] at the point",
+        )
+    levels = _levels(run, at)
+    found = [displacement_at(run, level, body) for level in levels]
+    rows = _rows_at(run, case, body, np.array([point]))
+    return [
+        {"position": level.position, "how": how}
+        | _fields(case, body, level, _stressed(case, body, level, rows @ displacement.ravel()), field)
+        for level, (displacement, how) in zip(levels, found, strict=True)
+    ]
+
+
+def _read(rundir: Path) -> tuple[RunData, Case]:
+    run = read_run(rundir)
+    return run, parse_case(run.case_resolved, run.directory / run_dir.RESOLVED_FILE).case
+
+
+def _levels(run: RunData, at: Sequence[float]) -> list[Level]:
+    if not at and run.path.rows:
+        at = (float(run.path.position[-1]),)
+    return [level_at(run, position) for position in at or (0.0,)]
+
+
+def _known(name: str, names: Any, what: str) -> None:
+    if name not in names:
+        there = f"there are: {', '.join(names)}" if names else "there is none"
+        raise RunError(f'the run has no {what} "{name}"', there)
+
+
+def _told(level: Level) -> Values:
+    return {"position": level.position, "how": level.how}
+
+
+def _friction(case: Case) -> dict[str, float]:
+    return {contact.name: contact.friction for contact in case.contact}
+
+
+def _mapped(run: RunData, level: Level, kind: str, name: str) -> FloatArray:
+    """What a stored map makes of the unknowns of a level."""
+    found = run.maps[kind].get(name)
+    if found is None:
+        raise RunError(
+            f"{run.directory} was written by a version that kept {kind} at the ends of steps only",
+            "run the case again, or ask for a stored position",
+        )
+    result: FloatArray = found @ level.unknowns
+    return result
+
+
+def _span(run: RunData, case: Case, name: str, rough_only: bool) -> slice:
+    """Places of a contact among the nodes of all contacts, or of those with friction."""
+    first = 0
+    for contact, friction in _friction(case).items():
+        if friction or not rough_only:
+            count = len(run.contacts[contact].arc_length)
+            if contact == name:
+                return slice(first, first + count)
+            first += count
+    return slice(0, 0)
+
+
+def _on_contact(run: RunData, case: Case, level: Level, name: str, quantity: str) -> FloatArray:
+    """One quantity (m,) of a contact."""
+    if level.how != SERIES:
+        return level.between(getattr(run.contacts[name], quantity))
+    if quantity == "slip":
+        return _mapped(run, level, "slip", name)
+    if quantity == "traction":
+        return level.traction[_span(run, case, name, rough_only=True)]
+    values: FloatArray = level.pressure if quantity == "pressure" else level.gap
+    return values[_span(run, case, name, rough_only=False)]
+
+
+def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatArray:
+    """Force (2,) on the slave."""
+    contact = run.contacts[name]
+    force = (contact.weight * _on_contact(run, case, level, name, "pressure")) @ contact.normal
+    if _friction(case)[name]:
+        tangent = np.stack([contact.normal[:, 1], -contact.normal[:, 0]], axis=1)
+        force = force + (contact.weight * _on_contact(run, case, level, name, "traction")) @ tangent
+    return np.asarray(force, dtype=np.float64)
+
+
+def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
+    """Rows (5, 2n) of displacement and stress at ``points`` (1, 2) over the stored nodes."""
+    data = run.bodies[body]
+    if not belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)[0]:
+        x, y = points[0]
+        raise RunError(f'({x:g}, {y:g}) lies outside body "{body}"', "give the point as it is before loading")
+    material = _material(case, body)
+    settings = enough_neighbors(mls_settings(case), material)
+    sight = look(data.points, boundary_edges(data))
+    stencils = build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight)
+    return point_rows(stencils, material.stiffness)
+
+
+def _material(case: Case, body: str) -> PlaneMaterial:
+    return materials(case)[next(one.material for one in case.body if one.name == body)]
+
+
+def _degrees(case: Case, body: str, level: Level) -> float:
+    """How much warmer than at the start the body is."""
+    loads = zip(case.load, level.factors, strict=True)
+    return sum(
+        float(factor) * load.temperature
+        for load, factor in loads
+        if isinstance(load, Temperature) and load.owner == body
+    )
+
+
+def _stressed(case: Case, body: str, level: Level, seen: FloatArray) -> FloatArray:
+    """Displacement and stress (5,), the latter without what free expansion would give."""
+    free = stress_of_expansion(_material(case, body)) * _degrees(case, body, level)
+    return np.concatenate([seen[:2], seen[2:] - free])
+
+
+def _fields(case: Case, body: str, level: Level, seen: FloatArray, field: str | None) -> Values:
+    """Columns of a displacement and stress (5,); of one field, or of all."""
+    stress = seen[None, 2:]
+    across = _material(case, body).across_stress(stress, _degrees(case, body, level))
+    values = np.concatenate([seen, von_mises(stress, across)])
+    columns = [name for names in FIELDS.values() for name in names]
+    wanted = FIELDS[field] if field else columns
+    return {name: float(value) for name, value in zip(columns, values, strict=True) if name in wanted}

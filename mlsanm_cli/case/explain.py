@@ -1,0 +1,268 @@
+"""``mlsanm explain``: what a key of the case file means, read from the JSON Schema and the starter cases."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any
+
+from mlsanm_cli.case.base import UNIT
+from mlsanm_cli.case.report import SYNONYMS
+from mlsanm_cli.case.schema import Node, follow, json_schema, tables, walk
+from mlsanm_cli.case.starters import kinds, starter
+from mlsanm_cli.errors import RunError
+
+_BOUNDS = {
+    "exclusiveMinimum": "above",
+    "minimum": "from",
+    "exclusiveMaximum": "below",
+    "maximum": "up to",
+}
+_TYPES = {"number": "number", "integer": "whole number", "boolean": "true or false", "string": "text"}
+_LARGEST = 2**31
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A key, or a table with its keys and what they mean.
+
+    ``place`` is the heading that the key stands under, ``kinds`` the kinds of the table that have it, where
+    not all have. ``default`` and ``example`` are TOML. ``variants`` says of every kind of a table what it is.
+    """
+
+    key: str
+    place: str
+    meaning: str
+    type: str = ""
+    unit: str = ""
+    allowed: str = ""
+    default: str = ""
+    required: bool = False
+    kinds: tuple[str, ...] = ()
+    example: str = ""
+    keys: Mapping[str, str] = field(default_factory=dict)
+    variants: Mapping[str, str] = field(default_factory=dict)
+
+
+def explain(key: str = "") -> tuple[Explanation, ...]:
+    """What is to be said of a dotted key; names of list items may stand in it or not. "" lists the tables.
+
+    Several explanations where kinds of a table give the key different meanings. Raises RunError, with the
+    nearest keys, for one that is none.
+    """
+    schema = _schema()
+    found, path = _find(schema, [part for part in key.split(".") if part])
+    if not found:
+        raise RunError(f'there is no key "{key}"', _nearest(schema, key))
+    if path and path[-1] == "kind":
+        return (_kind(schema, path, found),)
+    groups: dict[str, Explanation] = {}
+    for table, node in found:
+        one = _explain(schema, path, table, node)
+        same = json.dumps([one.meaning, one.type, one.allowed, one.unit, one.default, sorted(one.keys)])
+        before = groups.get(same, one)
+        kinds = tuple(dict.fromkeys([*before.kinds, *one.kinds]))
+        groups[same] = replace(before, kinds=kinds, required=one.required and before.required)
+    everywhere = len(groups) == 1 and len(found) == len(_siblings(schema, path))
+    return tuple(replace(one, kinds=() if everywhere else one.kinds) for one in groups.values())
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML writes it on one line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml_value, value))}]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {toml_value(item)}" for key, item in value.items()) + " }"
+    return repr(value)
+
+
+def heading(schema: Node, path: tuple[str, ...]) -> str:
+    """How TOML writes the table at a path: [model], [[body]], [material.NAME]."""
+    if not path:
+        return "the top of the file"
+    nodes = [node for _, node in _find(schema, list(path))[0]]
+    node = follow(schema, nodes[0])
+    name = ".".join(path)
+    if node.get("type") == "array":
+        return f"[[{name}]]"
+    return f"[{name}.NAME]" if "patternProperties" in node else f"[{name}]"
+
+
+def _find(schema: Node, parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
+    """Every table that holds the key, with the key's node; and the key without names of items."""
+    if not parts:
+        return [(schema, schema)], ()
+    current: list[tuple[Node, Node]] = [(schema, schema)]
+    path: tuple[str, ...] = ()
+    named = False
+    for part in parts:
+        inner = [table for _, node in current for table in tables(schema, node)] if path else [schema]
+        matches = [(table, table["properties"][part]) for table in inner if part in table["properties"]]
+        if matches:
+            current, path, named = matches, (*path, part), False
+        elif path and not named and _has_names(schema, current[0][1]):
+            named = True
+        else:
+            return [], path
+    return current, path
+
+
+def _has_names(schema: Node, node: Node) -> bool:
+    node = follow(schema, node)
+    return node.get("type") == "array" or "patternProperties" in node
+
+
+def _siblings(schema: Node, path: tuple[str, ...]) -> list[Node]:
+    """All tables at the place of a key, those without it included."""
+    if len(path) < 2:
+        return [schema]
+    return [table for _, node in _find(schema, list(path[:-1]))[0] for table in tables(schema, node)]
+
+
+def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Explanation:
+    inner = tables(schema, node) if path else (schema,)
+    place = heading(schema, path[:-1])
+    kind = table["properties"].get("kind", {}).get("const")
+    target = follow(schema, node)
+    own = Explanation(
+        key=".".join(path),
+        place=heading(schema, path) if inner else place,
+        meaning=_meaning(node, inner),
+        required=bool(path) and path[-1] in table.get("required", ()),
+        kinds=(kind,) if kind else (),
+        unit=node.get(UNIT, ""),
+        type=_table_type(target) if inner else _type(target),
+        allowed="" if inner else _allowed(target),
+    )
+    if inner:
+        return replace(own, keys=_keys(schema, inner), variants=_variants(inner))
+    default = toml_value(node["default"]) if "default" in node else ""
+    return replace(own, default=default, example=_example(path, default, own.kinds))
+
+
+def _kind(schema: Node, path: tuple[str, ...], found: list[tuple[Node, Node]]) -> Explanation:
+    """The key that tells the kinds of a table apart."""
+    options = [node["const"] for _, node in found]
+    return replace(
+        _explain(schema, path, *found[0]),
+        type=_TYPES["string"],
+        kinds=(),
+        allowed=", ".join(map(toml_value, options)),
+        variants=_variants(tuple(table for table, _ in found)),
+    )
+
+
+def _meaning(node: Node, inner: tuple[Node, ...]) -> str:
+    if "description" in node:
+        return " ".join(str(node["description"]).split())
+    if len(inner) == 1:
+        return " ".join(str(inner[0]["description"]).split())
+    return f"One of {len(inner)} kinds."
+
+
+def _variants(inner: tuple[Node, ...]) -> dict[str, str]:
+    if len(inner) < 2:
+        return {}
+    return {one["properties"]["kind"]["const"]: " ".join(str(one["description"]).split()) for one in inner}
+
+
+def _keys(schema: Node, inner: tuple[Node, ...]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for table in inner:
+        for key, node in table["properties"].items():
+            found.setdefault(key, _meaning(node, tables(schema, node)))
+    return found
+
+
+def _table_type(node: Node) -> str:
+    if node.get("type") == "array":
+        return "list of tables"
+    return "tables by name" if "patternProperties" in node else "table"
+
+
+def _type(node: Node) -> str:
+    if "anyOf" in node:
+        return " or ".join(_type(one) for one in node["anyOf"])
+    if "const" in node:
+        return toml_value(node["const"])
+    if "enum" in node:
+        return "one of the values allowed" if len(node["enum"]) > 1 else toml_value(node["enum"][0])
+    if node.get("type") == "array":
+        items = node["items"]
+        if isinstance(items, list):
+            return f"[{', '.join(_type(item) for item in items)}]"
+        return f"list of {_type(items)}" + (f", {node['minItems']} or more" if "minItems" in node else "")
+    if node.get("type") == "object":
+        return "table of numbers by name"
+    return _TYPES.get(node.get("type", ""), "value")
+
+
+def _allowed(node: Node) -> str:
+    for inner in node.get("anyOf", ()):
+        if _allowed(inner) and "const" not in inner:
+            return _allowed(inner)
+    if "enum" in node or "const" in node:
+        return ", ".join(toml_value(value) for value in node.get("enum", [node.get("const")]))
+    if isinstance(node.get("items"), dict) and ("enum" in node["items"] or _allowed(node["items"])):
+        return f"each {_allowed(node['items'])}"
+    return ", ".join(
+        f"{word} {node[bound]:g}" for bound, word in _BOUNDS.items() if node.get(bound, _LARGEST) < _LARGEST
+    )
+
+
+def _example(path: tuple[str, ...], default: str, kinds_of: tuple[str, ...]) -> str:
+    """A line of a starter case with the key, else one with its default."""
+    for content in _starters():
+        for value, table in _values(content, path, {}):
+            if not isinstance(value, dict) and (not kinds_of or table.get("kind") in kinds_of):
+                return f"{path[-1]} = {toml_value(value)}"
+    return f"{path[-1]} = {default}" if default else ""
+
+
+@cache
+def _schema() -> Node:
+    return json_schema()
+
+
+@cache
+def _starters() -> tuple[dict[str, Any], ...]:
+    return tuple(tomllib.loads(starter(kind)) for kind in kinds())
+
+
+def _values(data: Any, path: tuple[str, ...], table: Any) -> Iterator[tuple[Any, Any]]:
+    """Values of a key in the content of a case file, with their tables; items and names are tried."""
+    if not path:
+        yield data, table
+    elif isinstance(data, list):
+        for item in data:
+            yield from _values(item, path, table)
+    elif isinstance(data, dict):
+        if path[0] in data:
+            yield from _values(data[path[0]], path[1:], data)
+        elif data is not table:
+            for item in data.values():
+                if isinstance(item, dict):
+                    yield from _values(item, path, data)
+
+
+def _nearest(schema: Node, key: str) -> str:
+    known: list[str] = []
+    walk(schema, lambda path, node, table: known.append(".".join(path)))
+    known = list(dict.fromkeys(known))
+    last = key.rpartition(".")[2]
+    last = SYNONYMS.get(last.lower(), last)
+    near = [one for one in known if one.rpartition(".")[2] == last]
+    near = near or difflib.get_close_matches(key, known, n=3)
+    alike = difflib.get_close_matches(last, [one.rpartition(".")[2] for one in known], n=1)
+    near = near or [one for one in known if alike and one.rpartition(".")[2] == alike[0]]
+    if near:
+        return f"did you mean {' or '.join(near[:4])}?"
+    return '"mlsanm explain" lists the tables'

@@ -1,0 +1,26 @@
+"""Starter cases: one small, commented case for each kind of scene, which ``mlsanm new`` writes.
+
+The published checks, with finer clouds and their closed formulas, are the files in ``cases``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+
+SUFFIX = ".toml"
+
+
+def kinds() -> dict[str, str]:
+    """Title of every starter by its kind, in alphabetical order."""
+    names = sorted(entry.name for entry in resources.files(__name__).iterdir() if entry.name.endswith(SUFFIX))
+    return {name.removesuffix(SUFFIX): tomllib.loads(_read(name))["title"] for name in names}
+
+
+def starter(kind: str) -> str:
+    """The text of a starter."""
+    return _read(f"{kind}{SUFFIX}")
+
+
+def _read(name: str) -> str:
+    return resources.files(__name__).joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,105 @@
+"""Commands for writing a case: ``new``, ``schema``, ``explain``."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sys
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mlsanm_cli.cli.options import FILE, common, print_result
+from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.text import BOLD, paint, table
+from mlsanm_cli.errors import RunError
+
+DEFAULT_KIND = "hertz"
+
+
+@click.command()
+@click.argument("name", type=FILE, required=False)
+@click.option("--kind", default=DEFAULT_KIND, show_default=True, help="Kind of scene; see --list.")
+@click.option("--list", "listing", is_flag=True, help="Kinds of scenes, nothing written.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+@common
+@click.pass_obj
+def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: bool) -> int:
+    """Write a starter case to NAME.toml."""
+    from mlsanm_cli.case.report import suggestion
+    from mlsanm_cli.case.starters import kinds, starter
+
+    known = kinds()
+    if listing:
+        print_result(settings, {"kinds": known}, table("", list(known.items())))
+        return 0
+    if name is None:
+        raise RunError("no name given", "as in mlsanm new punch --kind hertz")
+    if kind not in known:
+        raise RunError(f'there is no kind "{kind}"', suggestion(kind, known, "kinds"))
+    file = name if name.suffix == ".toml" else name.with_name(f"{name.name}.toml")
+    try:
+        with file.open("w" if force else "x", encoding="utf-8") as stream:
+            stream.write(starter(kind))
+    except FileExistsError as error:
+        raise RunError(f"{file} is there already", "use --force to overwrite it, or another name") from error
+    result = {"file": str(file), "kind": kind}
+    print_result(settings, result, f"{file}\ncheck: mlsanm check {file}\nsolve: mlsanm run {file}")
+    return 0
+
+
+@click.command()
+@common
+@click.pass_obj
+def schema(settings: Settings) -> int:
+    """Print the JSON Schema of case files, for editors."""
+    from mlsanm_cli.case.schema import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=2))
+    return 0
+
+
+@click.command()
+@click.argument("key", required=False, default="")
+@common
+@click.pass_obj
+def explain(settings: Settings, key: str) -> int:
+    """Explain a KEY of the case file, as in body.refine.spacing; without one, list the tables."""
+    from mlsanm_cli.case.explain import explain as explain_key
+
+    found = [vars(one) for one in explain_key(key)]
+    color = settings.paints(sys.stdout)
+    print_result(settings, {"explanations": found}, "\n\n".join(_explanation(one, color) for one in found))
+    return 0
+
+
+def _explanation(one: dict[str, Any], color: bool) -> str:
+    width = min(shutil.get_terminal_size((100, 24)).columns, 100)
+    title = one["place"] if one["keys"] else f"{one['key']}, under {one['place']}"
+    kinds = f" ({', '.join(one['kinds'])})" if one["kinds"] else ""
+    lines = [paint(title, BOLD, color) + kinds, *_wrapped(one["meaning"], width, 2)]
+    rows = [(name, one[name]) for name in ("type", "unit", "allowed", "default", "example") if one[name]]
+    if one["key"]:
+        rows.append(("required", "yes" if one["required"] else "no"))
+        lines.append(table("", rows))
+    for heading, listed in (("kinds", one["variants"]), ("keys", one["keys"])):
+        if listed:
+            lines.append(f"  {heading}")
+            indent = max(map(len, listed)) + 6
+            for name, meaning in listed.items():
+                text = _wrapped(meaning if heading == "kinds" else _first(meaning), width, indent)
+                lines += [f"    {name}".ljust(indent) + text[0].lstrip(), *text[1:]]
+    return "\n".join(lines)
+
+
+def _wrapped(text: str, width: int, indent: int) -> list[str]:
+    space = " " * indent
+    return textwrap.wrap(text, width, initial_indent=space, subsequent_indent=space)
+
+
+def _first(text: str) -> str:
+    """The first part of a description."""
+    return re.split(r"[.;:]\s", text)[0].rstrip(".")

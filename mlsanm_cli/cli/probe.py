@@ -1,0 +1,161 @@
+"""``mlsanm probe``: options, tables and CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mlsanm_cli.cli.options import FILE, common, pretty_result, print_result
+from mlsanm_cli.cli.settings import Settings, set_threads
+from mlsanm_cli.cli.text import grid, label, number, plain
+from mlsanm_cli.errors import RunError
+
+_WAYS = {
+    "stored": "",
+    "series": "from the series of the step",
+    "linear": "between stored states, where all is linear",
+}
+
+
+class Point(click.ParamType[tuple[float, float]]):
+    """Two numbers with a comma between them."""
+
+    name = "X,Y"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float]:
+        """The point; click's usage error for anything else."""
+        try:
+            x, y = (float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f'"{value}" is no point; write --point 0.5,1.0', param, ctx)
+        if not (math.isfinite(x) and math.isfinite(y)):
+            self.fail("nan and inf are no places", param, ctx)
+        return x, y
+
+
+@click.command()
+@click.argument("rundir", type=FILE)
+@click.option("--at", type=float, multiple=True, help="Path position; repeatable.  [default: the end]")
+@click.option("--contact", metavar="NAME", help="A contact's nodes.")
+@click.option(
+    "--quantity",
+    "quantities",
+    type=click.Choice(["pressure", "traction", "gap", "slip"]),
+    multiple=True,
+    help="Of the contact; repeatable.  [default: all]",
+)
+@click.option("--force", metavar="NAME", help="Force of a load, support or contact.")
+@click.option("--probe", metavar="NAME", help="What a [[probe]] of the case has seen.")
+@click.option("--body", metavar="NAME", help="A body; with --point.")
+@click.option("--point", type=Point(), help="A place in the body, before loading.")
+@click.option(
+    "--field",
+    type=click.Choice(["displacement", "stress", "von_mises"]),
+    help="At the point or probe.  [default: all]",
+)
+@click.option("--csv", "as_csv", is_flag=True, help="Result as CSV on stdout.")
+@common
+@click.pass_obj
+def probe(
+    settings: Settings,
+    rundir: Path,
+    at: tuple[float, ...],
+    contact: str | None,
+    quantities: tuple[str, ...],
+    force: str | None,
+    probe: str | None,
+    body: str | None,
+    point: tuple[float, float] | None,
+    field: str | None,
+    as_csv: bool,
+) -> int:
+    """Tell a quantity of the run in RUNDIR at any load level.
+
+    Between stored states it comes from the series of the run. Without a choice: what there is to choose from.
+    """
+    set_threads(1)
+    from mlsanm_cli.app import probe as app
+
+    targets = [name for name in (contact, force, probe, body) if name is not None]
+    _refuse_mixtures(len(targets), contact, body, point, field, quantities, force)
+    if as_csv and settings.json:
+        raise RunError("--csv and --json cannot both be the result", "give one of them")
+    if not targets:
+        found = app.contents(rundir)
+        print_result(settings, found, pretty_result(settings, found))
+        return 0
+    if contact is not None:
+        title, rows = f"contact {contact}", app.probe_contact(rundir, at, contact, quantities)
+    elif force is not None:
+        title, rows = f"force of {force}", app.probe_force(rundir, at, force)
+    elif probe is not None:
+        title, rows = f"probe {probe}", app.probe_named(rundir, at, probe, field)
+    else:
+        assert body is not None
+        assert point is not None
+        title = f"{body} at ({point[0]:g}, {point[1]:g})"
+        rows = app.probe_point(rundir, at, body, point, field)
+    if as_csv:
+        click.echo(_csv(rows), nl=False)
+        return 0
+    print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))
+    return 0
+
+
+def _refuse_mixtures(
+    targets: int,
+    contact: str | None,
+    body: str | None,
+    point: tuple[float, float] | None,
+    field: str | None,
+    quantities: Sequence[str],
+    force: str | None,
+) -> None:
+    """RunError for options that do not go together."""
+    if targets > 1:
+        raise RunError("more than one thing to probe", "give one of --contact, --force, --probe and --body")
+    if (body is None) != (point is None):
+        raise RunError("--body and --point go together", "as in --body block --point 0,-0.5")
+    if quantities and contact is None:
+        raise RunError("--quantity is of a contact", "add --contact NAME")
+    if field is not None and (contact is not None or force is not None or not targets):
+        raise RunError("--field is of a point", "add --body and --point, or --probe")
+
+
+def _text(title: str, rows: Sequence[Mapping[str, Any]], color: bool) -> str:
+    """One table over the levels; of a contact one table per level."""
+    if any(hasattr(value, "tolist") for value in rows[0].values()):
+        return "\n".join(_nodes(title, row, color) for row in rows)
+    columns = [key for key in rows[0] if key != "how"]
+    cells = [[*(number(row[key]) for key in columns), _WAYS[row["how"]]] for row in rows]
+    return grid(title, [*map(label, columns), ""], cells, color)
+
+
+def _nodes(title: str, row: Mapping[str, Any], color: bool) -> str:
+    columns = [key for key in row if key not in ("position", "how")]
+    way = f", {_WAYS[row['how']]}" if _WAYS[row["how"]] else ""
+    cells = [list(map(number, values)) for values in zip(*(plain(row[key]) for key in columns), strict=True)]
+    return grid(f"{title}, position {number(row['position'])}{way}", [*map(label, columns)], cells, color)
+
+
+def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    """One line per level, of a contact one per level and node."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    columns = [key for key in rows[0] if key != "how"]
+    writer.writerow(columns)
+    for row in rows:
+        values = [plain(row[key]) for key in columns]
+        count = next((len(value) for value in values if isinstance(value, list)), 1)
+        spread = [value if isinstance(value, list) else [value] * count for value in values]
+        writer.writerows(zip(*spread, strict=True))
+    return stream.getvalue()

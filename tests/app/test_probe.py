@@ -1,0 +1,236 @@
+"""`[[probe]]` and `mlsanm probe`: values at points and levels against formulas and against each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app import probe
+from mlsanm_cli.app.levels import SERIES, level_at
+from mlsanm_cli.case.starters import starter
+from mlsanm_cli.errors import CaseError, RunError
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import BAR, PATCH, hertz, solve
+
+LOAD = -226.0
+PROBES = (
+    'probe=[{name="below", body="block", point=[0.003, -0.05]},'
+    '{name="top", body="cylinder", point=[0.0, 1.0]}]'
+)
+POINT = (0.003, -0.05)
+
+
+@pytest.fixture(scope="module")
+def hertz_probes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Hyperbolic law, fields saved at 0.3 and 1."""
+    directory = tmp_path_factory.mktemp("probe") / "hertz"
+    assert solve(hertz(), directory, PROBES, "output.at=[0.3, 1.0]")["status"] == "done"
+    return directory
+
+
+@pytest.fixture(scope="module")
+def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Smooth law with friction, pressed and sheared."""
+    directory = tmp_path_factory.mktemp("probe") / "rubbing"
+    law = 'contact.interface.regularization.law="hyperbolic"'
+    coarse = [f"body.{body}.refine.0.spacing=0.012" for body in ("cylinder", "block")]
+    probes = 'probe=[{name="p", body="block", point=[0.02, -0.05]}]'
+    settings = (law, probes, *coarse, "stage=[{press=1.0},{shear=1.0}]", "output.at=[1.4, 2.0]")
+    assert solve(starter("friction"), directory, *settings)["status"] == "done"
+    return directory
+
+
+def values(row: dict[str, Any]) -> Any:
+    return np.array([row[key] for key in ("ux", "uy", "xx", "yy", "xy", "von_mises")])
+
+
+def test_linear_fields_are_exact(tmp_path: Path) -> None:
+    """Uniaxial stress: E = 200e3, nu = 0.25, pulled by 30, then squeezed by 40."""
+    probes = 'probe=[{name="p", body="bar", point=[1.3, 0.7]}]'
+    summary = solve(BAR, tmp_path / "bar", probes)
+    for position, pull, squeeze in ((0.0, 0.0, 0.0), (0.3, 9.0, 0.0), (1.0, 30.0, 0.0), (1.6, 30.0, -24.0)):
+        strain = (pull - 0.25 * squeeze) / 200e3, (squeeze - 0.25 * pull) / 200e3
+        mises = np.sqrt(pull**2 - pull * squeeze + squeeze**2)
+        exact = np.array([1.3 * strain[0], 0.7 * strain[1], pull, squeeze, 0.0, mises])
+        scale = np.array([1e-4, 1e-4, 30.0, 30.0, 30.0, 30.0])
+        (named,) = probe.probe_named(tmp_path / "bar", [position], "p")
+        (field,) = probe.probe_point(tmp_path / "bar", [position], "bar", (1.3, 0.7))
+        assert np.abs((values(named) - exact) / scale).max() <= 1e-9
+        assert np.abs((values(field) - exact) / scale).max() <= 1e-9
+        (force,) = probe.probe_force(tmp_path / "bar", [position], "pull")
+        assert force["fx"] == pytest.approx(pull, abs=1e-9)
+    assert summary["probes"]["p"]["stress"] == pytest.approx([30.0, -40.0, 0.0], abs=1e-9)
+
+
+def test_saved_fields_give_only_levels_that_they_span(tmp_path: Path) -> None:
+    """One load saved: any level of it can be had, none with the other load."""
+    solve(BAR, tmp_path / "bar", "output.at=[0.5]")
+    (row,) = probe.probe_point(tmp_path / "bar", [0.8], "bar", (1.3, 0.7), "stress")
+    assert (row["xx"], row["yy"]) == pytest.approx((24.0, 0.0), abs=1e-8)
+    with pytest.raises(RunError, match=r"saved at position 0\.5 only"):
+        probe.probe_point(tmp_path / "bar", [1.2], "bar", (1.3, 0.7))
+
+
+def test_the_ring_converges_to_lame(tmp_path: Path) -> None:
+    """Hoop stress at the inner side 500/3, displacement there by the closed formula."""
+    errors = []
+    for spacing in (0.2, 0.05):
+        summary = solve(starter("ring"), tmp_path / f"ring{spacing}", f"body.ring.spacing={spacing}")
+        seen = summary["probes"]["inner"]
+        plane, ratio = 210e3 / (1.0 - 0.3**2), 0.3 / 0.7
+        moved = 100.0 / plane * (5.0 / 3.0 + ratio)
+        errors.append([seen["stress"][1] / (500.0 / 3.0) - 1.0, seen["displacement"][0] / moved - 1.0])
+    coarse, fine = np.abs(errors)
+    assert (fine <= [0.001, 0.0003]).all()
+    assert (fine <= coarse / 4.0).all()
+
+
+def test_probes_see_what_the_fields_show(hertz_probes: Path) -> None:
+    """Rows condensed with the contact against fields solved for, inside a step and at its end."""
+    run = read_run(hertz_probes)
+    assert level_at(run, 0.3).how == SERIES
+    for name, body, point in (("below", "block", POINT), ("top", "cylinder", (0.0, 1.0))):
+        named = probe.probe_named(hertz_probes, [0.3, 1.0], name)
+        field = probe.probe_point(hertz_probes, [0.3, 1.0], body, point)
+        for one, other in zip(named, field, strict=True):
+            difference = np.abs(values(one) - values(other))
+            assert difference[:2].max() <= 1e-9 * np.abs(values(other)[:2]).max()
+            assert difference[2:].max() <= 1e-8 * np.abs(values(other)[2:]).max()
+    assert run.probes["below"].stress.shape == (run.path.rows, 3)
+
+
+def test_probes_change_nothing_else(hertz_probes: Path, hertz_run: Path) -> None:
+    one, other = read_run(hertz_probes), read_run(hertz_run)
+    assert np.array_equal(one.path.position, other.path.position)
+    assert np.array_equal(one.contacts["interface"].pressure, other.contacts["interface"].pressure)
+
+
+def test_forces_between_steps_are_those_applied(hertz_probes: Path) -> None:
+    levels = [0.123, 0.5, 0.987]
+    for name, sign in (("press", 1.0), ("interface", -1.0)):
+        rows = probe.probe_force(hertz_probes, levels, name)
+        assert [row["fy"] for row in rows] == pytest.approx([sign * LOAD * at for at in levels], rel=1e-9)
+        assert {row["how"] for row in rows} == {SERIES}
+
+
+@pytest.mark.parametrize("scene", ["hertz_probes", "rubbing"])
+def test_series_lead_to_the_stored_rows(scene: str, request: pytest.FixtureRequest) -> None:
+    directory = request.getfixturevalue(scene)
+    run = read_run(directory)
+    rows = run.path.position
+    chosen = [row for row in range(3, len(rows) - 1, 7) if rows[row] - rows[row - 1] > 1e-4]
+    assert len(chosen) >= 3
+    for row in chosen:
+        before = float(rows[row] - 1e-9)
+        (near,) = probe.probe_contact(directory, [before], "interface")
+        assert near["how"] == SERIES
+        contact = run.contacts["interface"]
+        for quantity in set(probe.QUANTITIES) & set(near):
+            stored = getattr(contact, quantity)
+            assert np.abs(near[quantity] - stored[row]).max() <= 1e-6 * np.abs(stored).max()
+        for name in run.probes:
+            (seen,) = probe.probe_named(directory, [before], name, "stress")
+            stress = run.probes[name].stress
+            assert (
+                np.abs([seen[key] for key in ("xx", "yy", "xy")] - stress[row]).max()
+                <= 1e-6 * np.abs(stress).max()
+            )
+
+
+def test_friction_between_steps(rubbing: Path) -> None:
+    (force,) = probe.probe_force(rubbing, [1.37], "interface")
+    assert force["fx"] == pytest.approx(-0.37 * 30.0, abs=1e-6)
+    assert force["fy"] == pytest.approx(226.566, rel=1e-8)
+    (contact,) = probe.probe_contact(rubbing, [1.37], "interface", ["traction", "pressure"])
+    assert (np.abs(contact["traction"]) <= 0.3 * np.maximum(contact["pressure"], 0.0) + 1e-6).all()
+    assert set(contact) == {"position", "how", "arc_length", "x", "y", "traction", "pressure"}
+    (named,) = probe.probe_named(rubbing, [1.4], "p")
+    (field,) = probe.probe_point(rubbing, [1.4], "block", (0.02, -0.05))
+    assert values(named) == pytest.approx(values(field), rel=1e-7, abs=1e-7)
+
+
+def test_a_stage_that_moves_nothing_is_known_all_along(tmp_path: Path) -> None:
+    solve(PATCH, tmp_path / "patch", "stage=[{press=0.5},{press=0.5},{press=1.0}]")
+    (row,) = probe.probe_contact(tmp_path / "patch", [1.5], "interface", ["pressure"])
+    assert row["pressure"] == pytest.approx(50.0)
+    with pytest.raises(RunError, match="nothing is stored between positions 2 and 3"):
+        probe.probe_contact(tmp_path / "patch", [2.5], "interface")
+
+
+def test_the_ghost_scheme_knows_points_by_probes_only(tmp_path: Path) -> None:
+    solve(BAR, tmp_path / "bar", 'mls.scheme="ghost"', 'probe=[{name="p", body="bar", point=[1.3, 1.0]}]')
+    (row,) = probe.probe_named(tmp_path / "bar", [2.0], "p")
+    assert (row["xx"], row["yy"]) == pytest.approx((30.0, -40.0), abs=1e-8)
+    with pytest.raises(RunError, match="without the ghosts"):
+        probe.probe_point(tmp_path / "bar", [2.0], "bar", (1.3, 1.0))
+
+
+def test_exact_laws_are_not_guessed_between_stored_states(tmp_path: Path) -> None:
+    solve(PATCH, tmp_path / "patch")
+    with pytest.raises(RunError, match="nothing is stored between positions 0 and 1") as error:
+        probe.probe_force(tmp_path / "patch", [0.5], "press")
+    assert "output.at" in error.value.hint
+    (row,) = probe.probe_force(tmp_path / "patch", [1.0], "press")
+    assert row["fy"] == pytest.approx(-200.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda run: probe.probe_force(run, [1.01], "press"), "goes from 0 to 1"),
+        (lambda run: probe.probe_force(run, [-0.1], "press"), "goes from 0 to 1"),
+        (lambda run: probe.probe_force(run, [float("nan")], "press"), "outside the path"),
+        (lambda run: probe.probe_force(run, [1.0], "pres"), "there are: press"),
+        (lambda run: probe.probe_contact(run, [1.0], "nose"), "there are: interface"),
+        (lambda run: probe.probe_contact(run, [1.0], "interface", ["slip"]), "no friction"),
+        (lambda run: probe.probe_named(run, [1.0], "tip"), "there are: below, top"),
+        (lambda run: probe.probe_point(run, [1.0], "bloc", POINT), "there are: cylinder, block"),
+        (lambda run: probe.probe_point(run, [1.0], "block", (0.0, 0.01)), "outside body"),
+        (lambda run: probe.probe_point(run, [0.4], "block", POINT), "saved at position 0.3, 1 only"),
+    ],
+)
+def test_what_cannot_be_told_is_an_error(call: Any, words: str, hertz_probes: Path) -> None:
+    with pytest.raises(RunError) as error:
+        call(hertz_probes)
+    assert words in f"{error.value.message} {error.value.hint}"
+
+
+def test_what_there_is_to_probe(hertz_probes: Path) -> None:
+    found = probe.contents(hertz_probes)
+    assert found["path"] == [0.0, 1.0]
+    assert found["contacts"] == ["interface"]
+    assert "interface" in found["forces"]
+    assert found["probes"] == ["below", "top"]
+    assert found["fields_at"] == [0.3, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("setting", "key", "words"),
+    [
+        ('probe=[{name="p", body="bar", point=[2.1, 0.5]}]', "probe.p.point", "outside body"),
+        ('probe=[{name="p", body="rod", point=[1.0, 0.5]}]', "probe.p.body", 'no body "rod"'),
+        (
+            'probe=[{name="p", body="bar", point=[1.0, 0.5]}, {name="p", body="bar", point=[1.0, 0.5]}]',
+            "probe.p.name",
+            "another probe",
+        ),
+        ('probe={name="p"}', "probe", "list"),
+        ('probe=[{name="p", body="bar", point=[1.0]}]', "probe.p.point", "two numbers"),
+        ('probe=[{name="p", body="bar", at=[1.0, 0.5]}]', "probe.p.at", "unknown key"),
+    ],
+)
+def test_wrong_probes(setting: str, key: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(CaseError) as error:
+        solve(BAR, tmp_path / "bar", setting)
+    assert any(p.key == key and words in p.message for p in error.value.problems), error.value.problems
+
+
+def test_nothing_is_stored_where_nothing_was_asked_for(tmp_path: Path) -> None:
+    summary = solve(PATCH, tmp_path / "patch")
+    run = read_run(tmp_path / "patch")
+    assert not run.probes
+    assert "probes" not in summary
+    assert not any(run.maps.values())

@@ -1,0 +1,131 @@
+"""The JSON Schema of the case file: it takes what the model takes, and tells nothing that is refused."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from mlsanm_cli.case import parse_case, schema
+from mlsanm_cli.case.base import UNIT
+from mlsanm_cli.case.overrides import apply_overrides
+from mlsanm_cli.case.starters import kinds, starter
+from mlsanm_cli.case.unsupported import Planned
+from mlsanm_cli.errors import CaseError
+from tests.case.scenes import HERTZ
+
+CASES = sorted((Path(__file__).parents[2] / "cases").glob("*.toml"))
+SCHEMA = schema.json_schema()
+
+
+def takes(text: str, *overrides: str) -> bool:
+    """Whether the schema takes a case with overrides."""
+    content, _, problems = apply_overrides(tomllib.loads(text), overrides)
+    assert not problems
+    return bool(jsonschema.Draft7Validator(SCHEMA).is_valid(content))
+
+
+def test_it_is_a_schema() -> None:
+    jsonschema.Draft7Validator.check_schema(SCHEMA)
+    assert SCHEMA["$schema"] == "http://json-schema.org/draft-07/schema#"
+    assert SCHEMA["title"]
+
+
+@pytest.mark.parametrize("file", CASES, ids=[file.stem for file in CASES])
+def test_published_cases_are_valid(file: Path) -> None:
+    jsonschema.Draft7Validator(SCHEMA).validate(tomllib.loads(file.read_text()))
+
+
+@pytest.mark.parametrize("kind", kinds())
+def test_starters_are_valid(kind: str) -> None:
+    jsonschema.Draft7Validator(SCHEMA).validate(tomllib.loads(starter(kind)))
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "solver.ordre=3",
+        "solver.order=1",
+        "solver.order=2.5",
+        "solver.tolerance=1.0",
+        'solver.method="simplex"',
+        'mls.neighbors="many"',
+        "mls.neighbors=0",
+        "contact.interface.reach=0.0",
+        'contact.interface.slave="cylinder"',
+        "contact.interface.regularization.eta=0",
+        'body.block.name="12"',
+        "body.block.spacing=0",
+        'body.block.shape.kind="ellipse"',
+        "body.block.shape.x=[0.0]",
+        "body.block.shape.radius=1.0",
+        "body.block.refine=[{spacing=0.1}]",
+        "material.steel.nu=true",
+        "output.fields=['strain']",
+        "format=2",
+        "body=[]",
+        'probe=[{name="p", body="block"}]',
+    ],
+)
+def test_what_the_model_refuses_is_no_valid_case(setting: str) -> None:
+    with pytest.raises(CaseError):
+        parse_case(HERTZ, Path("case.toml"), [setting])
+    assert not takes(HERTZ, setting)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "mls.neighbors=20",
+        "contact.interface.reach=2",
+        "solver.pade=false",
+        "output.at=[0.5, 1]",
+        'probe=[{name="p", body="block", point=[0, -1]}]',
+        "stage=[{press=0.5}, {press=1}]",
+    ],
+)
+def test_what_the_model_takes_is_a_valid_case(setting: str) -> None:
+    parse_case(HERTZ, Path("case.toml"), [setting])
+    assert takes(HERTZ, setting)
+
+
+def test_refused_values_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    planned = (
+        Planned(("solver", "pade"), "", lambda value: value is False),
+        Planned(("solver", "max_steps"), ""),
+        Planned(("support", "*", "ux"), "", lambda value: value != 0.0),
+        Planned(("mls", "scheme"), "", lambda value: value == "ghost"),
+        Planned(("body", "*", "shape", "kind"), "", lambda value: value == "disk"),
+        Planned(("contact", "*", "obstacle"), ""),
+    )
+    monkeypatch.setattr(schema, "PLANNED", planned)
+    found = schema.json_schema()["definitions"]
+    solver = found["Solver"]["properties"]
+    assert solver["pade"]["enum"] == [True]
+    assert "max_steps" not in solver
+    assert found["Support"]["properties"]["ux"]["enum"] == [0.0]
+    assert "enum" not in found["Support"]["properties"]["uy"]
+    assert found["Mls"]["properties"]["scheme"]["enum"] == ["least-squares", "collocation"]
+    assert "kind" not in found["Disk"]["properties"]
+    assert "kind" in found["HalfDisk"]["properties"]
+
+
+def test_every_key_is_described_and_numbers_have_units() -> None:
+    silent, bare = [], []
+
+    def visit(path: tuple[str, ...], node: dict[str, Any], table: dict[str, Any]) -> None:
+        inner = schema.tables(SCHEMA, node)
+        if "description" not in node and not all("description" in one for one in inner or ({},)):
+            silent.append(path)
+        numbers = [node, *node.get("anyOf", ())]
+        items = node.get("items")
+        numbers += items if isinstance(items, list) else [items] if isinstance(items, dict) else []
+        if any(one.get("type") == "number" for one in numbers) and UNIT not in node:
+            bare.append(path)
+
+    schema.walk(SCHEMA, visit)
+    assert not silent
+    assert not bare

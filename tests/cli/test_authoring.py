@@ -1,0 +1,140 @@
+"""`new`, `schema`, `explain` and `probe` as commands: files, streams, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.case.schema import json_schema
+from mlsanm_cli.case.starters import kinds, starter
+from mlsanm_cli.cli import main
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_new_writes_a_starter_once(capsys: Capture) -> None:
+    assert main(["new", "punch"]) == 0
+    assert Path("punch.toml").read_text() == starter("hertz")
+    assert "mlsanm run punch.toml" in capsys.readouterr().out
+    assert main(["new", "punch.toml", "--kind", "patch"]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert Path("punch.toml").read_text() == starter("hertz")
+    assert main(["new", "punch", "--kind", "patch", "--force", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"file": "punch.toml", "kind": "patch"}
+    assert Path("punch.toml").read_text() == starter("patch")
+
+
+def test_new_names_what_there_is(capsys: Capture) -> None:
+    assert main(["new", "--list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(kinds())
+    assert main(["new", "a", "--kind", "herz"]) == 2
+    assert 'did you mean "hertz"?' in capsys.readouterr().err
+    assert main(["new"]) == 2
+    assert "no name given" in capsys.readouterr().err
+    assert main(["new", "nowhere/a"]) == 2
+    assert "No such file" in capsys.readouterr().err
+    assert not list(Path().iterdir())
+
+
+def test_schema_is_json(capsys: Capture) -> None:
+    assert main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out) == json_schema()
+
+
+def test_explain(capsys: Capture) -> None:
+    assert main(["explain", "solver.order", "--color", "never"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["default", "20"] in lines
+    assert ["allowed", "from", "2,", "up", "to", "40"] in lines
+    assert main(["explain", "solver.order", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["explanations"]
+    assert (found["key"], found["default"]) == ("solver.order", "20")
+    assert main(["explain"]) == 0
+    assert "solver" in capsys.readouterr().out
+    assert main(["explain", "order"]) == 2
+    assert "solver.order" in capsys.readouterr().err
+
+
+def install(monkeypatch: pytest.MonkeyPatch, **functions: Any) -> None:
+    import sys
+
+    import mlsanm_cli.app
+
+    module = ModuleType("mlsanm_cli.app.probe")
+    for name, function in functions.items():
+        setattr(module, name, function)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(mlsanm_cli.app, "probe", module, raising=False)
+
+
+def test_probe_of_a_force(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    seen: list[Any] = []
+
+    def probe_force(*arguments: Any) -> Any:
+        seen.append(arguments)
+        return [
+            {"position": at, "how": how, "fx": 0.0, "fy": -at}
+            for at, how in ((0.5, "series"), (1.0, "stored"))
+        ]
+
+    install(monkeypatch, probe_force=probe_force)
+    common = ["probe", "there", "--at", "0.5", "--at", "1", "--force", "press"]
+    assert main(common) == 0
+    assert seen == [(Path("there"), (0.5, 1.0), "press")]
+    title, _, first, second = capsys.readouterr().out.splitlines()
+    assert title == "force of press"
+    assert first.split()[:3] == ["0.5", "0", "-0.5"]
+    assert "series" in first
+    assert second.split() == ["1", "0", "-1"]
+    assert main([*common, "--csv"]) == 0
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [float(row["fy"]) for row in rows] == [-0.5, -1.0]
+    assert main([*common, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["levels"][0]["how"] == "series"
+
+
+def test_probe_of_a_contact(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    nodes = {"arc_length": np.array([0.0, 0.1]), "pressure": np.array([1.0, 2.0])}
+    rows = [{"position": at, "how": "stored", **nodes} for at in (0.5, 1.0)]
+    install(monkeypatch, probe_contact=lambda *arguments: rows)
+    assert main(["probe", "there", "--contact", "c", "--csv"]) == 0
+    found = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert [(row["position"], row["pressure"]) for row in found] == [
+        ("0.5", "1.0"), ("0.5", "2.0"), ("1.0", "1.0"), ("1.0", "2.0"),
+    ]  # fmt: skip
+    assert main(["probe", "there", "--contact", "c"]) == 0
+    assert capsys.readouterr().out.count("contact c, position") == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--force", "a", "--contact", "b"], "more than one thing"),
+        (["--body", "a"], "go together"),
+        (["--point", "1,2"], "go together"),
+        (["--body", "a", "--point", "1"], "no point"),
+        (["--body", "a", "--point", "1,nan"], "no places"),
+        (["--force", "a", "--quantity", "gap"], "of a contact"),
+        (["--contact", "a", "--field", "stress"], "of a point"),
+        (["--field", "stress"], "of a point"),
+        (["--force", "a", "--csv", "--json"], "both"),
+        (["--force", "a"], "is not a run"),
+    ],
+)
+def test_probe_refuses(options: list[str], words: str, capsys: Capture) -> None:
+    assert main(["probe", "there", *options]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
