@@ -29,9 +29,11 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
+from mlsanm_cli.contact.profile import half_width  # noqa: E402
 from mlsanm_cli.io.run_reader import ContactData, RunData, read_run  # noqa: E402
 from mlsanm_cli.reference.kirsch import KirschHole  # noqa: E402
 from mlsanm_cli.reference.lame import LameRing  # noqa: E402
+from mlsanm_cli.reference.persson import PinInHole  # noqa: E402
 
 PAGE = ROOT / "docs" / "gallery.md"
 FIGURES = ROOT / "docs" / "gallery.json"
@@ -130,6 +132,41 @@ def _shear_patch(run: RunData) -> dict[str, float]:
     }
 
 
+def _pin(run: RunData) -> dict[str, float]:
+    contact = _only(run)
+    pin = PinInHole(10.0, 0.03, 5000.0, 210e3)
+    width = half_width(contact.arc_length, contact.pressure[-1])
+    return {
+        "peak": abs(contact.pressure[-1].max() / pin.peak_pressure - 1.0),
+        "angle of contact": abs(width / (10.0 * pin.half_angle) - 1.0),
+    }
+
+
+def _self_weight(run: RunData) -> dict[str, float]:
+    y, fields = run.bodies["block"].points[:, 1], run.states[-1].bodies["block"]
+    settled = -0.024 / (30e3 * 0.8 / (1.2 * 0.6)) * (3.0 * y - 0.5 * y**2)
+    return {
+        "displacement": np.abs(fields["displacement"][:, 1] - settled).max() / np.abs(settled).max(),
+        "stress": np.abs(fields["stress"][:, 1] + 0.024 * (3.0 - y)).max() / 0.072,
+    }
+
+
+def _orthotropic(run: RunData) -> dict[str, float]:
+    c, s = np.sqrt(0.75), 0.5
+    own = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]])
+    compliance = np.array(
+        [[1 / 12e3, -0.4 / 12e3, 0.0], [-0.4 / 12e3, 1 / 0.9e3, 0.0], [0.0, 0.0, 1 / 0.7e3]]
+    )
+    stress = np.array([8.0, 0.0, 2.0])
+    total = own.T @ (compliance @ own @ stress + 40.0 * np.array([4e-6, 35e-6, 0.0]))
+    points, fields = run.bodies["board"].points, run.states[-1].bodies["board"]
+    moved = np.stack([points @ [total[0], total[2]], total[1] * points[:, 1]], axis=1)
+    return {
+        "displacement": np.abs(fields["displacement"] - moved).max() / np.abs(moved).max(),
+        "stress": np.abs(fields["stress"] - stress).max() / 8.0,
+    }
+
+
 HERTZ = "Hertz' line contact: p = p0 sqrt(1 - x²/a²), a² = 4 F R/(pi E*), p0 = 2 F/(pi a)"
 REFERENCES = {
     "hertz-line": Entry("pressure", HERTZ),
@@ -146,6 +183,13 @@ ENTRIES: dict[str, Entry] = {
     ),
     "block_slide": Entry("loop", "Coulomb: the friction force of a sliding block is mu P, both ways", _slide),
     "wedge": Entry("bodies", "forces on a slope: F = W (tan b + mu)/(1 - mu tan b)", _wedge),
+    "pin_in_hole": Entry("pressure", "Persson: pin in a hole of nearly its own size", _pin),
+    "self_weight": Entry(
+        "bodies", "weight of what lies above: stress w (3 - y), settlement its integral", _self_weight
+    ),
+    "orthotropic": Entry(
+        "bodies", "even strains of an orthotropic material, turned, and of heat", _orthotropic
+    ),
     "shear_patch": Entry("bodies", "the same pressure and the same traction everywhere", _shear_patch),
 }
 

@@ -14,11 +14,10 @@ from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.scene import mls_settings
 from mlsanm_cli.app.views import boundary_edges
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Temperature, parse_case
+from mlsanm_cli.case import Case, Temperature, stored_case
 from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.sight import look
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.mechanics.body import enough_neighbors
 from mlsanm_cli.mechanics.elasticity import von_mises
@@ -132,7 +131,7 @@ def probe_point(
 
 def _read(rundir: Path) -> tuple[RunData, Case]:
     run = read_run(rundir)
-    return run, parse_case(run.case_resolved, run.directory / run_dir.RESOLVED_FILE).case
+    return run, stored_case(run.case_resolved)
 
 
 def _levels(run: RunData, at: Sequence[float]) -> list[Level]:

@@ -247,6 +247,6 @@ def test_planned_keys_may_be_switched_off() -> None:
 
 
 def test_other_faults_are_told_beside_a_refusal() -> None:
-    found = problems(HERTZ, ['probe=[{name="tip"}]', "body.block.spacing=-1"])
-    assert [problem.key for problem in found] == ["probe", "body.block.spacing"]
+    found = problems(HERTZ, ["support.0.uy=0.1", "body.block.spacing=-1"])
+    assert [problem.key for problem in found] == ["support.0.uy", "body.block.spacing"]
     assert len({planned.path for planned in PLANNED}) == len(PLANNED)
