@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from mlsanm_cli.app import recording
@@ -67,9 +67,7 @@ def summarise(
         summary["error_estimate"] = adapted.accuracy.figures(built, state)
         summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
         if built.condensed.probes:
-            summary["probes"] = {
-                name: asdict(recording.probe_record(built, name, state)) for name in built.condensed.probes
-            }
+            summary["probes"] = {name: _probe(built, name, state) for name in built.condensed.probes}
         summary["force_balance"] = verdict.force_balance
         summary["force_balance_bodies"] = dict(verdict.bodies)
     if recorder.polished:
@@ -91,6 +89,15 @@ def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:
         "pressure": max(level.pressure for level in levels),
         "traction": max(level.traction for level in levels),
         "factorizations": sum(level.factorizations for level in levels),
+    }
+
+
+def _probe(built: Built, name: str, state: State) -> dict[str, Any]:
+    record = recording.probe_record(built, name, state)
+    return {
+        "displacement": record.displacement.tolist(),
+        "stress": record.stress.tolist(),
+        "von_mises": record.von_mises,
     }
 
 
