@@ -65,7 +65,7 @@ def level_at(run: RunData, position: float) -> Level:
     slack = SAME * max(abs(position), 1.0)
     if not rows[0] - slack <= position <= rows[-1] + slack:
         raise RunError(
-            f"position {position:g} is outside the path, which goes from {rows[0]:g} to {rows[-1]:g}",
+            f"the path does not reach position {position:g}: it goes from {rows[0]:g} to {rows[-1]:g}",
             "a position is the number of finished stages plus the finished fraction of the current one",
         )
     nothing = np.zeros(0)

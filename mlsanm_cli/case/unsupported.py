@@ -29,14 +29,6 @@ class Planned:
     hint: str = ""
 
 
-def _one_of(*values: str) -> Applies:
-    return lambda value: value in values if isinstance(value, str) else False
-
-
-def _above_zero(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and value > 0
-
-
 def _nonzero(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and value != 0
 
