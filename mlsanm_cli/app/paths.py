@@ -29,8 +29,18 @@ def path_of(built: Built) -> Iterator[PathStep]:
         return linear_path(built)
     smooth, rough = built.case.contact[0].regularization.law != "exact", bool(len(built.condensed.rubbing))
     if smooth:
-        return rubbing_path(built) if rough and not is_holonomic(built) else smooth_path(built)
+        path = rubbing_path(built) if rough and not is_holonomic(built) else smooth_path(built)
+        return _limited(path, built.case.solver.max_steps)
     return friction_path(built) if rough else exact_path(built)
+
+
+def _limited(path: Iterator[PathStep], most: int) -> Iterator[PathStep]:
+    """The path as long as it takes no more steps than ``most``, whatever pieces it is made of."""
+    for count, step in enumerate(path):
+        if count > most:
+            where = f"before position {step.state.position:.9g}"
+            raise NumericalError(f"the path takes more than {most} steps {where}", "raise solver.max_steps")
+        yield step
 
 
 def linear_path(built: Built) -> Iterator[PathStep]:

@@ -35,6 +35,8 @@ from mlsanm_cli.errors import NumericalError
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
 OPENINGS = 20
+RETURNS = 3
+"""Behind an event so many updates are made at most; tractions past their limits are put back as often."""
 FREE = 1e-3
 """Before the first load tractions are below this part of their limits."""
 
@@ -148,7 +150,11 @@ class _Walk:
         """Put the path on the sets that hold beyond a point."""
         problem, x = continued(point.problem, point.x, point.lam, hits)
         # What the event's place, known to the series' tolerance, and the new sets disagree by.
-        x = x + problem.tangent(x, point.lam).solve(-problem.residual(x, point.lam))
+        for _ in range(RETURNS):
+            lack = problem.residual(x, point.lam)
+            if np.abs(lack).max() <= self._options.goal:
+                break
+            x = x - problem.tangent(x, point.lam).solve(lack)
         self.point = _inside(replace(point, problem=problem, x=x))
 
     def _event(self, step: Step, hits: Hits) -> Iterator[PathStep]:
@@ -197,10 +203,18 @@ class _Walk:
 
 
 def _inside(point: _Point) -> _Point:
-    """The point with no sticking node beyond its limit, at rest where it is now."""
+    """The point with no sticking node beyond its limit, at rest where it is now.
+
+    What tractions put back change elsewhere is solved for, which may move others past their limits again.
+    """
+    for _ in range(RETURNS):
+        x = point.problem.within_cone(point.x)
+        if np.array_equal(x, point.x):
+            return point
+        problem = point.problem.rested(x, point.lam)
+        x = x - problem.tangent(x, point.lam).solve(problem.residual(x, point.lam))
+        point = replace(point, x=x, problem=problem)
     x = point.problem.within_cone(point.x)
-    if np.array_equal(x, point.x):
-        return point
     return replace(point, x=x, problem=point.problem.rested(x, point.lam))
 
 
