@@ -31,9 +31,11 @@ sys.path.insert(0, str(ROOT))
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.contact.profile import half_width  # noqa: E402
 from mlsanm_cli.io.run_reader import ContactData, RunData, read_run  # noqa: E402
+from mlsanm_cli.reference.hertz import HertzLine, plates_approach  # noqa: E402
 from mlsanm_cli.reference.kirsch import KirschHole  # noqa: E402
-from mlsanm_cli.reference.lame import LameRing  # noqa: E402
+from mlsanm_cli.reference.lame import LameRing, press_fit  # noqa: E402
 from mlsanm_cli.reference.persson import PinInHole  # noqa: E402
+from mlsanm_cli.reference.punch import FlatPunch  # noqa: E402
 
 PAGE = ROOT / "docs" / "gallery.md"
 FIGURES = ROOT / "docs" / "gallery.json"
@@ -167,6 +169,33 @@ def _orthotropic(run: RunData) -> dict[str, float]:
     }
 
 
+def _plates(run: RunData) -> dict[str, float]:
+    modulus = 210e3 / (1.0 - 0.3**2)
+    approach, hertz = plates_approach(500.0, 1.0, modulus), HertzLine(500.0, 1.0, modulus)
+    peaks = [contact.pressure[-1].max() for contact in run.contacts.values()]
+    return {
+        "approach": abs(-run.path.displacements["press"][-1, 1] / approach - 1.0),
+        "peak": max(abs(peak / hertz.peak_pressure - 1.0) for peak in peaks),
+    }
+
+
+def _stack(run: RunData) -> dict[str, float]:
+    return {"pressure": max(abs(c.pressure[-1] / 100.0 - 1.0).max() for c in run.contacts.values())}
+
+
+def _fit(run: RunData) -> dict[str, float]:
+    hub, bush = LameRing(1.0, 1.6, 1.0, 210e3, 0.3), LameRing(0.6, 1.0, 1.0, 100e3, 0.34)
+    return {"pressure": abs(_only(run).pressure[-1] / press_fit(bush, hub, 0.001) - 1.0).max()}
+
+
+def _punch(run: RunData) -> dict[str, float]:
+    contact, punch = _only(run), FlatPunch(100.0, 0.2)
+    inside = np.abs(contact.points[:, 0]) < 0.18
+    weight, expected = contact.weight[inside], punch.pressure(contact.points[inside, 0])
+    error = contact.pressure[-1][inside] - expected
+    return {"pressure at |x| < 0.9 a, L2": float(np.sqrt(weight @ error**2 / (weight @ expected**2)))}
+
+
 HERTZ = "Hertz' line contact: p = p0 sqrt(1 - x²/a²), a² = 4 F R/(pi E*), p0 = 2 F/(pi a)"
 REFERENCES = {
     "hertz-line": Entry("pressure", HERTZ),
@@ -191,6 +220,12 @@ ENTRIES: dict[str, Entry] = {
         "bodies", "even strains of an orthotropic material, turned, and of heat", _orthotropic
     ),
     "shear_patch": Entry("bodies", "the same pressure and the same traction everywhere", _shear_patch),
+    "disk_between_plates": Entry(
+        "bodies", "Johnson: approach 2 F/(pi E*) (2 ln(4 R/a) - 1) of the plates, and Hertz' peak", _plates
+    ),
+    "stack": Entry("bodies", "the same pressure everywhere", _stack),
+    "press_fit": Entry("bodies", "Lamé: two rings that press on each other", _fit),
+    "rigid_punch": Entry("pressure", "a flat punch on a half-plane: F/(pi sqrt(a² - x²))", _punch),
 }
 
 

@@ -111,7 +111,8 @@ def _corrected(
     error = 0.0
     for name, body in scene.bodies.items():
         source = sparse.csc_array((condensed.sources[name] @ moved)[:, None])
-        error += float(((change[name] + body.system.solve(source, QUICK)[:, 0]) ** 2).sum())
+        moving = scene.loose_patterns(name) @ (corrected.motion - state.motion)
+        error += float(((change[name] + body.system.solve(source, QUICK)[:, 0] + moving) ** 2).sum())
     return error, corrected.pressure
 
 

@@ -11,8 +11,10 @@ from mlsanm_cli.app.certificate import certify
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.clouds import clouds
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.contacts import refuse_overlap
 from mlsanm_cli.app.estimate import refuse_too_large
-from mlsanm_cli.app.scene import Prepared, factorise, prepare, refuse_overlap
+from mlsanm_cli.app.scene import Prepared, factorise, prepare
+from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.cloud.spacing import Zone
@@ -97,15 +99,6 @@ def complete(case: Case, prepared: Prepared, clock: Clock, console: Console) -> 
     with clock.phase("condensation"):
         stability = certify(case, scene, condensed, ends)
     return Built(case, scene, condensed, stages, ends, stability)
-
-
-def stage_factors(case: Case) -> FloatArray:
-    """Load factors (T + 1, L): zero at first, then the values every stage moves to; the others stay."""
-    names = [load.name for load in case.load]
-    factors = [np.zeros(len(names))]
-    for stage in case.stage:
-        factors.append(np.array([stage.get(n, old) for n, old in zip(names, factors[-1], strict=True)]))
-    return np.array(factors)
 
 
 def _condense(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mlsanm_cli.app.scene import stiffness_ratio
+from mlsanm_cli.app.contacts import stiffness_ratio
 from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.active_set import ExactState
@@ -46,12 +46,7 @@ def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[Exact
                 _contact_hint(case, scene, condensed, name),
                 value,
             )
-    spoken_for = {
-        body
-        for pairing in condensed.pairings
-        if pairing.name in judged
-        for body in (pairing.slave_body, pairing.master_body)
-    }
+    spoken_for = {body for pairing in condensed.pairings if pairing.name in judged for body in pairing.bodies}
     bulk = {
         name: bulk_stability(body)
         for name, body in scene.bodies.items()
@@ -96,11 +91,12 @@ def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> 
         )
     if case.mls.degree != 2:
         return "use mls.degree = 2"
-    unlike = spacing_ratio(pairing, models[pairing.master_body].cloud)
+    if pairing.master is None:
+        return f"use another body.{pairing.slave_body}.seed, or an even cloud (lower growth)"
+    unlike = spacing_ratio(pairing, {body: model.cloud for body, model in models.items()})
     return (
         f"spacings that face each other differ by a factor of {unlike:.3g}: bring those of "
-        f"{pairing.slave_body}.{pairing.slave.name} and {pairing.master_body}.{pairing.master.name} closer "
-        f"together"
+        f"{' and '.join(pairing.names)} closer together"
     )
 
 

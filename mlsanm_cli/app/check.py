@@ -23,6 +23,7 @@ from mlsanm_cli.case import (
     BodyForce,
     Case,
     Displacement,
+    ObstacleMotion,
     Platen,
     Pressure,
     Temperature,
@@ -66,7 +67,7 @@ def check(
         "nodes": nodes,
         "unknowns": 2 * nodes,
         "contact_unknowns": sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings),
-        "loads": len(case.load),
+        "loads": len(case.moved),
         "stages": len(case.stage),
         "estimated_memory_mb": round(estimate(case).memory_mb),
         "estimated_cpu_seconds": round(cpu_seconds(case, prepared), 1),
@@ -121,17 +122,21 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
         held = ["" if value is None else "held" for value in (support.ux, support.uy)]
         add(place, *(", ".join(filter(None, both)) for both in zip(held, springs, strict=True)))
     for load in case.load:
-        place = load.owner if isinstance(load, BodyForce | Temperature) else load.boundary
+        if isinstance(load, ObstacleMotion):
+            place = f"obstacle of {load.obstacle}"
+        else:
+            place = load.owner if isinstance(load, BodyForce | Temperature) else load.boundary
         add(place, *(f"{text} ({load.name})" if text else "" for text in _described(load)))
     for contact in case.contact:
         add(contact.slave, *[f"slave of {contact.name}"] * 2)
-        add(contact.master, *[f"master of {contact.name}"] * 2)
+        if contact.master is not None:
+            add(contact.master, *[f"master of {contact.name}"] * 2)
     return {where: {axis: text or "free" for axis, text in row.items()} for where, row in found.items()}
 
 
 def _described(load: AnyLoad) -> tuple[str, str]:
     """What a load does in x and in y."""
-    if isinstance(load, Platen):
+    if isinstance(load, Platen | ObstacleMotion):
         moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}
         return moved.get("x", ""), moved.get("y", "")
     if isinstance(load, Temperature):
@@ -161,7 +166,8 @@ def _remarks(prepared: Prepared, quality: Quality) -> list[str]:
             remarks.append(message)
         unpaired = len(pairing.slave.index) - len(pairing.position)
         if unpaired:
-            remarks.append(f"contact {pairing.name}: {unpaired} slave nodes face no part of the master")
+            other = "obstacle" if pairing.master is None else "master"
+            remarks.append(f"contact {pairing.name}: {unpaired} slave nodes face no part of the {other}")
     for name, model in prepared.models.items():
         if model.stencils.enlarged:
             remarks.append(

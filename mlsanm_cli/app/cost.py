@@ -31,7 +31,7 @@ def cpu_seconds(case: Case, prepared: Prepared) -> float:
     """
     sizes = [len(model.cloud.points) for model in prepared.models.values()]
     touching = {
-        name: sum(int(p.candidate.sum()) for p in prepared.pairings if name in (p.slave_body, p.master_body))
+        name: sum(int(p.candidate.sum()) for p in prepared.pairings if name in p.bodies)
         for name in prepared.models
     }
     stencil = mls_settings(case).stencil_size / REFERENCE_STENCIL

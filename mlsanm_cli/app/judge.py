@@ -56,15 +56,19 @@ def force_balance(built: Built, state: State) -> Verdict:
 
 
 def _largest_force(built: Built, body: str, state: State) -> float:
+    """Of a contact all pressures count, also those that balance each other around a fit."""
     condensed = built.condensed
-    maps = [
-        condensed.contact_forces[pairing.name]
+    sizes = [
+        float(
+            condensed.weight[condensed.spans[pairing.name]]
+            @ np.abs(state.pressure[condensed.spans[pairing.name]])
+        )
         for pairing in condensed.pairings
-        if body in (pairing.slave_body, pairing.master_body)
+        if body in pairing.bodies
     ]
-    maps += [condensed.forces[load.name] for load in built.case.load if load.owner == body]
+    maps = [condensed.forces[load.name] for load in built.case.load if load.owner == body]
     heat = abs(float(built.scene.degrees(body) @ state.factors)) * built.scene.heat_force(body)
-    return max((heat, *(float(np.hypot(*force(*state.unknowns))) for force in maps)))
+    return max((heat, *sizes, *(float(np.hypot(*force(*state.unknowns))) for force in maps)))
 
 
 def judge_state(built: Built, state: State) -> None:
@@ -134,14 +138,14 @@ def judge_linear(residual: float) -> None:
 
 def judge_spacing(built: Built, state: State) -> None:
     """NumericalError where surfaces press on each other whose spacings are too unlike."""
+    clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
     for pairing in built.condensed.pairings:
         closed = np.zeros_like(pairing.candidate)
         closed[pairing.candidate] = state.closed[built.condensed.spans[pairing.name]]
         pressed = replace(pairing, candidate=closed)
-        ratio = spacing_ratio(pressed, built.scene.bodies[pairing.master_body].model.cloud)
+        ratio = spacing_ratio(pressed, clouds)
         if ratio > SPACING_LIMIT:
             raise NumericalError(
                 f"contact {pairing.name}: spacings pressed on each other differ by a factor of {ratio:.3g}",
-                f"bring the spacings of {pairing.slave_body}.{pairing.slave.name} and "
-                f"{pairing.master_body}.{pairing.master.name} closer together where they touch",
+                f"bring the spacings of {' and '.join(pairing.names)} closer together where they touch",
             )

@@ -13,6 +13,7 @@ from mlsanm_cli.case import (
     Case,
     Displacement,
     ExpressionError,
+    ObstacleMotion,
     Platen,
     Pressure,
     Temperature,
@@ -52,6 +53,8 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
     heatings: list[mechanics.Heating] = []
     problems: list[CaseProblem] = []
     for number, load in enumerate(case.load):
+        if isinstance(load, Platen | ObstacleMotion):
+            continue
         cloud = clouds[load.owner]
         key = f"load.{load.name}.{load.kind}"
         try:
@@ -60,7 +63,7 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
                 body_forces.append(mechanics.BodyForce(number, load.body, values))
             elif isinstance(load, Temperature):
                 heatings.append(mechanics.Heating(number, load.body, load.temperature))
-            elif not isinstance(load, Platen):
+            else:
                 name = split_boundary(load.boundary)[1]
                 values = _on_surface(load, cloud, cloud.surfaces[name])
                 held = isinstance(load, Displacement)

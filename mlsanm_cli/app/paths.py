@@ -90,7 +90,7 @@ def exact_step(exact: ExactState, position: float) -> PathStep:
 def unloaded_state(built: Built) -> State:
     """The start of the path: as drawn, unless the surfaces overlap there."""
     gap, factors = built.condensed.gap, built.stages[0]
-    if gap.constant.min() < 0.0:
+    if built.condensed.overlap(gap.constant):
         return _exact_state(solve_exact(built.condensed, factors), 0.0)
     zero, nothing = np.zeros(len(gap.constant)), np.zeros(0)
     motion = np.zeros(len(built.condensed.balance.constant))

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
-from mlsanm_cli.app.scene import Prepared, stiffness_ratio
+from mlsanm_cli.app.contacts import stiffness_ratio
+from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.pairing import Pairing, spacing_ratio
@@ -60,10 +61,8 @@ def assess(case: Case, prepared: Prepared) -> Quality:
     """Measure the clouds of all bodies and the spacings that face each other in every contact."""
     brought = {body.name for body in case.body if body.brings_nodes}
     bodies = {name: measure(model.cloud) for name, model in prepared.models.items()}
-    ratios = {
-        pairing.name: spacing_ratio(pairing, prepared.models[pairing.master_body].cloud)
-        for pairing in prepared.pairings
-    }
+    clouds = {name: model.cloud for name, model in prepared.models.items()}
+    ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
     warnings = [
         text for name, cloud in bodies.items() for text in _cloud_warnings(name, cloud, name in brought)
     ]
@@ -91,9 +90,8 @@ def ratio_message(pairing: Pairing, ratio: float) -> str:
     """What to do about unequal facing spacings."""
     return (
         f"contact {pairing.name}: spacings that face each other differ by a factor of {ratio:.3g}; "
-        f"bring the spacings of {pairing.slave_body}.{pairing.slave.name} and "
-        f"{pairing.master_body}.{pairing.master.name} closer together "
-        f"(body.{pairing.slave_body}.spacing, body.{pairing.master_body}.spacing, or their refinements)"
+        f"bring the spacings of {' and '.join(pairing.names)} closer together "
+        f"({', '.join(f'body.{body}.spacing' for body in pairing.bodies)}, or their refinements)"
     )
 
 

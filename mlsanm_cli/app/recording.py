@@ -79,12 +79,12 @@ def write_maps(file: RunFile, built: Built) -> None:
 
 
 def platen_displacements(built: Built, state: State | None = None) -> dict[str, FloatArray]:
-    """Displacement (2,) of the platen that each of its loads moves, in one state or before any."""
+    """Displacement (2,) of the platen or obstacle that each load moves, in one state or before any."""
     found: dict[str, FloatArray] = {}
     unknown = 0
-    for platen in built.scene.platens:
+    for mover in built.scene.movers:
         moved = np.zeros(2)
-        for motion in platen.motions:
+        for motion in mover.motions:
             free = motion.prescribed is None
             if state is not None and motion.component < 2:
                 value = (
@@ -92,7 +92,7 @@ def platen_displacements(built: Built, state: State | None = None) -> dict[str, 
                 )
                 moved[motion.component] = value
             unknown += free
-        found |= {built.scene.loads[number]: moved for number in platen.loads}
+        found |= {built.scene.loads[number]: moved for number in mover.loads}
     return found
 
 

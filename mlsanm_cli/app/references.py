@@ -12,7 +12,17 @@ from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.recording import slave_points
 from mlsanm_cli.app.states import State
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Contact, DrawnShape, LoadedCase, Mesh, Points, Polygon, split_boundary
+from mlsanm_cli.case import (
+    Case,
+    Contact,
+    DiskObstacle,
+    DrawnShape,
+    LoadedCase,
+    Mesh,
+    Points,
+    Polygon,
+    split_boundary,
+)
 from mlsanm_cli.case.chains import Round
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -46,11 +56,11 @@ def check_reference(loaded: LoadedCase) -> None:
     solution = case.reference.solution
     problems = [] if case.contact else ["needs a [[contact]]"]
     for contact in case.contact:
-        unknown = [b for b in (contact.slave, contact.master) if _in_file(case, b)]
+        unknown = [b for b in contact.boundaries if _in_file(case, b)]
         if unknown:
             problems.append(f"needs radii that the case states, and {unknown[0]} comes from a file")
             continue
-        curved = _curvature(case, contact.slave) + _curvature(case, contact.master) > 0.0
+        curved = _relative(case, contact) > 0.0
         if curved != (solution == "hertz-line"):
             problems.append(
                 f"does not fit contact {contact.name}: its surfaces are {'' if curved else 'not '}curved"
@@ -86,8 +96,8 @@ def profile_on(
     coordinate = (points - middle) @ np.array([axis[1], -axis[0]])
     if coordinate[-1] < coordinate[0]:
         coordinate = -coordinate
-    if _curvature(case, contact.slave) + _curvature(case, contact.master) > 0.0:
-        hertz = HertzLine(force, _radius(case, contact), _modulus(case, contact, axis))
+    if _relative(case, contact) > 0.0:
+        hertz = HertzLine(force, 1.0 / _relative(case, contact), _modulus(case, contact, axis))
         label, curve, peak, width = "Hertz", hertz.pressure, hertz.peak_pressure, hertz.half_width
     else:
         even = force / float(np.ptp(coordinate))
@@ -108,10 +118,10 @@ def _middle(
 ) -> tuple[FloatArray, FloatArray]:
     """Where the contact's middle lies, and the normal there: on the line of centres of curved surfaces."""
     centers = [
-        np.array(_center(case, boundary))
-        for boundary in (contact.slave, contact.master)
-        if _curvature(case, boundary)
+        np.array(_center(case, boundary)) for boundary in contact.boundaries if _curvature(case, boundary)
     ]
+    if isinstance(contact.obstacle, DiskObstacle):
+        centers.append(np.array(contact.obstacle.center))
     mean = normal.mean(axis=0)
     axis = mean / np.hypot(*mean)
     if len(centers) == 2:
@@ -146,15 +156,17 @@ def _curvature(case: Case, boundary: str) -> float:
     return _shape(case, boundary).curvature(split_boundary(boundary)[1])
 
 
-def _radius(case: Case, contact: Contact) -> float:
-    return 1.0 / (_curvature(case, contact.slave) + _curvature(case, contact.master))
+def _relative(case: Case, contact: Contact) -> float:
+    """Sum of the curvatures of both sides."""
+    obstacle = contact.obstacle.curvature if contact.obstacle is not None else 0.0
+    return obstacle + sum(_curvature(case, boundary) for boundary in contact.boundaries)
 
 
 def _modulus(case: Case, contact: Contact, axis: FloatArray) -> float:
     """E* for pressures along ``axis`` (2,)."""
     stiffness = materials(case)
     softness = 0.0
-    for boundary in (contact.slave, contact.master):
+    for boundary in contact.boundaries:
         body, _ = split_boundary(boundary)
         material = next(b.material for b in case.body if b.name == body)
         softness += float(stiffness[material].softness(axis[None, :])[0])

@@ -51,7 +51,7 @@ def summarise(
             "nodes": nodes,
             "unknowns": 2 * nodes,
             "contact_unknowns": len(built.condensed.weight) + len(built.condensed.rubbing),
-            "elastic_factorizations": len(bodies),
+            "elastic_factorizations": len({id(body.system) for body in bodies.values()}),
             "condensation_solves": built.condensed.solves,
             "enlarged_stencils": sum(body.model.stencils.enlarged for body in bodies.values()),
         }

@@ -17,6 +17,7 @@ from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.load_checks import check_loads
 from mlsanm_cli.case.materials import check_material
 from mlsanm_cli.case.model import Body, Contact
+from mlsanm_cli.case.obstacles import check_obstacle
 from mlsanm_cli.case.polygon import Polygon
 from mlsanm_cli.case.polygons import check_polygon
 from mlsanm_cli.case.report import Report, suggestion
@@ -154,29 +155,42 @@ def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) 
 
 
 def _check_contacts(draft: Draft, report: Report) -> None:
-    slaves: dict[str, str] = {}
     pairs: dict[frozenset[str], str] = {}
     for index, contact in draft.contacts.items():
         path: KeyPath = ("contact", index)
+        if (contact.master is None) == (contact.obstacle is None):
+            hint = "a boundary of another body, or a rigid obstacle"
+            report.add(path, "needs exactly one of master and obstacle", hint)
+            continue
+        if contact.obstacle is not None:
+            check_obstacle(contact.obstacle, (*path, "obstacle"), report)
+        if contact.master is None:
+            continue
         if contact.slave == contact.master:
             report.add((*path, "master"), "slave and master are the same boundary")
             continue
-        if split_boundary(contact.slave)[0] == split_boundary(contact.master)[0]:
-            report.add(path, "a body touching itself is not supported yet", "slave and master on two bodies")
-        pair = frozenset((contact.slave, contact.master))
-        if contact.slave in slaves:
-            message = f'"{contact.slave}" is the slave of contact "{slaves[contact.slave]}" already'
-            report.add((*path, "slave"), message, "exchange slave and master in one of them")
-        elif pair in pairs:
+        bodies = {split_boundary(boundary)[0] for boundary in contact.boundaries}
+        if len(bodies) == 1:
+            message = f"body {bodies.pop()} touching itself is not supported yet"
+            report.add(path, message, "slave and master on two bodies")
+        pair = frozenset(contact.boundaries)
+        if pair in pairs:
             report.add(path, f'the same two boundaries as contact "{pairs[pair]}"')
-        slaves.setdefault(contact.slave, contact.name)
         pairs.setdefault(pair, contact.name)
 
 
 def _check_stages(draft: Draft, report: Report) -> None:
+    loads = [name for _, name in draft.names("load")]
+    fits = [contact.name for contact in draft.contacts.values() if contact.interference is not None]
+    for index, contact in draft.contacts.items():
+        if contact.interference is not None and contact.name in loads:
+            message = f'"{contact.name}" is the name of a load too; a stage could not tell them apart'
+            report.add(("contact", index, "name"), message)
+    if not loads and not fits and not draft.count("load") and len(draft.contacts) == draft.count("contact"):
+        report.add(("load",), "nothing acts on the bodies", "add [[load]], or interference in a contact")
     if "stage" not in draft.data:
         return
-    names = [name for _, name in draft.names("load")]
+    names = [*loads, *fits]
     for index, stage in draft.stages.items():
         if not stage:
             report.add(("stage", index), "moves no load", suggestion("", names, "loads"))
@@ -240,6 +254,10 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
             message = "the exact contact law is solved on the condensed system only"
             hint = 'law = "hyperbolic" in [contact.regularization], or formulation = "condensed"'
         report.add(("solver", "formulation"), message, hint)
+    rigid = [c.name for c in draft.contacts.values() if c.obstacle is not None or c.interference is not None]
+    if draft.solver and draft.solver.formulation == "monolithic" and rigid:
+        message = f"the obstacle or interference of contact {rigid[0]} is known to the condensed system only"
+        report.add(("solver", "formulation"), message, 'formulation = "condensed"')
 
 
 def _check_friction_laws(draft: Draft, report: Report) -> None:

@@ -9,7 +9,15 @@ from typing import Literal
 from mlsanm_cli.case.base import split_boundary
 from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.loads import BodyForce, Displacement, Platen, Pressure, Temperature, Traction
+from mlsanm_cli.case.loads import (
+    BodyForce,
+    Displacement,
+    ObstacleMotion,
+    Platen,
+    Pressure,
+    Temperature,
+    Traction,
+)
 from mlsanm_cli.case.report import Report
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
@@ -45,6 +53,7 @@ def check_conditions(draft: Draft, report: Report) -> None:
             report.add(claim.path, message, "one condition per boundary and direction")
     _check_point_supports(draft, report)
     _check_rotations(draft, report)
+    _check_obstacle_motions(draft, report)
     _check_contact_surfaces(draft, report, claims)
 
 
@@ -66,7 +75,7 @@ def _support_claims(draft: Draft) -> Iterator[Claim]:
 
 def _load_claims(draft: Draft) -> Iterator[Claim]:
     for index, load in draft.loads.items():
-        if isinstance(load, BodyForce | Temperature):
+        if isinstance(load, BodyForce | Temperature | ObstacleMotion):
             continue
         for component, kind in _components(draft, load):
             label = f'load "{load.name}" ({kind})'
@@ -123,9 +132,21 @@ def _check_rotations(draft: Draft, report: Report) -> None:
             report.add(("load", index, "rotation"), message, "loads on one boundary move one platen")
 
 
+def _check_obstacle_motions(draft: Draft, report: Report) -> None:
+    """A direction of an obstacle is moved by forces or by displacements."""
+    first: dict[tuple[str, str], tuple[str, str]] = {}
+    for index, load in draft.loads.items():
+        if isinstance(load, ObstacleMotion):
+            for direction, (control, _) in load.control.items():
+                other, name = first.setdefault((load.obstacle, direction), (control, load.name))
+                if other != control:
+                    message = f'{control} here, {other} in load "{name}" on the same obstacle in {direction}'
+                    report.add(("load", index), message, "one or the other in each direction")
+
+
 def _check_contact_surfaces(draft: Draft, report: Report, claims: list[Claim]) -> None:
     for index, contact in draft.contacts.items():
-        for side, boundary in (("slave", contact.slave), ("master", contact.master)):
+        for side, boundary in zip(("slave", "master"), contact.boundaries, strict=False):
             path: KeyPath = ("contact", index, side)
             for claim in claims:
                 if claim.boundary == boundary:

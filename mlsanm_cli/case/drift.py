@@ -23,13 +23,13 @@ _NAMES = (
     ((0.0, 0.0, 1.0), "rotating", "hold a second point or a whole boundary"),
 )
 _SMALL = 1e-9
-_CONTACT_ALONE = "a body held by contact alone is not supported yet"
 
 
 def check_drift(draft: Draft, report: Report) -> None:
-    """Adds a problem for every body that can move or rotate freely.
+    """Adds a problem for every body without contact that can move or rotate freely.
 
-    Only when the parts that could hold a body are sound: otherwise the message would mislead.
+    What contacts leave free, only their surfaces tell. Only when the parts that could hold a body are sound:
+    otherwise the message would mislead.
     """
     whole = all(
         len(items) == draft.count(section)
@@ -43,29 +43,25 @@ def check_drift(draft: Draft, report: Report) -> None:
     if not whole or any(report.touches((section,)) for section in ("body", "support", "load", "contact")):
         return
     in_contact = {
-        split_boundary(boundary)[0]
-        for contact in draft.contacts.values()
-        for boundary in (contact.slave, contact.master)
+        split_boundary(boundary)[0] for contact in draft.contacts.values() for boundary in contact.boundaries
     }
     for index, body in draft.bodies.items():
+        if body.name in in_contact:
+            continue
         shape = draft.geometries[index]
-        free = free_motions(list(held_rows(draft, body.name, shape, body.name in in_contact)))
+        free = free_motions(list(held_rows(draft, body.name, shape)))
         if free:
             what = " and ".join(_describe(motion, shape) for motion in free)
             needs = ", ".join(dict.fromkeys(_remedy(motion) for motion in free))
             hint = f"add a [[support]], a displacement or a platen: {needs}"
-            if body.name in in_contact:
-                hint += f"; {_CONTACT_ALONE}"
             report.add(("body", index), f"can drift: nothing keeps it from {what}", hint)
 
 
-def held_rows(draft: Draft, body: str, shape: Geometry, in_contact: bool) -> Iterator[Row]:
-    """Forbidden combinations of (tx, ty, w * size) about the body's centre.
+def held_rows(draft: Draft, body: str, shape: Geometry) -> Iterator[Row]:
+    """Forbidden combinations of (tx, ty, w * size) about the body's centre, without contact.
 
-    A platen moved by a force grips its boundary: with a contact to push against, its own position is an
-    unknown of the contact problem, and the body is held by the platen. Without one nothing balances the
-    force, and the platen only keeps its boundary from turning. A rotation that is left free follows the
-    same rule.
+    A platen moved by a force has nothing to balance it, and only keeps its boundary from turning, unless it
+    is free to turn.
     """
     for support in draft.supports.values():
         held = support.holds
@@ -83,19 +79,17 @@ def held_rows(draft: Draft, body: str, shape: Geometry, in_contact: bool) -> Ite
             for point in points:
                 yield from _rows(shape, point, held)
         else:
-            yield from _platen_rows(shape, points, load, in_contact)
+            yield from _platen_rows(shape, points, load)
 
 
-def _platen_rows(
-    shape: Geometry, points: tuple[tuple[float, float], ...], load: Platen, in_contact: bool
-) -> Iterator[Row]:
+def _platen_rows(shape: Geometry, points: tuple[tuple[float, float], ...], load: Platen) -> Iterator[Row]:
     middle = (sum(p[0] for p in points) / len(points), sum(p[1] for p in points) / len(points))
     for direction, (control, _) in load.control.items():
         held = (direction == "x", direction == "y")
         at_middle = next(_rows(shape, middle, held))
-        if in_contact or control == "displacement":
+        if control == "displacement":
             yield at_middle
-        if in_contact or load.rotation == "fixed":
+        if load.rotation == "fixed":
             for point in points:
                 turn = next(_rows(shape, point, held))[2] - at_middle[2]
                 yield (0.0, 0.0, turn)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.loads import Displacement, Platen, Pressure, Temperature, Traction
-from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.loads import Displacement, ObstacleMotion, Platen, Pressure, Temperature, Traction
+from mlsanm_cli.case.report import Report, suggestion
 
 
 def check_loads(draft: Draft, report: Report) -> None:
@@ -14,14 +14,15 @@ def check_loads(draft: Draft, report: Report) -> None:
         _check_support(draft, report, index)
     for index, load in draft.loads.items():
         path: KeyPath = ("load", index)
-        if isinstance(load, Platen):
-            _check_platen(load, path, report)
+        if isinstance(load, Platen | ObstacleMotion):
+            _check_moving(load, path, report)
         elif isinstance(load, Traction | Pressure):
             _check_value(load, path, report)
         elif isinstance(load, Displacement):
             _check_displacement(load, path, report)
         elif isinstance(load, Temperature):
             _check_temperature(draft, load, path, report)
+    _check_obstacle_names(draft, report)
 
 
 def _check_support(draft: Draft, report: Report, index: int) -> None:
@@ -71,7 +72,7 @@ def _check_temperature(draft: Draft, load: Temperature, path: KeyPath, report: R
         report.add(path, message, f"give alpha in [material.{body.material}]")
 
 
-def _check_platen(load: Platen, path: KeyPath, report: Report) -> None:
+def _check_moving(load: Platen | ObstacleMotion, path: KeyPath, report: Report) -> None:
     single = [key for key in ("ux", "uy", "fx", "fy") if getattr(load, key) is not None]
     if load.force is not None and load.displacement is not None:
         report.add(path, "has both force and displacement", "one direction each: ux or fx, uy or fy")
@@ -81,7 +82,21 @@ def _check_platen(load: Platen, path: KeyPath, report: Report) -> None:
             (*path, single[0]), f'"{both}" gives both directions already', "ux or fx, and uy or fy instead"
         )
     elif not load.control:
-        report.add(path, "a platen needs a direction", "give force, displacement, or ux/uy/fx/fy")
+        what = "a platen" if isinstance(load, Platen) else "an obstacle's motion"
+        report.add(path, f"{what} needs a direction", "give force, displacement, or ux/uy/fx/fy")
     for u, f in (("ux", "fx"), ("uy", "fy")):
         if u in single and f in single:
-            report.add((*path, f), f"the direction has {u} already", "a platen is moved by one of the two")
+            report.add((*path, f), f"the direction has {u} already", "it is moved by one of the two")
+
+
+def _check_obstacle_names(draft: Draft, report: Report) -> None:
+    """Loads move obstacles that are there."""
+    names = [contact.name for contact in draft.contacts.values() if contact.obstacle is not None]
+    known = [name for _, name in draft.names("contact")]
+    for index, name in draft.texts("load", "obstacle"):
+        if name not in known:
+            hint = suggestion(name, names or known, "contacts with an obstacle")
+            report.add(("load", index, "obstacle"), f'there is no contact "{name}"', hint)
+        elif name in [contact.name for contact in draft.contacts.values()] and name not in names:
+            message = f'contact "{name}" has a master, and no obstacle'
+            report.add(("load", index, "obstacle"), message, 'a load of kind "platen" moves a boundary')

@@ -121,33 +121,29 @@ class Temperature(_InBody):
     """Change of temperature."""
 
 
-class Platen(_OnBoundary):
-    """A rigid plate on the boundary, moved by a force or by a displacement in each direction.
+class _Moving(Section):
+    """Moved by a force or by a displacement in each direction.
 
-    ``force`` or ``displacement`` give both directions; ``ux, uy, fx, fy`` one each. A direction that is
-    not mentioned is free: the plate is smooth there. Forces are per unit thickness.
+    ``force`` or ``displacement`` give both directions; ``ux, uy, fx, fy`` one each. Forces are per unit
+    thickness.
     """
 
-    kind: Literal["platen"]
-    """What the load is."""
     force: Annotated[Vector, FORCE] | None = None
-    """Force on the plate, x and y."""
+    """Force on it, x and y."""
     displacement: Annotated[Vector, LENGTH] | None = None
-    """Displacement of the plate, x and y."""
+    """Its displacement, x and y."""
     ux: Annotated[float, LENGTH] | None = None
-    """Displacement of the plate in x alone."""
+    """Its displacement in x alone."""
     uy: Annotated[float, LENGTH] | None = None
-    """Displacement of the plate in y alone."""
+    """Its displacement in y alone."""
     fx: Annotated[float, FORCE] | None = None
-    """Force on the plate in x alone."""
+    """Force on it in x alone."""
     fy: Annotated[float, FORCE] | None = None
-    """Force on the plate in y alone."""
-    rotation: Literal["fixed", "free"] = "fixed"
-    """Whether the plate may turn."""
+    """Force on it in y alone."""
 
     @property
     def control(self) -> dict[str, tuple[Control, float]]:
-        """What moves the plate in each direction it holds, at load factor 1.
+        """What moves it in each direction, at load factor 1.
 
         >>> Platen(name="p", boundary="a.top", kind="platen", fy=-2.0).control
         {'y': ('force', -2.0)}
@@ -167,7 +163,32 @@ class Platen(_OnBoundary):
         return held
 
 
-AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature
+class Platen(_OnBoundary, _Moving):
+    """A rigid plate on the boundary. A direction that is not mentioned is free: the plate is smooth there."""
+
+    kind: Literal["platen"]
+    """What the load is."""
+    rotation: Literal["fixed", "free"] = "fixed"
+    """Whether the plate may turn."""
+
+
+class ObstacleMotion(_Moving):
+    """What moves the rigid obstacle of a contact. A direction that is not mentioned is held."""
+
+    name: Name
+    """Name of the load; stages call it by this name."""
+    obstacle: str
+    """The contact whose obstacle it moves."""
+    kind: Literal["obstacle"]
+    """What the load is."""
+
+    @property
+    def owner(self) -> None:
+        """It acts on no body."""
+        return None
+
+
+AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature | ObstacleMotion
 Load = Annotated[AnyLoad, Field(discriminator="kind")]
 LOADS: dict[str, type[Section]] = {
     "platen": Platen,
@@ -176,4 +197,5 @@ LOADS: dict[str, type[Section]] = {
     "displacement": Displacement,
     "body-force": BodyForce,
     "temperature": Temperature,
+    "obstacle": ObstacleMotion,
 }

@@ -26,6 +26,7 @@ from mlsanm_cli.case.base import (
 from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.loads import Load
 from mlsanm_cli.case.materials import Material
+from mlsanm_cli.case.obstacles import Obstacle
 from mlsanm_cli.case.shapes import Shape
 
 
@@ -115,19 +116,29 @@ class Regularization(Section):
 
 
 class Contact(Section):
-    """Two boundaries that may touch."""
+    """Two boundaries that may touch, or one and a rigid obstacle; with ``interference`` they overlap on
+    purpose."""
 
     name: Name
     """Name of the contact."""
     slave: BoundaryName
     """The boundary whose nodes carry the pressures: the one with the finer nodes or the smaller radius."""
-    master: BoundaryName
+    master: BoundaryName | None = None
     """The boundary it may touch."""
+    obstacle: Obstacle | None = None
+    """The rigid obstacle it may touch instead."""
+    interference: Annotated[Positive, LENGTH] | None = None
+    """By how much the surfaces overlap on purpose where they do so most."""
     friction: Annotated[float, Field(ge=0.0), NUMBER] = 0.0
     """Coulomb's coefficient; 0 leaves every tangential unknown out."""
     reach: Annotated[AutoLength, LENGTH] = "auto"
     """Nodes with a larger initial gap are left out; a run in which one of them closes fails."""
     regularization: Regularization = Regularization()
+
+    @property
+    def boundaries(self) -> tuple[str, ...]:
+        """The boundaries of elastic bodies in it: slave and, if there is one, master."""
+        return (self.slave,) if self.master is None else (self.slave, self.master)
 
 
 class Probe(Section):
@@ -218,7 +229,7 @@ class Case(Section):
     """Materials by name."""
     body: tuple[Body, ...] = Field(min_length=1)
     support: tuple[Support, ...] = ()
-    load: tuple[Load, ...] = Field(min_length=1)
+    load: tuple[Load, ...] = ()
     contact: tuple[Contact, ...] = ()
     stage: tuple[dict[str, float], ...] = ()
     """Stages follow each other. In each the loads named move together from where they are to these factors;
@@ -230,10 +241,28 @@ class Case(Section):
     probe: tuple[Probe, ...] = ()
     reference: Reference | None = None
 
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """What has a load factor: the loads, then the contacts with an interference."""
+        return (*(load.name for load in self.load), *(c.name for c in self.contact if c.interference))
+
     @model_validator(mode="before")
     @classmethod
     def _default_stage(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "stage" in data or not isinstance(data.get("load"), tuple):
+        """One stage that brings all to 1; an interference that no stage names grows in the first one."""
+        if not isinstance(data, dict):
             return data
-        names = [load.get("name") for load in data["load"] if isinstance(load, dict)]
-        return {**data, "stage": ({name: 1.0 for name in names if isinstance(name, str)},)}
+        given = data.get("stage")
+        fits = _names(data.get("contact", ()), with_key="interference")
+        if given is None:
+            return {**data, "stage": (dict.fromkeys([*_names(data.get("load", ())), *fits], 1.0),)}
+        if not isinstance(given, tuple) or not all(isinstance(stage, dict) for stage in given) or not given:
+            return data
+        growing = {name: 1.0 for name in fits if not any(name in stage for stage in given)}
+        return {**data, "stage": ({**growing, **given[0]}, *given[1:])}
+
+
+def _names(items: Any, with_key: str = "name") -> list[str]:
+    """Names of the items of a raw list that have a key."""
+    rows = [item for item in items if isinstance(item, dict)] if isinstance(items, tuple) else []
+    return [row["name"] for row in rows if isinstance(row.get("name"), str) and with_key in row]

@@ -26,6 +26,7 @@ from mlsanm_cli.case.model import (
     Solver,
     Support,
 )
+from mlsanm_cli.case.obstacles import OBSTACLES
 from mlsanm_cli.case.polygon import Hole
 from mlsanm_cli.case.report import Report, suggestion
 from mlsanm_cli.case.shapes import SHAPES
@@ -51,6 +52,7 @@ _TABLES: dict[tuple[str, ...], type[Any]] = {
 _KINDS: dict[tuple[str, ...], Mapping[str, type[Any]]] = {
     ("body", "*", "shape"): SHAPES,
     ("load", "*"): LOADS,
+    ("contact", "*", "obstacle"): OBSTACLES,
 }
 _LISTS = {"body", "support", "load", "contact", "stage", "refine", "holes", "probe"}
 _WORDS = {
@@ -85,6 +87,8 @@ def _path(location: tuple[int | str, ...]) -> KeyPath:
     if len(path) > 2 and path[0] == "load" and path[2] in LOADS:
         path = (*path[:2], *path[3:])
     if len(path) > 3 and path[0] == "body" and path[2] == "shape" and path[3] in SHAPES:
+        path = (*path[:3], *path[4:])
+    if len(path) > 3 and path[0] == "contact" and path[2] == "obstacle" and path[3] in OBSTACLES:
         path = (*path[:3], *path[4:])
     return path[:-1] if path and path[-1] == "[key]" else path
 
@@ -121,12 +125,10 @@ def _report(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
         options = _literals(str(context["expected"]))
         report.add(path, f"{_show(value)} is not a valid value", suggestion(value, options))
     elif kind == "union_tag_invalid":
-        options = tuple(_KINDS[("load", "*")] if path[0] == "load" else SHAPES)
         tag = context["tag"]
-        report.add((*path, "kind"), f'unknown kind "{tag}"', suggestion(tag, options))
+        report.add((*path, "kind"), f'unknown kind "{tag}"', suggestion(tag, _kinds(path)))
     elif kind == "union_tag_not_found":
-        options = tuple(_KINDS[("load", "*")] if path[0] == "load" else SHAPES)
-        _report_no_kind(report, path, value, options)
+        _report_no_kind(report, path, value, _kinds(path))
     elif kind in _BOUNDS:
         limit, words = _BOUNDS[kind]
         report.add(path, f"{words} {context[limit]:g}, not {_show(value)}")
@@ -146,6 +148,11 @@ def _report(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
         report.add(path, "expected one table, not a list of tables", "write single brackets, as in [model]")
     else:
         report.add(path, _WORDS.get(kind, detail["msg"]), _type_hint(kind, value))
+
+
+def _kinds(path: KeyPath) -> tuple[str, ...]:
+    """Valid kinds of the table at the path."""
+    return tuple(_KINDS[tuple("*" if isinstance(step, int) else step for step in path)])
 
 
 def _report_no_kind(report: Report, path: KeyPath, value: Any, options: tuple[str, ...]) -> None:

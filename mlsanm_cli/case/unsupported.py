@@ -39,7 +39,6 @@ _MOVE = 'a support holds at 0.0; use a load of kind "displacement" to move a bou
 PLANNED: tuple[Planned, ...] = (
     Planned(("support", "*", "ux"), _MOVING, _nonzero, hint=_MOVE),
     Planned(("support", "*", "uy"), _MOVING, _nonzero, hint=_MOVE),
-    Planned(("contact", "*", "obstacle"), "a rigid obstacle", part=2, hint="give slave and master"),
 )
 
 

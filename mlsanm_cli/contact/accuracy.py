@@ -13,7 +13,7 @@ from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.condensed import Condensed, spans
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.scene import Platen, Scene
 
 
 def corrected_state(
@@ -30,10 +30,10 @@ def corrected_state(
         gaps += gap_rows(body, name, condensed.pairings) @ correction[name]
     candidate = np.concatenate([np.zeros(0, dtype=bool), *(p.candidate for p in condensed.pairings)])
     lack = np.zeros(len(condensed.balance.constant))
-    for row, (platen, motion) in enumerate(scene.unknown_motions):
-        if not motion.alone:
-            rows = reaction_rows(scene.bodies[platen.body], platen.surface, platen.center)
-            lack[row] = (rows @ correction[platen.body])[motion.component]
+    for row, (mover, motion) in enumerate(scene.unknown_motions):
+        if isinstance(mover, Platen) and not motion.alone:
+            rows = reaction_rows(scene.bodies[mover.body], mover.surface, mover.center)
+            lack[row] = (rows @ correction[mover.body])[motion.component]
     changed = replace(
         condensed,
         gap=_shifted(condensed.gap, gaps[candidate]),
@@ -57,7 +57,9 @@ def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
             span, arc = condensed.spans[pairing.name], pairing.arc[pairing.candidate]
             own = np.arange(first if len(arc) > 1 else 0, len(arc), 2)
             kept.append(span.start + own)
-            joined.append(np.stack([np.interp(arc, arc[own], unit) for unit in np.eye(len(own))], axis=1))
+            around = pairing.slave.curve.length if pairing.all_around else None
+            units = [np.interp(arc, arc[own], unit, period=around) for unit in np.eye(len(own))]
+            joined.append(np.stack(units, axis=1))
         rows, join = np.concatenate(kept), linalg.block_diag(*joined)
         thin = replace(
             condensed,

@@ -85,12 +85,9 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
 
 
 def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
-    """Overlapping nodes; where a platen must be balanced, at least the closest node of every contact."""
-    active = free_gap < 0.0
-    if len(condensed.balance.constant):
-        for span in condensed.spans.values():
-            active[span] |= free_gap[span] <= free_gap[span].min(initial=np.inf)
-    return np.asarray(active, dtype=bool)
+    """Overlapping nodes; where forces must be balanced, at least the closest nodes of every contact."""
+    active = np.asarray(free_gap < 0.0, dtype=bool)
+    return active | condensed.closest(free_gap) if len(condensed.balance.constant) else active
 
 
 def _solve_active(
@@ -114,8 +111,9 @@ def _solve_active(
     except SingularSystemError as error:
         raise NumericalError(
             "no contact pressure balances the loads",
-            "a force-controlled platen may push its body away from the contact, or nothing resists its "
-            "direction; prescribe that direction's displacement instead",
+            "a force-controlled platen may push its body away from the contact, or a body that only contacts "
+            "hold may be loose there; prescribe the displacement instead, or use "
+            'contact.regularization.law = "hyperbolic"',
         ) from error
     pressure[closed] = solution[:a]
     return pressure, solution[a:]

@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.contact.observers import cut_off, nodal_resultant, resultant
 from mlsanm_cli.contact.pairing import Pairing, transfer, turned
-from mlsanm_cli.mechanics.scene import Platen, PlatenMotion, Scene
+from mlsanm_cli.mechanics.scene import LooseBody, Mover, Obstacle, Platen, RigidMotion, Scene
 
 Held = tuple[str, str]
 
@@ -58,8 +58,10 @@ class Forces:
         self, pairing: Pairing, center: tuple[float, float] = (0.0, 0.0), factor: FloatArray | None = None
     ) -> LinearMap:
         """What the master's own nodes receive of it: minus :meth:`contact` up to the discretisation error."""
-        cloud = self.scene.bodies[pairing.master_body].model.cloud
         surface = pairing.master
+        assert surface is not None
+        assert pairing.master_body is not None
+        cloud = self.scene.bodies[pairing.master_body].model.cloud
         carried = self._transfers[pairing.name]
 
         def per_node(direction: FloatArray) -> FloatArray:
@@ -103,7 +105,11 @@ class Forces:
     @cached_property
     def _transfers(self) -> dict[str, sparse.csr_array]:
         bodies = self.scene.bodies
-        return {p.name: transfer(p, bodies[p.master_body].model.cloud) for p in self.pairings}
+        return {
+            p.name: transfer(p, bodies[p.master_body].model.cloud)
+            for p in self.pairings
+            if p.master_body is not None
+        }
 
     def _reaction(self, body: str, surface: str) -> LinearMap:
         elastic = self.scene.bodies[body]
@@ -120,29 +126,35 @@ class Forces:
     def _points(self, body: str) -> FloatArray:
         return self.scene.bodies[body].model.cloud.points
 
-    def others(self, platen: Platen) -> LinearMap:
-        """All but held surfaces on a platen's body, moments about the platen's centre."""
-        total = self.applied(platen.body, platen.center)
+    def others(self, mover: Platen | LooseBody) -> LinearMap:
+        """All but held surfaces on a mover's body, moments about the mover's centre."""
+        total = self.applied(mover.body, mover.center)
         for pairing in self.pairings:
-            if pairing.slave_body == platen.body:
-                total = total + self.contact(pairing, platen.center)
-            if pairing.master_body == platen.body:
-                total = total + -self.contact(pairing, platen.center)
+            if pairing.slave_body == mover.body:
+                total = total + self.contact(pairing, mover.center)
+            if pairing.master_body == mover.body:
+                total = total + -self.contact(pairing, mover.center)
         return total
 
-    def platen(self, platen: Platen, motion: PlatenMotion) -> LinearMap:
-        """The force (1 row) that the platen must exert on its body in one component."""
+    def mover(self, mover: Mover, motion: RigidMotion) -> LinearMap:
+        """The force (1 row) that the mover must exert on what it moves in one component."""
         row = slice(motion.component, motion.component + 1)
-        if motion.alone:
-            return -self.others(platen).take(row)
-        return self.reactions[platen.body, platen.surface].take(row)
+        if isinstance(mover, Obstacle):
+            pairing = next(p for p in self.pairings if p.name == mover.contact)
+            return self.contact(pairing, mover.center).take(row)
+        if isinstance(mover, LooseBody) or motion.alone:
+            return -self.others(mover).take(row)
+        return self.reactions[mover.body, mover.surface].take(row)
 
 
-def platen_balance(forces: Forces) -> LinearMap:
-    """One row per unknown motion: the force the platen must exert less the force applied to it."""
+def balance_of_movers(forces: Forces) -> LinearMap:
+    """One row per unknown motion: the force the mover must exert less the force applied to it.
+
+    Nothing exerts a force on a loose body but its contacts and tractions, which must so balance.
+    """
     rows = []
-    for platen, motion in forces.scene.unknown_motions:
-        rows.append(forces.platen(platen, motion) + -forces.columns.of_loads(motion.force[None, :]))
+    for mover, motion in forces.scene.unknown_motions:
+        rows.append(forces.mover(mover, motion) + -forces.columns.of_loads(motion.force[None, :]))
     return stack(rows, forces.columns)
 
 
@@ -159,19 +171,19 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
             sums[:2, load.number] = (surface.weight[:, None] * load.values).sum(axis=0)
             total = columns.of_loads(sums)
         report[scene.loads[load.number]] = total.take(slice(0, 2))
-    for platen in scene.platens:
-        for number in platen.loads:
+    for mover in scene.movers:
+        for number in mover.loads:
             rows = [columns.zeros(1), columns.zeros(1)]
-            for motion in platen.motions:
+            for motion in mover.motions:
                 if motion.component > 1:
                     continue
                 if motion.prescribed is None:
                     own = np.zeros((1, columns.loads))
                     own[0, number] = motion.force[number]
                     rows[motion.component] = columns.of_loads(own)
-                elif number == next((n for n in platen.loads if motion.prescribed[n]), platen.loads[0]):
+                elif number == next((n for n in mover.loads if motion.prescribed[n]), mover.loads[0]):
                     # Several loads may move one platen in this component: its force is told once.
-                    rows[motion.component] = forces.platen(platen, motion)
+                    rows[motion.component] = forces.mover(mover, motion)
             report[scene.loads[number]] = stack(rows, columns)
     for force in scene.body_forces:
         sums = np.zeros((2, columns.loads))

@@ -1,7 +1,7 @@
 """The contact problem condensed on its own unknowns.
 
 The bulk is linear, so with the load factors f, the candidates' pressures p, the tractions t of contacts with
-friction, and the unknown platen motions q::
+friction, and the unknown rigid motions q of platens, obstacles and loose bodies::
 
     gap     h = h0 + H f + C q + A_nn p + A_nt t
     slip    s = S f + D q + A_tn p + A_tt t
@@ -21,9 +21,10 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.balance import Forces, body_imbalance, platen_balance, reported_forces
+from mlsanm_cli.contact.balance import Forces, balance_of_movers, body_imbalance, reported_forces
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
+from mlsanm_cli.contact.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.short_waves import resolved_slip
 from mlsanm_cli.contact.sources import body_sources
@@ -31,6 +32,10 @@ from mlsanm_cli.mechanics.probes import ROWS, Probe, probe_rows, stress_of_expan
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.refinement import PRECISE, QUICK
 from mlsanm_cli.operators.system import solve_blocks
+
+EVEN = 1e-9
+"""Gaps that differ by less than this part of the spacing are equal."""
+ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,7 @@ class Condensed:
     a contact with friction among the tractions (n,); ``rubbing`` (n,) are the numbers of these nodes among
     the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip``
     to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to what the
-    platens lack (k,). ``beyond`` (n, n) is what of the slips the displacements' own, fitted, do not tell
+    movers lack (k,). ``beyond`` (n, n) is what of the slips the displacements' own, fitted, do not tell
     (:func:`resolved_slip`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
@@ -88,6 +93,25 @@ class Condensed:
         """Right-hand side (r, 1) of a body in one state."""
         return sparse.csc_array((self.sources[body] @ np.concatenate([f, q, p, t]))[:, None])
 
+    def overlap(self, gap: FloatArray) -> bool:
+        """Whether some ``gap`` (m,) is negative by more than surfaces drawn touching may have it."""
+        return bool((gap < -EVEN * self.weight).any())
+
+    def closest(self, gap: FloatArray) -> BoolArray:
+        """The nodes (m,) with the smallest ``gap`` (m,) of every contact, enough to hold all that moves
+        rigidly, if possible."""
+        ordered = {name: np.sort(gap[span]) for name, span in self.spans.items()}
+        chosen = np.zeros(len(gap), dtype=bool)
+        for count in 2 ** np.arange(len(gap).bit_length() + 1):
+            for name, span in self.spans.items():
+                widest = ordered[name][:count].max(initial=-np.inf)
+                chosen[span] |= gap[span] <= widest + EVEN * self.weight[span]
+            held = np.concatenate([self.gap.motion[chosen], self.balance.motion])
+            size = np.abs(held).max(axis=0, initial=0.0)
+            if np.linalg.matrix_rank(held / np.where(size > 0.0, size, 1.0), ROUND_OFF) == held.shape[1]:
+                break
+        return chosen
+
     def displacement(
         self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> tuple[FloatArray, float]:
@@ -102,7 +126,8 @@ class Condensed:
             solution = (self.solutions[body] @ np.concatenate([f, q, p, t]))[:, None]
         else:
             solution = system.solve(source)
-        return solution.reshape(-1, 2), system.residual(source, solution)
+        residual = system.residual(source, solution)
+        return (solution[:, 0] + scene.loose_patterns(body) @ q).reshape(-1, 2), residual
 
 
 def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
@@ -146,11 +171,13 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
                 kept[:, used[block]] = solution
         if not pairings:
             solutions[name] = kept
+        observed[:, columns.motion_places] += rows @ scene.loose_patterns(name)
         solves += len(used)
 
     gaps, slips, *acting = np.split(observed, np.cumsum(counts)[:-1])
     candidate = _candidates(pairings)
     gap = columns.split(gaps, np.concatenate([[], *(pairing.gap for pairing in pairings)]))
+    gap = gap + of_obstacles(scene, pairings, columns, "normal") + of_fits(scene, pairings, columns)
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
     forces = Forces(
         scene,
@@ -163,7 +190,8 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
     )
     modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
-    slip = columns.split(slips).take(_candidates(rough))
+    slip = columns.split(slips) + of_obstacles(scene, rough, columns, "tangent")
+    slip = slip.take(_candidates(rough))
     along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
     slip, beyond = resolved_slip(slip, rough, tangential, along)
     rubbing = _numbers([normal[pairing.name] for pairing in rough])
@@ -178,7 +206,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         gap=gap,
         slip=slip,
         watched=watched,
-        balance=platen_balance(forces),
+        balance=balance_of_movers(forces),
         beyond=beyond,
         forces=reported_forces(forces),
         contact_forces={pairing.name: forces.contact(pairing).take(slice(0, 2)) for pairing in pairings},
@@ -201,10 +229,10 @@ def _seen(scene: Scene, probe: Probe, columns: Columns, rows: FloatArray) -> Lin
 
 
 def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:
-    """1/E* (m,) of the two bodies of a contact at its candidates, along ``direction`` (w, 2)."""
+    """1/E* (m,) of a contact's bodies at its candidates, along ``direction`` (w, 2); obstacles are rigid."""
     chosen = direction[pairing.candidate]
-    slave, master = (scene.bodies[body].model for body in (pairing.slave_body, pairing.master_body))
-    return slave.material.softness(chosen) + master.material.softness(chosen)
+    parts = [scene.bodies[body].model.material.softness(chosen) for body in pairing.bodies]
+    return np.asarray(np.sum(parts, axis=0))
 
 
 def _count(pairings: tuple[Pairing, ...]) -> int:

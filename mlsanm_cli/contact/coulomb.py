@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.set_search import Watch, find_sets
 from mlsanm_cli.contact.sets import Sets, SetSystem, Values
@@ -61,8 +61,8 @@ def increment(
     solved. Without ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError."""
     before = state.values.slip
     closed = state.sets.closed | (state.values.gap <= 0.0)
-    if len(condensed.balance.constant) and not closed.any():
-        closed = _closest(condensed, state.values.gap)
+    if len(condensed.balance.constant) and not state.sets.closed.any():
+        closed |= condensed.closest(state.values.gap)
     stuck = closed[condensed.rubbing] & (state.sets.sense == 0.0)
     sense = np.where(closed[condensed.rubbing], state.sets.sense, 0.0)
     both = np.ones(len(condensed.weight), dtype=bool)
@@ -75,13 +75,6 @@ def increment(
 
     sets, _, values, count = find_sets(condensed, Sets(closed, stuck, sense), watch, solve)
     return state.jumped(factors, values, sets, np.where(sets.stuck, before, values.slip)), count
-
-
-def _closest(condensed: Condensed, gap: FloatArray) -> BoolArray:
-    closed = np.zeros(len(gap), dtype=bool)
-    for span in condensed.spans.values():
-        closed[span] |= gap[span] <= gap[span].min(initial=np.inf)
-    return closed
 
 
 def residual(condensed: Condensed, state: CoulombState) -> float:

@@ -47,7 +47,7 @@ def start(condensed: Condensed, factors: FloatArray) -> Event:
     Raises NumericalError where it is not plain how.
     """
     state = unloaded(condensed, factors)
-    if not (state.values.gap < 0.0).any():
+    if not condensed.overlap(state.values.gap):
         return Event(0.0, state, 0)
     if not len(condensed.balance.constant):
         return Event(0.0, *increment(condensed, state, factors))

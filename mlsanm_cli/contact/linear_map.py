@@ -77,6 +77,11 @@ class Columns:
         """All columns."""
         return self.loads + self.motions + self.pressures + self.tractions
 
+    @property
+    def motion_places(self) -> slice:
+        """The columns of the motions."""
+        return slice(self.loads, self.loads + self.motions)
+
     def split(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
         """A dense array (r, total) as a linear map."""
         ends = np.cumsum([self.loads, self.motions, self.pressures])

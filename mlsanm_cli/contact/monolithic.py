@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.balance import Forces, platen_balance
+from mlsanm_cli.contact.balance import Forces, balance_of_movers
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coupling import Local, row_scales, slip_places
 from mlsanm_cli.contact.elimination import Elimination, plan_elimination
@@ -32,7 +32,7 @@ from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
 from mlsanm_cli.contact.regularization import Regularization
 from mlsanm_cli.contact.short_waves import slip_fit
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.scene import Platen, Scene
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.refinement import refine
 
@@ -216,6 +216,7 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
         return whole
 
     for platen, motion in scene.unknown_motions:
+        assert isinstance(platen, Platen), "checked with the case"
         body, held = scene.bodies[platen.body], (platen.body, platen.surface)
         for surface in body.soft_springs:
             springs[platen.body, surface] = told(platen.body, spring_rows(body, surface))
@@ -228,7 +229,7 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
     forces = Forces(
         scene, condensed.pairings, condensed.spans, condensed.tangential, columns, measured, springs
     )
-    return platen_balance(forces)
+    return balance_of_movers(forces)
 
 
 def _entries(

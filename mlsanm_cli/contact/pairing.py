@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud, Surface
+from mlsanm_cli.contact.obstacles import Shape
 
 OPPOSED = -0.2
 """Surfaces face each other where their outward normals' product is below this."""
@@ -27,14 +29,16 @@ class Pairing:
 
     ``position`` (w,) counts along the slave surface, ``partner`` (w, 2) are the virtual nodes on the master,
     ``normal`` (w, 2) the master's outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,)
-    marks the nodes that can touch; the others are only watched. ``friction`` is Coulomb's coefficient.
+    marks the nodes that can touch; the others are only watched. ``friction`` is Coulomb's coefficient,
+    ``interference`` what the gaps lose when the load of this contact's name is at 1. A contact with a rigid
+    obstacle has neither ``master_body`` nor ``master``; its virtual nodes lie on the obstacle.
     """
 
     name: str
     slave_body: str
     slave: Surface
-    master_body: str
-    master: Surface
+    master_body: str | None
+    master: Surface | None
     position: IntArray
     partner: FloatArray
     normal: FloatArray
@@ -42,6 +46,18 @@ class Pairing:
     spacing: FloatArray
     candidate: BoolArray
     friction: float = 0.0
+    interference: float = 0.0
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The elastic bodies: slave and, if there is one, master."""
+        return (self.slave_body,) if self.master_body is None else (self.slave_body, self.master_body)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The boundaries of :attr:`bodies`, as the case names them."""
+        slave = f"{self.slave_body}.{self.slave.name}"
+        return (slave,) if self.master is None else (slave, f"{self.master_body}.{self.master.name}")
 
     @property
     def tangent(self) -> FloatArray:
@@ -98,10 +114,31 @@ def pair_surfaces(
 
     A node whose closest point is an end of the master, seen at an angle, has no partner.
     """
+    s = master.curve.closest(slave_cloud.points[slave.index])
+    partner, normal = master.curve.points(s), master.curve.normals(s)
+    return _paired(name, slave_body, slave_cloud, slave, (master_body, master), partner, normal, friction)
+
+
+def pair_obstacle(
+    name: str, slave_body: str, slave_cloud: Cloud, slave: Surface, obstacle: Shape, friction: float = 0.0
+) -> Pairing:
+    """The same with a rigid obstacle for master."""
+    partner, normal = obstacle.closest(slave_cloud.points[slave.index])
+    return _paired(name, slave_body, slave_cloud, slave, (None, None), partner, normal, friction)
+
+
+def _paired(
+    name: str,
+    slave_body: str,
+    slave_cloud: Cloud,
+    slave: Surface,
+    master: tuple[str, Surface] | tuple[None, None],
+    partner: FloatArray,
+    normal: FloatArray,
+    friction: float,
+) -> Pairing:
+    """Pairs of the slave nodes with those of their closest points (b, 2) that they face."""
     points = slave_cloud.points[slave.index]
-    s = master.curve.closest(points)
-    partner = master.curve.points(s)
-    normal = master.curve.normals(s)
     away = points - partner
     tangential = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     spacing = slave_cloud.spacing[slave.index]
@@ -114,8 +151,8 @@ def pair_surfaces(
         name=name,
         slave_body=slave_body,
         slave=slave,
-        master_body=master_body,
-        master=master,
+        master_body=master[0],
+        master=master[1],
         position=position,
         partner=partner[position],
         normal=normal[position],
@@ -141,13 +178,13 @@ def _along(slave: Surface, position: IntArray, gap: FloatArray) -> IntArray:
     return np.roll(position, -(int(np.argmax(left_out)) + 1))
 
 
-def spacing_ratio(pairing: Pairing, master_cloud: Cloud) -> float:
-    """Largest ratio, either way, of facing spacings over the candidates."""
-    chosen = pairing.candidate
-    if not chosen.any():
+def spacing_ratio(pairing: Pairing, clouds: Mapping[str, Cloud]) -> float:
+    """Largest ratio, either way, of facing spacings over the candidates; 1 on an obstacle, which has none."""
+    chosen, master = pairing.candidate, pairing.master
+    if master is None or pairing.master_body is None or not chosen.any():
         return 1.0
-    arc = pairing.master.curve.closest(pairing.partner[chosen])
-    master = pairing.master
+    master_cloud = clouds[pairing.master_body]
+    arc = master.curve.closest(pairing.partner[chosen])
     around = master.curve.length if master.curve.closed else None
     h = np.interp(arc, master.arc_length, master_cloud.spacing[master.index], period=around)
     ratio = pairing.spacing[chosen] / h
@@ -162,26 +199,28 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     two spacings asks for: a coarse master that only sampled a fine slave's pressures would take an
     oscillation from node to node for a smooth load, and the compliance would lose its positivity.
     """
+    master = pairing.master
+    assert master is not None, "an obstacle has no nodes"
     arc = pairing.arc[pairing.candidate]
     weight, spacing = pairing.weight[pairing.candidate], pairing.spacing[pairing.candidate]
     count = len(arc)
     if pairing.all_around:
         turns = pairing.slave.curve.length * np.arange(-1, 2)
         arc, weight, spacing = (turns[:, None] + arc).ravel(), np.tile(weight, 3), np.tile(spacing, 3)
-    points = master_cloud.points[pairing.master.index]
+    points = master_cloud.points[master.index]
     s = pairing.slave.curve.closest(points)
     shadow = pairing.slave.curve.normals(s)
     # Both ends of the slave see points beside it as their own shadow; those get no pressure.
     away = points - pairing.slave.curve.points(s)
     beside = np.abs(away[:, 0] * shadow[:, 1] - away[:, 1] * shadow[:, 0])
     slack = 1e-6 * float(pairing.spacing.min())
-    facing = (shadow * pairing.master.normal).sum(axis=1) < OPPOSED
+    facing = (shadow * master.normal).sum(axis=1) < OPPOSED
     if pairing.slave.curve.closed:
         s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
     rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (beside <= slack))
     own = np.interp(s[rows], arc, spacing)
     # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
-    reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[pairing.master.index[rows]])
+    reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[master.index[rows]])
     fit = surface_fit(arc, weight, s[rows], reach).tocoo()
     inner, columns = fit.coords
     return sparse.csr_array((fit.data, (rows[inner], columns % count)), shape=(len(points), count))

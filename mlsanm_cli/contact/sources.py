@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Surface
 from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.pairing import Pairing, transfer, turned
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -52,10 +53,10 @@ def _contact_sources(body: ElasticBody, name: str, pairing: Pairing, tangential:
     source = sparse.csc_array((body.rows, int(pairing.candidate.sum())))
     if pairing.slave_body == name:
         source = source + _on_slave(body, pairing, pairing.tangent if tangential else pairing.normal)
-    if pairing.master_body == name:
+    if pairing.master is not None and pairing.master_body == name:
         normal = pairing.master.normal
         # The reaction to p n is -p n, whose n the master's own normal stands for; likewise the tangent.
-        source = source + _on_master(body, pairing, turned(normal) if tangential else normal)
+        source = source + _on_master(body, pairing, pairing.master, turned(normal) if tangential else normal)
     return source
 
 
@@ -71,13 +72,15 @@ def _on_slave(body: ElasticBody, pairing: Pairing, direction: FloatArray) -> spa
     return source
 
 
-def _on_master(body: ElasticBody, pairing: Pairing, direction: FloatArray) -> sparse.csc_array:
+def _on_master(
+    body: ElasticBody, pairing: Pairing, master: Surface, direction: FloatArray
+) -> sparse.csc_array:
     """Unit tractions against ``direction`` (b, 2) on the master's own nodes, carried over along the slave."""
     shares = transfer(pairing, body.model.cloud).tocoo()
     rows, columns = shares.coords
     source = sparse.csc_array((body.rows, shares.shape[1]))
     for component in (0, 1):
-        lines = body.condition_rows(pairing.master.name, component)[rows]
+        lines = body.condition_rows(master.name, component)[rows]
         values = -shares.data * direction[rows, component]
         source = source + sparse.csc_array((values, (lines, columns)), shape=source.shape)
     return source

@@ -42,6 +42,7 @@ from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.force_sums import force_sums, spring_sums
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.rigid import Freedom, FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.linear.interface import DirectSolver
@@ -188,12 +189,14 @@ class ElasticBody:
 
     ``first_row[surface]`` is where the surface's rows begin: x for its b nodes, then y for its b nodes.
     ``held[surface]`` says for x and y whether these rows hold a displacement, ``springs[surface]`` what
-    traction per displacement springs there pull back with. ``rows`` counts all rows.
+    traction per displacement springs there pull back with, ``free`` which rigid motions nothing holds:
+    ``system`` then answers to balanced loads, by displacements without mean motion. ``rows`` counts all rows.
     """
 
     model: BodyModel
     held: Mapping[str, tuple[bool, bool]]
     springs: Springs
+    free: Freedom
     first_row: Mapping[str, int]
     rows: int
     system: LinearSystem
@@ -256,9 +259,12 @@ def assemble(
     """Choose the conditions of every surface, set up the rows and factorise.
 
     ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
-    Components of surfaces with ``springs`` have the row sigma n + k u.
+    Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
+    where that holds it, which changes nothing but its rigid motion.
     """
     cloud, c = model.cloud, model.material.stiffness
+    free = free_motions(cloud, held, held_nodes, springs)
+    single = [*held_nodes, *pins(cloud.points, free)]
     count = len(model.nodes)
     blocks = [model.equilibrium(component) for component in (0, 1)]
     first_row = {}
@@ -272,25 +278,26 @@ def assemble(
             else:
                 blocks.append(traction_rows(stencils, c, surface.normal, component))
         total += 2 * len(surface.index)
-    table = RowTable(first_row, total, total + len(held_nodes), model.material.modulus, springs)
-    for node, component in held_nodes:
+    table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
+    for node, component in single:
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
     pulls = _pulls(cloud, table, count)
     rows = sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls)
     system: LinearSystem
     if model.settings.square:
-        choice = choose_equations(cloud, held, held_nodes, table, model.ghosts)
+        choice = choose_equations(cloud, held, single, table, model.ghosts)
         system = square.factorise(rows, choice, model.nodes, solver)
     else:
         limit = stiffest_soft(cloud, model.material)
-        weight = _row_weights(cloud, held, held_nodes, table, gripped(held, springs, limit))
+        weight = _row_weights(cloud, held, single, table, gripped(held, springs, limit))
         sums = force_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
         whole = spring_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
         images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
         system = least_squares.factorise(
             rows, weight, model.nodes, solver, np.concatenate([sums, whole]), images
         )
-    return ElasticBody(model, held, springs, first_row, table.total, system)
+    body = ElasticBody(model, held, springs, free, first_row, table.total, system)
+    return replace(body, system=_freed(body, single[len(held_nodes) :])) if free.components else body
 
 
 def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
@@ -303,6 +310,32 @@ def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
             entries = (np.full(len(index), spring), (at, 2 * index + component))
             pulls = pulls + sparse.csr_array(entries, shape=pulls.shape)
     return pulls
+
+
+def _freed(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
+    """The body's system without its pins."""
+    model, cloud = body.model, body.model.cloud
+    count = len(cloud.points)
+    patterns = body.free.patterns(model.nodes)
+    # Ghosts carry no displacement of the body.
+    share = np.zeros(model.unknowns)
+    share[: 2 * count] = np.repeat(cloud.areas, 2)
+    inertia = patterns.T @ (share[:, None] * patterns)
+    mean = np.asarray(np.linalg.solve(inertia, patterns.T * share), dtype=np.float64)
+    work = np.zeros((len(inertia), body.rows))
+    balance: FloatArray = np.zeros((body.rows, len(inertia)))
+    for row, pattern in enumerate(patterns[: 2 * count].T):
+        motion = pattern.reshape(-1, 2)
+        for component in (0, 1):
+            equilibrium = slice(component * count, (component + 1) * count)
+            # Right-hand sides of equilibrium are minus a body force.
+            work[row, equilibrium] = -cloud.areas * motion[:, component]
+            balance[equilibrium, row] = motion[:, component]
+        for name, surface in cloud.surfaces.items():
+            work[row] += body.source(name, surface.weight[:, None] * motion[surface.index], held=False)
+    balance = balance @ np.linalg.inv(inertia)
+    places = np.array([2 * node + component for node, component in pinned])
+    return FreeSystem(body.system, patterns, mean, places, work, balance)
 
 
 def _row_weights(

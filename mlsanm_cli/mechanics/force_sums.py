@@ -40,19 +40,31 @@ def force_sums(
 
     ``first_row`` and ``rows`` (r) are those of the body. A cut is a ramp from 0 to 1 of the distance from
     what is held, along the triangles of the nodes; on the held surfaces all ramps are 0, so that no reaction
-    counts. ``springs`` beyond the ``limit`` count as holding; the others where nothing else holds.
+    counts. Through a body that nothing holds the cuts go straight, half of them along either axis.
+    ``springs`` beyond the ``limit`` count as holding; the others where nothing else holds.
     """
     grips = gripped(held, springs, limit)
     single = np.unique([node for node, _ in held_nodes]).astype(np.int64)
     start = [cloud.surfaces[name].index for name, components in grips.items() if any(components)]
     if not start and not len(single):
         start = [cloud.surfaces[name].index for name in springs]
-    distance = _distance(cloud, np.concatenate([single, *start]))
-    length = float(distance.max())
+    if start or len(single):
+        distance = _distance(cloud, np.concatenate([single, *start]))
+        length = float(distance.max())
+        ramps = [np.clip(distance * CUTS / length - cut, 0.0, 1.0) for cut in range(CUTS)]
+    else:
+        length = float(np.ptp(cloud.points, axis=0).max())
+        ramps = [ramp for coordinate in cloud.points.T for ramp in _straight(coordinate)]
     arm = (cloud.points - cloud.points.mean(axis=0)) / length
-    ramps = [np.clip(distance * CUTS / length - cut, 0.0, 1.0) for cut in range(CUTS)]
     sums = [_sum(cloud, held, first_row, rows, motion) for ramp in ramps for motion in _motions(ramp, arm)]
     return np.array(sums)
+
+
+def _straight(coordinate: FloatArray) -> list[FloatArray]:
+    """Ramps from -1 to 1 along a ``coordinate`` (n,) of the nodes: its mirror image has the same."""
+    low, size = float(coordinate.min()), float(np.ptp(coordinate))
+    parts = CUTS // 2
+    return [2.0 * np.clip((coordinate - low) * parts / size - cut, 0.0, 1.0) - 1.0 for cut in range(parts)]
 
 
 def spring_sums(
@@ -115,10 +127,7 @@ def _distance(cloud: Cloud, nodes: IntArray) -> FloatArray:
     lengths = np.linalg.norm(cloud.points[ends[:, 0]] - cloud.points[ends[:, 1]], axis=1)
     count = len(cloud.points)
     graph = sparse.csr_array((lengths, (ends[:, 0], ends[:, 1])), shape=(count, count))
-    nodes = np.unique(nodes)
-    if not len(nodes):
-        nodes = cloud.boundary_nodes[:1]
-    found = dijkstra(graph, directed=False, indices=nodes, min_only=True)
+    found = dijkstra(graph, directed=False, indices=np.unique(nodes), min_only=True)
     distance: FloatArray = np.asarray(found, dtype=np.float64)
     reached = np.isfinite(distance)
     distance[~reached] = distance[reached].max()

@@ -15,8 +15,7 @@ from mlsanm_cli.cloud.cloud import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.probes import Probe
-
-ROTATION = 2
+from mlsanm_cli.mechanics.rigid import rigid_pattern
 
 
 @dataclass(frozen=True)
@@ -49,18 +48,20 @@ class Heating:
 
 
 @dataclass(frozen=True)
-class PlatenMotion:
-    """One rigid motion of a platen: ``component`` 0 (x), 1 (y) or 2 (rotation about the platen's centre).
+class RigidMotion:
+    """One rigid motion of a platen, an obstacle or a loose body: ``component`` 0 (x), 1 (y) or 2 (rotation
+    about the mover's centre).
 
     ``prescribed`` (L,) gives the motion per load factor, or is None when the motion is unknown and ``force``
-    (L,) balances it. ``alone`` tells that nothing else holds the body in this component: the platen then
-    carries exactly what the other forces on the body leave; otherwise its force comes from the stress field.
+    (L,) balances it. ``alone`` tells that nothing else holds a platen's body in this component: the platen
+    then carries exactly what the other forces on the body leave; otherwise its force comes from the stress
+    field.
     """
 
     component: int
     prescribed: FloatArray | None
     force: FloatArray
-    alone: bool
+    alone: bool = True
 
 
 @dataclass(frozen=True)
@@ -73,17 +74,41 @@ class Platen:
     body: str
     surface: str
     center: tuple[float, float]
-    motions: tuple[PlatenMotion, ...]
+    motions: tuple[RigidMotion, ...]
     loads: tuple[int, ...]
 
     def pattern(self, surface: Surface, points: FloatArray, component: int) -> FloatArray:
         """Displacements (b, 2) of the surface's nodes under a unit motion."""
-        if component == ROTATION:
-            arm = points[surface.index] - np.array(self.center)
-            return np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        values = np.zeros((len(surface.index), 2))
-        values[:, component] = 1.0
-        return values
+        return rigid_pattern(points[surface.index], self.center, component)
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """The rigid obstacle of a ``contact``; in a component without a motion it stays where it is.
+
+    ``loads`` are the numbers of the loads that move it.
+    """
+
+    contact: str
+    center: tuple[float, float]
+    motions: tuple[RigidMotion, ...]
+    loads: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class LooseBody:
+    """A body with rigid motions that only its contacts can hold: they are unknown, and it is in equilibrium.
+
+    A motion that nothing resists and no force drives is prescribed at zero.
+    """
+
+    body: str
+    center: tuple[float, float]
+    motions: tuple[RigidMotion, ...]
+    loads: tuple[int, ...] = ()
+
+
+Mover = Platen | Obstacle | LooseBody
 
 
 @dataclass(frozen=True)
@@ -103,6 +128,8 @@ class Scene:
     body_forces: tuple[BodyForce, ...] = ()
     heatings: tuple[Heating, ...] = ()
     probes: tuple[Probe, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    loose: tuple[LooseBody, ...] = ()
 
     def surface(self, body: str, name: str) -> Surface:
         """A body's surface by name."""
@@ -139,6 +166,20 @@ class Scene:
         )
 
     @property
-    def unknown_motions(self) -> list[tuple[Platen, PlatenMotion]]:
-        """Platen motions to be solved for, in the order of the unknowns q."""
-        return [(p, m) for p in self.platens for m in p.motions if m.prescribed is None]
+    def movers(self) -> tuple[Mover, ...]:
+        """All that moves rigidly."""
+        return (*self.platens, *self.obstacles, *self.loose)
+
+    @property
+    def unknown_motions(self) -> list[tuple[Mover, RigidMotion]]:
+        """Motions to be solved for, in the order of the unknowns q."""
+        return [(mover, m) for mover in self.movers for m in mover.motions if m.prescribed is None]
+
+    def loose_patterns(self, body: str) -> FloatArray:
+        """Displacements (2N, k) of a body under the unknown motions q that it is loose in, 0 for others."""
+        nodes = self.bodies[body].model.nodes
+        patterns = np.zeros((2 * len(nodes), len(self.unknown_motions)))
+        for column, (mover, motion) in enumerate(self.unknown_motions):
+            if isinstance(mover, LooseBody) and mover.body == body:
+                patterns[:, column] = rigid_pattern(nodes, mover.center, motion.component).ravel()
+        return patterns

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,3 +37,18 @@ class LameRing:
         radial, hoop = self.stress(r)
         result: FloatArray = r / self.modulus * (hoop - self.poisson * radial)
         return result
+
+
+def press_fit(inner: LameRing, outer: LameRing, interference: float) -> float:
+    """Pressure between two rings, the inner one too large by ``interference`` in its radius.
+
+    The ``pressure`` of the rings does not count. The inner ring's outer radius is the outer's inner one::
+
+        interference = p (u_outer + u_inner) with u their radial displacements there under a unit pressure
+    """
+    radius = np.array([outer.inner])
+    widened = float(replace(outer, pressure=1.0).displacement(radius)[0])
+    # A pressure from outside is one from both sides less one from inside.
+    even = -radius[0] * (1.0 - inner.poisson) / inner.modulus
+    narrowed = even - float(replace(inner, pressure=1.0).displacement(radius)[0])
+    return float(interference / (widened - narrowed))

@@ -37,7 +37,7 @@ BAD = {
         ("contact surface block.top",),
         'master = "block.top',
     ),
-    "a body free to drift": (FLOOR, "", ("body.block", "can drift", "uy"), '[[body]]\nname = "block'),
+    "a body free to drift": (FLOOR, "", ("load.press", "nothing resists", "uy"), '[[load]]'),
     "surfaces that overlap": (
         "center = [0.0, 1.0]",
         "center = [0.0, 0.6]",
@@ -57,10 +57,10 @@ BAD = {
         "solution =",
     ),
     "a key of later versions": (
-        'name = "interface"',
-        'name = "interface"\nobstacle = {}',
+        "uy = 0.0",
+        "uy = 0.1",
         ("not supported yet",),
-        "obstacle",
+        "uy = 0.1",
     ),
     "bad syntax": ("nu = 0.3", "nu = 0.3.1", ("(syntax)",), "nu ="),
 }  # fmt: skip

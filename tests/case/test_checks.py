@@ -191,8 +191,7 @@ def test_boundaries_in_two_contacts() -> None:
         '[[support]]\nboundary = "third.top"\nux = 0.0\nuy = 0.0\n[[support]]',
     )
     parse(third + CONTACT.format("second", "third.bottom", "block.top"))
-    again = only(third + CONTACT.format("second", "cylinder.arc", "third.bottom"))
-    assert (again.key, "already" in again.message) == ("contact.second.slave", True)
+    parse(third + CONTACT.format("second", "cylinder.arc", "third.bottom"))
     mirrored = only(third + CONTACT.format("second", "block.top", "cylinder.arc"))
     assert mirrored.key == "contact.second"
     mixed = CONTACT.format("second", "third.bottom", "block.top") + 'regularization.law = "exact"\n'
@@ -232,7 +231,6 @@ def test_monolithic_is_for_smooth_contact_laws() -> None:
     ("setting", "words"),
     [
         ("support.0.uy=0.1", "support that moves"),
-        ('contact.interface={name="interface", slave="cylinder.arc", obstacle={kind="plane"}}', "obstacle"),
     ],
 )
 def test_planned_keys_are_refused_by_name(setting: str, words: str) -> None:

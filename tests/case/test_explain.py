@@ -52,7 +52,7 @@ def test_types_and_limits(key: str, allowed: str, kind: str) -> None:
 def test_keys_that_only_some_kinds_have() -> None:
     assert only("body.shape.radius").kinds == ("disk", "half-disk")
     assert only("load.name").kinds == ()
-    assert {one.kinds for one in explain("load.displacement")} == {("displacement",), ("platen",)}
+    assert {one.kinds for one in explain("load.displacement")} == {("displacement",), ("platen", "obstacle")}
 
 
 def test_kinds_are_told_with_what_they_are() -> None:

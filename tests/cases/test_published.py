@@ -39,8 +39,13 @@ def regularised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mapping[str, 
 
 
 def deviations(summary: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Those of the contact called interface."""
+    return deviations_of(summary, "interface")
+
+
+def deviations_of(summary: Mapping[str, Any], name: str) -> tuple[float, float, float]:
     """L2 error of the profile, relative errors of peak and half-width."""
-    contact = summary["contacts"]["interface"]
+    contact = summary["contacts"][name]
     reference = contact["reference"]
     return (
         contact["reference"]["pressure_error_l2"],

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mlsanm_cli.app.build import stage_factors
 from mlsanm_cli.app.clouds import clouds
 from mlsanm_cli.app.scene import factorise, prepare
+from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.active_set import ExactState, solve_exact

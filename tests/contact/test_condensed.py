@@ -57,6 +57,7 @@ def whole_solution(
             values[at, 1] = pressure * n_y - rubbed * n_x
             rhs += body.source(pairing.slave.name, values, held=False)
         else:
+            assert pairing.master is not None
             carried = transfer(pairing, cloud) @ np.stack([pressure, rubbed], axis=1)
             n_x, n_y = pairing.master.normal.T
             values = -carried[:, :1] * pairing.master.normal
@@ -70,6 +71,7 @@ def slips(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
     """Slips (m,) of the candidates from nodal displacements, short waves and all."""
     pairing = small.pairing
     chosen = pairing.candidate
+    assert pairing.master_body is not None
     on_x, on_y = small.scene.bodies[pairing.master_body].model.values_at(pairing.partner[chosen])
     u = fields[pairing.master_body].ravel()
     apart = fields[pairing.slave_body][pairing.node[chosen]] - np.stack([on_x @ u, on_y @ u], axis=1)
@@ -81,6 +83,7 @@ def gaps(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
     """Gaps (m,) of the candidates from nodal displacements."""
     pairing = small.pairing
     chosen = pairing.candidate
+    assert pairing.master_body is not None
     on_x, on_y = small.scene.bodies[pairing.master_body].model.values_at(pairing.partner[chosen])
     u = fields[pairing.master_body].ravel()
     apart = fields[pairing.slave_body][pairing.node[chosen]] - np.stack([on_x @ u, on_y @ u], axis=1)
@@ -254,6 +257,7 @@ def test_certificate_is_positive_for_facing_clouds(forced: Small) -> None:
 def sampled(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     """Each master node takes the pressure of the slave node nearest to it."""
     window = transfer(pairing, master_cloud)
+    assert pairing.master is not None
     s = pairing.slave.curve.closest(master_cloud.points[pairing.master.index])
     nearest = np.abs(s[:, None] - pairing.arc[pairing.candidate]).argmin(axis=1)
     rows = np.flatnonzero(np.diff(window.indptr))

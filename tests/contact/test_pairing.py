@@ -98,9 +98,9 @@ def test_reach_chooses_the_candidates() -> None:
 def test_spacing_ratio_of_facing_surfaces(upper: float, lower: float) -> None:
     block = rectangle((-1.0, 1.0), (0.0, 1.0))
     pairing, _, other = pair(block, "bottom", BLOCK, "top", even(upper, lower))
-    assert spacing_ratio(pairing, other) == pytest.approx(2.5)
+    assert spacing_ratio(pairing, {"lower": other}) == pytest.approx(2.5)
     nobody = replace(pairing, candidate=np.zeros(len(pairing.gap), dtype=bool))
-    assert spacing_ratio(nobody, other) == 1.0
+    assert spacing_ratio(nobody, {"lower": other}) == 1.0
 
 
 PAIRS = [(0.1, 0.05), (0.1, 0.073), (0.1, 0.1), (0.1, 0.137), (0.1, 0.2), (0.1, 0.45), (0.02, 0.3)]
@@ -192,7 +192,7 @@ def test_where_a_circle_begins_makes_no_difference(angle: float) -> None:
     # Candidates reach 0.12 to both sides, flat nodes lie 0.025 apart.
     assert place[covered].min() <= -0.0999
     assert place[covered].max() >= 0.0999
-    assert spacing_ratio(pairing, flat) <= 1.3
+    assert spacing_ratio(pairing, {"flat": flat}) <= 1.3
 
 
 def test_a_single_candidate_still_gives_its_pressure() -> None:
@@ -237,6 +237,7 @@ def test_a_pressure_all_around_reaches_every_node_of_the_hole(shift: float) -> N
     pairing, _, hole = pin_in_hole(shift)
     assert pairing.all_around
     carried = transfer(pairing, hole)
+    assert pairing.master is not None
     angle = np.arctan2(*hole.points[pairing.master.index].T)
     assert np.abs(carried @ np.ones(len(pairing.gap)) - 1.0).max() <= 1e-13
     own = np.arctan2(*(pairing.slave.curve.points(pairing.slave.arc_length)[pairing.position]).T)

@@ -13,6 +13,7 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import CLOSEST, POWER, corner_weight
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
+from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.operators.least_squares import LeastSquares
 from mlsanm_cli.operators.settings import Scheme
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, with_body_force
@@ -172,8 +173,10 @@ def test_condition_rows_and_sources_go_where_they_belong() -> None:
     assert np.count_nonzero(free) == 7
     # The held rows pick the nodes' own displacements, up to their weight.
     u = np.random.default_rng(0).normal(size=(len(body.model.cloud.points), 2))
-    assert isinstance(body.system, LeastSquares)
-    picked = (body.system.rows @ u.ravel())[in_x] / body.system.weight[in_x]
+    assert isinstance(body.system, FreeSystem)
+    system = body.system.system
+    assert isinstance(system, LeastSquares)
+    picked = (system.rows @ u.ravel())[in_x] / system.weight[in_x]
     assert picked == pytest.approx(u[bottom.index, 0])
 
 

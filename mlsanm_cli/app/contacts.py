@@ -1,0 +1,121 @@
+"""Pairs of a case's contacts on given clouds, and what is said of them before anything is solved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle, split_boundary
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.obstacles import Chain, Plane, Round, Shape
+from mlsanm_cli.contact.pairing import Pairing, pair_obstacle, pair_surfaces
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.mechanics.body import BodyModel
+
+TOUCHING = 1e-3
+"""Surfaces of a fit are drawn touching where they are apart by less than this part of the spacing."""
+
+
+def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
+    """Slave nodes and virtual nodes of every contact, the reach applied where the case gives one.
+
+    Raises CaseError.
+    """
+    pairings, problems = [], []
+    for contact in case.contact:
+        pairing, key = _facing(contact, clouds), f"contact.{contact.name}"
+        if not len(pairing.position):
+            other = contact.master or "the obstacle"
+            problems.append(CaseProblem(key, f"no node of {contact.slave} faces {other}"))
+            continue
+        if contact.interference is not None:
+            try:
+                pairing = _fitted(pairing, contact.interference)
+            except CaseError as error:
+                problems += error.problems
+                continue
+        reach = contact.reach if isinstance(contact.reach, float) else pairing.first_reach()
+        pairing = pairing.with_reach(reach)
+        if not pairing.candidate.any():
+            problems.append(
+                CaseProblem(
+                    f"{key}.reach",
+                    f"no initial gap is below {reach:g}; the smallest is {pairing.gap.min():g}",
+                )
+            )
+        pairings.append(pairing)
+    if problems:
+        raise CaseError(tuple(problems))
+    return pairings
+
+
+def _facing(contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
+    body, name = split_boundary(contact.slave)
+    slave = clouds[body].surfaces[name]
+    if contact.obstacle is not None:
+        shape = shape_of(contact.obstacle)
+        return pair_obstacle(contact.name, body, clouds[body], slave, shape, contact.friction)
+    assert contact.master is not None
+    other, other_name = split_boundary(contact.master)
+    master = clouds[other].surfaces[other_name]
+    return pair_surfaces(
+        contact.name, body, clouds[body], slave, other, clouds[other], master, contact.friction
+    )
+
+
+def shape_of(obstacle: AnyObstacle) -> Shape:
+    """An obstacle's shape."""
+    if isinstance(obstacle, PlaneObstacle):
+        size = math.hypot(*obstacle.normal)
+        return Plane(obstacle.point, (obstacle.normal[0] / size, obstacle.normal[1] / size))
+    if isinstance(obstacle, DiskObstacle):
+        return Round(obstacle.center, obstacle.radius, obstacle.inside)
+    return Chain(np.array(obstacle.points))
+
+
+def _fitted(pairing: Pairing, interference: float) -> Pairing:
+    """The pairs as if the surfaces were drawn just touching; their load takes ``interference`` from the gaps.
+
+    Raises CaseError where they are drawn apart, or overlap by more.
+    """
+    deepest = int(np.argmin(pairing.gap))
+    gap = float(pairing.gap[deepest])
+    slack = TOUCHING * float(pairing.spacing[deepest])
+    x, y = pairing.partner[deepest]
+    if gap > slack:
+        message = f"the surfaces of a fit are drawn apart, by {gap:g} at least, near ({x:g}, {y:g})"
+        hint = "draw them touching, or overlapping by the interference"
+    elif gap < -interference - slack:
+        message = f"the surfaces overlap by {-gap:g} near ({x:g}, {y:g}), more than the interference"
+        hint = "the interference is the overlap where it is deepest, drawn or not"
+    else:
+        return replace(pairing, gap=pairing.gap - gap, interference=interference)
+    raise CaseError((CaseProblem(f"contact.{pairing.name}.interference", message, hint=hint),))
+
+
+def refuse_overlap(pairings: tuple[Pairing, ...]) -> None:
+    """Raise CaseError for surfaces that overlap as drawn by more than the node spacing."""
+    problems = []
+    for pairing in pairings:
+        deepest = int(np.argmin(pairing.gap + pairing.spacing))
+        if pairing.gap[deepest] < -pairing.spacing[deepest]:
+            x, y = pairing.partner[deepest]
+            problems.append(
+                CaseProblem(
+                    f"contact.{pairing.name}",
+                    f"the surfaces overlap by {-pairing.gap[deepest]:g} near ({x:g}, {y:g}), "
+                    f"more than the node spacing",
+                    hint="move one body so that the surfaces at most touch, or declare it with interference",
+                )
+            )
+    if problems:
+        raise CaseError(tuple(problems))
+
+
+def stiffness_ratio(pairing: Pairing, models: Mapping[str, BodyModel]) -> float:
+    """How many times stiffer the slave is than the master; 0 on an obstacle."""
+    slave, *masters = (models[body].material.softness(pairing.normal).mean() for body in pairing.bodies)
+    return float(sum(master / slave for master in masters))

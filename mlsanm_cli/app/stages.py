@@ -1,0 +1,16 @@
+"""The load factors that a case's stages move to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case
+
+
+def stage_factors(case: Case) -> FloatArray:
+    """Load factors (T + 1, L): zero at first, then the values every stage moves to; the others stay."""
+    factors = [np.zeros(len(case.moved))]
+    for stage in case.stage:
+        factors.append(np.array([stage.get(n, old) for n, old in zip(case.moved, factors[-1], strict=True)]))
+    return np.array(factors)

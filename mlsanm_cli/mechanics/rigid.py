@@ -1,0 +1,156 @@
+"""Rigid motions of bodies that their conditions leave free, and how such a body is solved all the same.
+
+A body that only contact holds has no unique displacement, and no single unit load on it is balanced. Both are
+mended without touching the answer. Every load is balanced by body forces that vary linearly over the body,
+as inertia would balance it (D'Alembert); since the rigid motions are unknowns of the contact problem with the
+body's equilibrium for equations, these body forces vanish in every state. And of all displacements that
+differ by a free rigid motion the one without any mean motion is taken, whatever nodes the factorised system
+was pinned at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as linalg
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.mechanics.springs import Springs
+from mlsanm_cli.operators.refinement import PRECISE
+from mlsanm_cli.operators.system import Equations, LinearSystem
+
+ROTATION = 2
+HELD = 1e-9
+"""Smaller singular values of what holds a body are round-off."""
+
+
+def rigid_pattern(points: FloatArray, center: tuple[float, float], component: int) -> FloatArray:
+    """Displacements (n, 2) of ``points`` (n, 2) under a unit motion: 0 (x), 1 (y), 2 (rotation about
+    ``center``)."""
+    if component == ROTATION:
+        arm = points - np.array(center)
+        return np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+    values = np.zeros((len(points), 2))
+    values[:, component] = 1.0
+    return values
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """The rigid motions that nothing holds: ``components`` 0 (x), 1 (y), 2 (rotation about ``center``)."""
+
+    center: tuple[float, float]
+    components: tuple[int, ...]
+
+    def patterns(self, points: FloatArray) -> FloatArray:
+        """Displacements (2n, d) of ``points`` (n, 2) under unit motions, x and y of every point in turn."""
+        columns = [rigid_pattern(points, self.center, component).ravel() for component in self.components]
+        return np.stack(columns, axis=1) if columns else np.zeros((2 * len(points), 0))
+
+
+def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> Freedom:
+    """What ``held`` (n, 2), the held components of nodes ``points`` (n, 2), leaves free.
+
+    A body that turns freely does so about what holds it, else about its centroid, for which the nodes'
+    ``areas`` (n,) count.
+    """
+    middle = areas @ points / areas.sum()
+    size = float(np.ptp(points, axis=0).max())
+    center = (float(middle[0]), float(middle[1]))
+    whole = np.stack([rigid_pattern(points, center, component).ravel() for component in range(3)], axis=1)
+    whole[:, ROTATION] /= size
+    rows = whole[held.ravel()]
+    if not len(rows):
+        return Freedom(center, (0, 1, ROTATION))
+    _, sizes, motions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+    free = motions[np.append(sizes, np.zeros(3 - len(sizes))) <= HELD * sizes[0]]
+    along = [axis for axis in (0, 1) if np.abs(rows[:, axis]).max() == 0.0]
+    if len(free) == len(along):
+        return Freedom(center, tuple(along))
+    # What turns the body may move it along the free axes too, which would only shift the centre.
+    turning = free.T @ np.linalg.solve(free[:, [*along, ROTATION]].T, np.eye(len(free))[-1])
+    x, y, turn = turning[0], turning[1], turning[ROTATION] / size
+    return Freedom((center[0] - float(y / turn), center[1] + float(x / turn)), (*along, ROTATION))
+
+
+def free_motions(
+    cloud: Cloud,
+    held: Mapping[str, tuple[bool, bool]],
+    held_nodes: Sequence[tuple[int, int]],
+    springs: Springs,
+) -> Freedom:
+    """The rigid motions of a body that its held surfaces, held nodes and springs leave free."""
+    mask = np.zeros((len(cloud.points), 2), dtype=bool)
+    for name, components in held.items():
+        mask[cloud.surfaces[name].index] |= np.array(components)
+    for name, stiffness in springs.items():
+        mask[cloud.surfaces[name].index] |= np.array(stiffness) > 0.0
+    for node, component in held_nodes:
+        mask[node, component] = True
+    return freedom(cloud.points, cloud.areas, mask)
+
+
+def pins(points: FloatArray, free: Freedom) -> list[tuple[int, int]]:
+    """As many (node, component) pairs as there are free motions that together forbid them all."""
+    patterns = free.patterns(points)
+    if not free.components:
+        return []
+    patterns = patterns / np.maximum(np.abs(patterns).max(axis=0), np.finfo(float).tiny)
+    chosen = linalg.qr(patterns.T, mode="r", pivoting=True)[1][: len(free.components)]
+    return [(int(place) // 2, int(place) % 2) for place in chosen]
+
+
+@dataclass(frozen=True)
+class FreeSystem:
+    """The ``system`` of a pinned body, freed from its pins.
+
+    ``patterns`` (n, d) are the free motions of the unknowns, ``mean`` (d, n) what says how much of them a
+    displacement has, ``pinned`` (d,) the numbers of the pinned unknowns. ``work`` (d, r) is what right-hand
+    sides do along the free motions, ``balance`` (r, d) the body forces that do the opposite of a unit of it.
+    """
+
+    system: LinearSystem
+    patterns: FloatArray
+    mean: FloatArray
+    pinned: IntArray
+    work: FloatArray
+    balance: FloatArray
+
+    def _balanced(self, sources: sparse.csc_array) -> sparse.csc_array:
+        dense = sources.toarray()
+        return sparse.csc_array(dense + self.balance @ (self.work @ dense))
+
+    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+        """Solutions (n, c) without mean motion for right-hand sides ``sources`` (r, c), balanced first."""
+        solution = self.system.solve(self._balanced(sources), tolerance)
+        return np.asarray(solution - self.patterns @ (self.mean @ solution))
+
+    def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
+        """What one more refinement would change of a ``solution`` (n, 1), relatively."""
+        moved = np.linalg.solve(self.patterns[self.pinned], solution[self.pinned])
+        return self.system.residual(self._balanced(source), solution - self.patterns @ moved)
+
+    @property
+    def plain(self) -> FreeSystem:
+        """The equations of the nodes alone, without sums of them."""
+        return replace(self, system=self.system.plain)
+
+    def inverse_normal(self, vectors: FloatArray) -> FloatArray:
+        """(S^T S)^-1 times ``vectors`` (n, c), S the equations of the pinned body as they are scaled."""
+        return self.system.inverse_normal(vectors)
+
+    def scaled(self, sources: sparse.csc_array) -> FloatArray:
+        """Right-hand sides (r, c), balanced, as the equations are scaled."""
+        return self.system.scaled(self._balanced(sources))
+
+    def equations(self, sources: sparse.csc_array) -> Equations:
+        """The equations of the pinned body."""
+        return self.system.equations(self._balanced(sources))
+
+    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+        """What ``solution`` (n,) has too much in each equation of the pinned body."""
+        return self.system.excess(source + self.balance @ (self.work @ source), solution)

@@ -1,0 +1,81 @@
+"""Cases of rigid obstacles, of bodies held by contact alone and of fits, with the bars users may rely on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.reference.hertz import plates_approach
+from mlsanm_cli.reference.lame import LameRing, press_fit
+from mlsanm_cli.reference.punch import FlatPunch
+from tests.cases.test_published import deviations_of, solve
+
+STEEL = 210e3 / (1.0 - 0.3**2)
+
+
+def laws(law: str, *contacts: str) -> list[str]:
+    return [f'contact.{name}.regularization.law="{law}"' for name in contacts]
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+def test_disk_between_plates(tmp_path: Path, law: str) -> None:
+    summary, data = solve("disk_between_plates", tmp_path / law, *laws(law, "top", "bottom"))
+    exact = plates_approach(500.0, 1.0, STEEL)
+    assert -data.path.displacements["press"][-1, 1] == pytest.approx(exact, rel=0.003)
+    top, bottom = (summary["contacts"][name] for name in ("top", "bottom"))
+    assert np.array(bottom["force"]) == pytest.approx([0.0, 500.0], abs=1e-8)
+    assert np.array(top["force"]) == pytest.approx([0.0, -500.0], abs=1e-8)
+    assert np.array(summary["forces"]["press"]) == pytest.approx([0.0, -500.0], abs=1e-8)
+    # The cloud has no symmetry; the mirrored one of tests/app/test_loose.py has, and so have its contacts.
+    assert top["peak_pressure"] == pytest.approx(bottom["peak_pressure"], rel=3e-3)
+    for contact in (top, bottom):
+        assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=3e-3)
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+def test_stack(tmp_path: Path, law: str) -> None:
+    contacts = ("floor", "joint1", "joint2", "joint3")
+    summary, data = solve("stack", tmp_path / law, *laws(law, *contacts))
+    for name in contacts:
+        assert np.abs(data.contacts[name].pressure[-1] - 100.0).max() <= 1e-8 * 100.0
+    # Blocks 1 and 3 are alike, and so are 2 and 4.
+    assert summary["elastic_factorizations"] == 2
+    assert len(summary["force_balance_bodies"]) == 4
+
+
+def test_press_fit(tmp_path: Path) -> None:
+    _, data = solve("press_fit", tmp_path / "fit", "output.at=[0.5, 1.0]")
+    hub, bush = LameRing(1.0, 1.6, 1.0, 210e3, 0.3), LameRing(0.6, 1.0, 1.0, 100e3, 0.34)
+    pressure, path = data.contacts["fit"].pressure, data.path
+    expected = press_fit(bush, hub, 0.001)
+    assert np.abs(pressure[-1] - expected).max() <= 0.003 * expected
+    # The interference grows in proportion to its load factor.
+    assert path.factors["fit"][-1] == 1.0
+    later = path.factors["fit"] > 0.1
+    ratio = pressure[later] / (path.factors["fit"][later, None] * expected)
+    assert np.abs(ratio - 1.0).max() <= 0.003
+
+
+def test_rigid_cylinder(tmp_path: Path) -> None:
+    summary, _ = solve("rigid_cylinder", tmp_path / "cylinder")
+    profile, peak, width = deviations_of(summary, "under")
+    assert profile <= 0.003
+    assert abs(peak) <= 0.001
+    assert abs(width) <= 0.005
+
+
+def test_rigid_punch(tmp_path: Path) -> None:
+    punch, errors, factors = FlatPunch(100.0, 0.2), [], (4.0, 1.0, 0.5)
+    for factor in factors:
+        finer = [f"body.block.spacing={0.3 * factor**0.5}", f"body.block.refine.0.spacing={0.02 * factor}"]
+        finer += [f"body.block.refine.{edge}.spacing={0.001 * factor}" for edge in (1, 2)]
+        _, data = solve("rigid_punch", tmp_path / f"{factor}", *finer)
+        contact = data.contacts["under"]
+        inside = np.abs(contact.points[:, 0]) < 0.9 * punch.half_width
+        weight, expected = contact.weight[inside], punch.pressure(contact.points[inside, 0])
+        error = contact.pressure[-1][inside] - expected
+        errors.append(np.sqrt(weight @ error**2 / (weight @ expected**2)))
+    assert errors[1] <= 0.01
+    assert np.polyfit(np.log(factors), np.log(errors), 1)[0] >= 0.4

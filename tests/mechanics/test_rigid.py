@@ -1,0 +1,96 @@
+"""Bodies that nothing holds: which motions are free, and what they answer to loads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.material import isotropic
+from mlsanm_cli.mechanics.rigid import freedom, pins
+from tests.mechanics.bodies import build, jittered_square
+
+POINTS = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
+
+
+def held(*pairs: tuple[int, int]) -> BoolArray:
+    mask = np.zeros((4, 2), dtype=bool)
+    for node, component in pairs:
+        mask[node, component] = True
+    return mask
+
+
+@pytest.mark.parametrize(
+    ("conditions", "components", "center"),
+    [
+        ([], (0, 1, 2), (1.0, 0.5)),
+        ([(0, 0)], (1, 2), (1.0, 0.0)),
+        ([(2, 1)], (0, 2), (2.0, 0.5)),
+        ([(0, 0), (3, 0)], (1,), None),
+        ([(0, 1), (1, 1)], (0,), None),
+        ([(1, 0), (1, 1)], (2,), (2.0, 0.0)),
+        ([(0, 0), (2, 1)], (2,), (2.0, 0.0)),
+        ([(0, 0), (0, 1), (1, 1)], (), None),
+    ],
+)
+def test_what_is_left_free(
+    conditions: list[tuple[int, int]], components: tuple[int, ...], center: tuple[float, float] | None
+) -> None:
+    free = freedom(POINTS, np.ones(4), held(*conditions))
+    assert free.components == components
+    if center is not None:
+        assert free.center == pytest.approx(center)
+    # No free motion moves what is held, and the pins hold all of them.
+    patterns = free.patterns(POINTS)
+    assert np.abs(patterns[held(*conditions).ravel()]).max(initial=0.0) <= 1e-12
+    pinned = [2 * node + component for node, component in pins(POINTS, free)]
+    assert np.linalg.matrix_rank(patterns[pinned]) == len(components) if components else not pinned
+
+
+def answer(body: ElasticBody, right: FloatArray, left: FloatArray) -> FloatArray:
+    """Displacements under even tractions on two sides."""
+    source = np.zeros(body.rows)
+    for name, traction in (("right", right), ("left", left)):
+        count = len(body.model.cloud.surfaces[name].index)
+        source += body.source(name, np.tile(traction, (count, 1)), held=False)
+    column = sparse.csc_array(source[:, None])
+    solution = body.system.solve(column)
+    assert body.system.residual(column, solution) <= 1e-10
+    return solution.reshape(-1, 2)
+
+
+def centred(body: ElasticBody, displacement: FloatArray) -> FloatArray:
+    """The same displacements (n, 2) without mean motion."""
+    patterns = body.free.patterns(body.model.cloud.points)
+    weight = np.repeat(body.model.cloud.areas, 2)[:, None]
+    flat = displacement.reshape(-1, 1)
+    mean = np.linalg.solve(patterns.T @ (weight * patterns), patterns.T @ (weight * flat))
+    return np.asarray((flat - patterns @ mean).reshape(-1, 2))
+
+
+def test_a_body_pulled_from_both_sides_stretches() -> None:
+    body = build(jittered_square(9), {}, material=isotropic(2.0, 0.3, "stress"))
+    assert body.free.components == (0, 1, 2)
+    u = answer(body, np.array([1.0, 0.0]), np.array([-1.0, 0.0]))
+    expected = body.model.cloud.points * np.array([0.5, -0.15])
+    assert np.abs(u - centred(body, expected)).max() <= 1e-11
+
+
+def test_a_push_is_balanced_by_inertia() -> None:
+    modulus, poisson = 2.0, 0.3
+    body = build(jittered_square(9), {}, material=isotropic(modulus, poisson, "stress"))
+    u = answer(body, np.array([1.0, 0.0]), np.array([0.0, 0.0]))
+    # An accelerating bar: the stress grows in proportion to the mass behind it.
+    x, y = body.model.cloud.points.T
+    expected = np.stack([x**2 + poisson * (y - 0.5) ** 2, -2.0 * poisson * x * (y - 0.5)], axis=1)
+    assert np.abs(u - centred(body, expected / (2.0 * modulus))).max() <= 1e-10
+
+
+def test_a_body_on_rollers_is_free_along_them() -> None:
+    body = build(jittered_square(9), {"left": (True, False)}, material=isotropic(2.0, 0.3, "stress"))
+    assert body.free.components == (1,)
+    u = answer(body, np.array([1.0, 0.0]), np.array([0.0, 0.0]))
+    expected = body.model.cloud.points * np.array([0.5, -0.15])
+    assert np.abs(u - centred(body, expected)).max() <= 1e-11
