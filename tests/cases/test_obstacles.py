@@ -23,7 +23,7 @@ def laws(law: str, *contacts: str) -> list[str]:
 def test_disk_between_plates(tmp_path: Path, law: str) -> None:
     summary, data = solve("disk_between_plates", tmp_path / law, *laws(law, "top", "bottom"))
     exact = plates_approach(500.0, 1.0, STEEL)
-    assert -data.path.displacements["press"][-1, 1] == pytest.approx(exact, rel=0.003)
+    assert -data.path.displacements["press"][-1, 1] == pytest.approx(exact, rel=0.005)
     top, bottom = (summary["contacts"][name] for name in ("top", "bottom"))
     assert np.array(bottom["force"]) == pytest.approx([0.0, 500.0], abs=1e-8)
     assert np.array(top["force"]) == pytest.approx([0.0, -500.0], abs=1e-8)
