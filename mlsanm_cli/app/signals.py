@@ -4,43 +4,57 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-STOPPING = (signal.SIGINT, signal.SIGTERM)
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGALRM)
 
 
 class Stopper:
-    """Turns SIGINT and SIGTERM into an orderly end; use as a context manager.
+    """Turns signals, and a limit on the wall time, into an orderly end; use as a context manager.
 
-    While ``gentle``, the first signal only sets ``requested``, and :meth:`check` raises KeyboardInterrupt
+    While ``gentle``, the first signal only sets ``reason``, and :meth:`check` raises KeyboardInterrupt
     where it does no harm; a second one raises it at once. Otherwise the first raises it at once and is
-    remembered, for an exception in a callback of a compiled library can be lost. Nothing changes outside
-    the main thread.
+    remembered, for an exception in a callback of a compiled library can be lost. ``max_wall`` seconds later
+    a signal comes by itself. Nothing changes outside the main thread, but that the limit is kept there too.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, max_wall: float | None = None) -> None:
         self.gentle = False
-        self.requested = False
+        self.reason = ""
+        self._max_wall = max_wall
+        self._end = time.monotonic() + max_wall if max_wall is not None else None
         self._before: dict[signal.Signals, Any] = {}
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if a signal has come."""
-        if self.requested:
-            raise KeyboardInterrupt
+        """Raise KeyboardInterrupt if a signal has come or the time is over."""
+        if self._end is not None and time.monotonic() >= self._end:
+            self.reason = self.reason or self._told(signal.SIGALRM)
+        if self.reason:
+            raise KeyboardInterrupt(self.reason)
+
+    def _told(self, number: int) -> str:
+        if number == signal.SIGALRM and self._max_wall is not None:
+            return f"the wall time of {self._max_wall:g} s is over"
+        return f"stopped by a signal ({signal.Signals(number).name})"
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        again, self.requested = self.requested, True
+        again, self.reason = bool(self.reason), self.reason or self._told(number)
         if again or not self.gentle:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(self.reason)
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
             self._before = {number: signal.signal(number, self._handle) for number in STOPPING}
+            if self._max_wall is not None:
+                signal.setitimer(signal.ITIMER_REAL, self._max_wall)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._before and self._max_wall is not None:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in self._before.items():
             signal.signal(number, handler)

@@ -23,24 +23,34 @@ class Column:
     """A dataset of shape (rows, \\*tail) without limit on its rows."""
 
     def __init__(self, group: Any, name: str, tail: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-        """Create the empty dataset ``name`` in the low-level ``group``."""
+        """Create the empty dataset ``name`` in the low-level ``group``, or go on with one that is there."""
         self._name = name
         self._tail = tail
         self._dtype = dtype
-        row_bytes = dtype.itemsize * int(np.prod(tail, dtype=np.int64))
-        chunk_rows = min(max(_CHUNK_BYTES // max(row_bytes, 1), 1), _MAX_CHUNK_ROWS)
-        properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-        properties.set_obj_track_times(False)
-        # HDF5 wants chunks of one entry or more, no longer than a bounded axis: empty axes are unbounded.
-        properties.set_chunk((chunk_rows, *(max(size, 1) for size in tail)))
-        limits = (h5py.h5s.UNLIMITED, *(size or h5py.h5s.UNLIMITED for size in tail))
-        space = h5py.h5s.create_simple((0, *tail), limits)
-        file_type = h5py.h5t.py_create(dtype, logical=True)
-        self._dataset = h5py.h5d.create(group, name.encode(), file_type, space, dcpl=properties)
+        key = name.encode()
+        self._dataset = h5py.h5d.open(group, key) if key in group else self._created(group, key)
         self._row_shape = (1, *tail)
         self._row_space = h5py.h5s.create_simple(self._row_shape)
         self._origin = (0,) * len(tail)
         self._empty = 0 in tail
+
+    def _created(self, group: Any, key: bytes) -> Any:
+        """A new dataset without rows."""
+        row_bytes = self._dtype.itemsize * int(np.prod(self._tail, dtype=np.int64))
+        chunk_rows = min(max(_CHUNK_BYTES // max(row_bytes, 1), 1), _MAX_CHUNK_ROWS)
+        properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        properties.set_obj_track_times(False)
+        # HDF5 wants chunks of one entry or more, no longer than a bounded axis: empty axes are unbounded.
+        properties.set_chunk((chunk_rows, *(max(size, 1) for size in self._tail)))
+        limits = (h5py.h5s.UNLIMITED, *(size or h5py.h5s.UNLIMITED for size in self._tail))
+        space = h5py.h5s.create_simple((0, *self._tail), limits)
+        file_type = h5py.h5t.py_create(self._dtype, logical=True)
+        return h5py.h5d.create(group, key, file_type, space, dcpl=properties)
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return int(self._dataset.shape[0])
 
     def checked(self, value: ArrayLike) -> NDArray[Any]:
         """``value`` as a row; ValueError if its shape is not ``tail`` or it does not fit the type exactly."""
@@ -59,6 +69,15 @@ class Column:
         target = self._dataset.get_space()
         target.select_hyperslab((index, *self._origin), self._row_shape)
         self._dataset.write(self._row_space, target, row)
+
+    def read(self, index: int) -> NDArray[Any]:
+        """The row at ``index`` in the shape that `checked` gives."""
+        row = np.empty(self._row_shape, dtype=self._dtype)
+        if not self._empty:
+            source = self._dataset.get_space()
+            source.select_hyperslab((index, *self._origin), self._row_shape)
+            self._dataset.read(self._row_space, source, row)
+        return row
 
     def truncate(self, rows: int) -> None:
         """Drop the rows beyond the first ``rows``."""

@@ -10,6 +10,8 @@ import h5py
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import TEMPORARY_SUFFIX, cannot_write
+from mlsanm_cli.io.journal import JOURNAL_SUFFIX, opened
+from mlsanm_cli.io.lock import LOCK_FILE, refuse_held
 from mlsanm_cli.io.summary import INTERFACE_COLUMNS
 
 if TYPE_CHECKING:
@@ -23,7 +25,12 @@ COLLECTION_FILE = "fields.pvd"
 FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
 
-_FIXED = frozenset({RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, COLLECTION_FILE, FAILURE_FILE})
+_FIXED = frozenset(
+    {
+        *(RUN_FILE, RUN_FILE + JOURNAL_SUFFIX, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE),
+        *(COLLECTION_FILE, FAILURE_FILE, LOCK_FILE),
+    }
+)
 _FIELDS = re.compile(r"fields_\d{4,}\.vtu")
 _INTERFACE = re.compile(r"interface(_.+)?\.csv")
 _PICTURE = re.compile(r"plot_.+\.(png|svg|pdf)")
@@ -57,12 +64,13 @@ def file_part(name: str) -> str:
 
 
 def check(directory: Path, force: bool) -> None:
-    """Raise RunError if `prepare` would refuse ``directory``; touches nothing."""
+    """Raise RunError if `prepare` would refuse ``directory`` or a run goes on in it; touches nothing."""
+    refuse_held(directory)
     _plan(directory, force)
 
 
 def prepare(directory: Path, force: bool) -> None:
-    """Make ``directory`` ready for a new run.
+    """Make ``directory`` ready for a new run; the caller has locked it.
 
     It is made with its parents if it is not there. With ``force`` an earlier run in it is removed, that is
     the files mlsanm wrote and nothing else. Raises RunError if the directory holds a run or other files and
@@ -134,7 +142,7 @@ def _is_comparison(path: Path) -> bool:
 def _plan(directory: Path, force: bool) -> list[Path]:
     """The files to remove, or a RunError."""
     _check_place(directory)
-    entries = [path for path in _entries(directory) if path.name not in _COMPARISON]
+    entries = [path for path in _entries(directory) if path.name not in {*_COMPARISON, LOCK_FILE}]
     if not entries:
         return []
     holds_run = _is_run(directory / RUN_FILE)
@@ -174,7 +182,7 @@ def _is_run(file: Path) -> bool:
     if not file.is_file():
         return False
     try:
-        with h5py.File(file, "r", locking=False) as root:
+        with opened(file) as root:
             return "mlsanm_version" in root.attrs
     except (OSError, RuntimeError):
         return file.stat().st_size == 0 or bool(h5py.is_hdf5(file))

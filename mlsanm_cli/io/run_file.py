@@ -1,4 +1,4 @@
-"""Writer of run.h5, flushed at every step so that a killed run keeps all its finished steps.
+"""Writer of run.h5, committed at every step so that a killed run keeps all its finished steps.
 
 Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
 
@@ -14,12 +14,12 @@ Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
     /fields/<k>/<b>/...     saved states, /fields/position (K,)
 
 Equal runs give equal arrays, /path/seconds apart: nothing that varies from run to run (times, paths, machine)
-is stored in an array.
+is stored in an array. That is how a run is resumed: it comes along the same path once more, what is stored
+already is compared bit for bit, and the first new row goes behind the last.
 """
 
 from __future__ import annotations
 
-import re
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
 
@@ -31,6 +31,8 @@ from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
 from mlsanm_cli.io.columns import Column
+from mlsanm_cli.io.journal import JournaledFile, recover, shielded
+from mlsanm_cli.io.kept import check_keys, check_shape, checked_name, confirm, floats, keep, keep_names
 from mlsanm_cli.io.records import (
     CONTACT_COLUMNS,
     CONTACT_TOTALS,
@@ -49,57 +51,78 @@ if TYPE_CHECKING:
 # HDF5 1.8 to 1.10: compact groups, and readable by every program in use (ParaView, MATLAB, old h5py).
 _LIBRARY_VERSIONS = ("v108", "v110")
 
+VARYING = frozenset({"seconds"})
+"""Columns that differ from run to run."""
+
 FloatArray = NDArray[np.float64]
 Attribute = str | int | float
 __all__ = ["Attribute", "ContactRecord", "RunFile", "StepRecord", "checked_name"]
 
 
 class RunFile:
-    """run.h5 open for writing. Made with `RunFile.create`; a context manager that closes the file.
+    """run.h5 open for writing, made with `RunFile.create` or `RunFile.reopen`; a context manager.
 
     An exception leaves ``status`` as the caller set it last. Every method raises RunError if the file cannot
-    be written (full disk) or a name cannot be stored, and ValueError for arrays of the wrong shape.
+    be written (full disk), a name cannot be stored, or, in a file reopened, if it brings other values than
+    those stored; and ValueError for arrays of the wrong shape.
     """
 
-    def __init__(self, file: Any, path: Path) -> None:
+    def __init__(self, file: Any, store: JournaledFile, path: Path) -> None:
         self._file = file
+        self._store = store
         self._path = path
         self._columns: dict[str, Column] = {}
-        self._rows = 0
+        self._rows = self._states = 0
+        # Rows and saved states that were there before.
+        self.stored_rows = len(file["path/position"]) if "path/position" in file else 0
+        self._stored_states = len(file["fields/position"]) if "fields/position" in file else 0
         self._contacts: list[str] = []
         self._loads: list[str] | None = None
         self._resultants: list[str] = []
         self._displacements: list[str] = []
         self._probes: list[str] = []
-        self._states = 0
 
     @classmethod
     def create(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
         """Create ``path`` with status "running"; RunError if it exists or cannot be made."""
         try:
-            # Without locking other programs can read the file while the run goes on.
-            file = h5py.File(path, "x", libver=_LIBRARY_VERSIONS, locking=False)
+            store = JournaledFile(path, new=True)
         except OSError as error:
             if path.exists():
                 raise RunError(f"{path} exists already", hint="use --force or another --out") from error
             raise cannot_write(path, error) from error
-        run = cls(file, path)
-        run.set_attributes(
-            {"format": FORMAT, "mlsanm_version": __version__, "status": "running", **attributes}
-        )
+        with shielded():
+            file = h5py.File(store, "w", libver=_LIBRARY_VERSIONS)
+        run = cls(file, store, path)
         with run._storing():
             for name in ("bodies", "contacts"):
                 # Creation order is the order of the case; without this readers see alphabetical order.
-                file.create_group(name, track_order=True)
-            file.flush()
+                run._file.create_group(name, track_order=True)
+        run.set_attributes(
+            {"format": FORMAT, "mlsanm_version": __version__, "status": "running", **attributes}
+        )
+        return run
+
+    @classmethod
+    def reopen(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
+        """Go on with the file of a run that was stopped or killed, with status "running"; RunError."""
+        try:
+            recover(path)
+            store = JournaledFile(path, new=False)
+            with shielded():
+                file = h5py.File(store, "r+", libver=_LIBRARY_VERSIONS)
+        except (OSError, RuntimeError) as error:
+            raise cannot_write(path, error) from error
+        run = cls(file, store, path)
+        run.set_attributes({"status": "running", **attributes})
         return run
 
     def write_case(self, raw: str, resolved: str) -> None:
         """Store the case file's text and the resolved case's TOML text."""
         with self._storing():
-            group = self._file.create_group("case")
-            group["raw"] = raw
-            group["resolved"] = resolved
+            group = self._file.require_group("case")
+            keep(group, "raw", raw)
+            keep(group, "resolved", resolved)
 
     def write_body(
         self,
@@ -111,18 +134,17 @@ class RunFile:
     ) -> None:
         """Store one body: points (n, 2), and of its nb boundary nodes index, outward normal (nb, 2), name."""
         count = len(boundary_index)
-        _check_shape(f"points of body {name}", points, (len(points), 2))
-        _check_shape(f"boundary normals of body {name}", boundary_normal, (count, 2))
+        check_shape(f"points of body {name}", points, (len(points), 2))
+        check_shape(f"boundary normals of body {name}", boundary_normal, (count, 2))
         if len(boundary_name) != count:
             raise ValueError(f"body {name}: {len(boundary_name)} boundary names for {count} boundary nodes")
         with self._storing():
-            group = self._file["bodies"].create_group(checked_name(name))
-            group["points"] = _floats(points)
-            boundary = group.create_group("boundary")
-            boundary["index"] = np.ascontiguousarray(boundary_index, dtype=np.int64)
-            boundary["normal"] = _floats(boundary_normal)
-            names = np.array(list(boundary_name), dtype=object)
-            boundary.create_dataset("name", data=names, dtype=h5py.string_dtype())
+            group = self._file["bodies"].require_group(checked_name(name))
+            keep(group, "points", floats(points))
+            boundary = group.require_group("boundary")
+            keep(boundary, "index", np.ascontiguousarray(boundary_index, dtype=np.int64))
+            keep(boundary, "normal", floats(boundary_normal))
+            keep_names(boundary, "name", boundary_name)
 
     def write_contact(
         self, name: str, points: FloatArray, normal: FloatArray, arc_length: FloatArray, weight: FloatArray
@@ -136,11 +158,11 @@ class RunFile:
         count = len(points)
         geometry = {"points": points, "normal": normal, "arc_length": arc_length, "weight": weight}
         for key, array in geometry.items():
-            _check_shape(f"{key} of contact {name}", array, (count, 2) if array.ndim == 2 else (count,))
+            check_shape(f"{key} of contact {name}", array, (count, 2) if array.ndim == 2 else (count,))
         with self._storing():
-            group = self._file["contacts"].create_group(checked_name(name))
+            group = self._file["contacts"].require_group(checked_name(name))
             for key, array in geometry.items():
-                group[key] = _floats(array)
+                keep(group, key, floats(array))
             for key, dtype in CONTACT_COLUMNS.items():
                 self._add_column(group, f"contacts/{name}/{key}", key, (count,), dtype)
             for key, dtype in CONTACT_TOTALS.items():
@@ -159,42 +181,42 @@ class RunFile:
         if self._loads is not None:
             raise ValueError("the path was started already")
         with self._storing():
-            group = self._file.create_group("path")
+            group = self._file.require_group("path")
             for key, dtype in PATH_COLUMNS.items():
                 self._add_column(group, key, key, (), dtype)
-            factors = group.create_group("factors", track_order=True)
+            factors = _ordered(group, "factors")
             for name in loads:
                 self._add_column(factors, f"factors/{name}", checked_name(name), (), np.float64)
-            forces = group.create_group("resultants", track_order=True)
+            forces = _ordered(group, "resultants")
             for name in resultants:
                 self._add_column(forces, f"resultants/{name}", checked_name(name), (2,), np.float64)
-            moves = group.create_group("displacements", track_order=True)
+            moves = _ordered(group, "displacements")
             for name in displacements:
                 self._add_column(moves, f"displacements/{name}", checked_name(name), (2,), np.float64)
             if probes:
-                observed = self._file.create_group("probes", track_order=True)
+                observed = _ordered(self._file, "probes")
             for name in probes:
-                point = observed.create_group(checked_name(name))
+                point = observed.require_group(checked_name(name))
                 for key, tail in PROBE_COLUMNS.items():
                     self._add_column(point, f"probes/{name}/{key}", key, tail, np.float64)
-            self._file.flush()
+            self._commit()
         self._loads = list(loads)
         self._resultants = list(resultants)
         self._displacements = list(displacements)
         self._probes = list(probes)
 
     def append_step(self, step: StepRecord) -> None:
-        """Append one row to /path and to every contact history, and flush.
+        """Append one row to /path and to every contact history, and commit; compare one that is stored.
 
         Write the step's series first: then a run killed at any moment has a series for every row.
         """
         if self._loads is None:
             raise ValueError("start_path must be called before append_step")
-        _check_keys("load factors", step.factors, self._loads)
-        _check_keys("resultants", step.resultants, self._resultants)
-        _check_keys("displacements", step.displacements, self._displacements)
-        _check_keys("contacts", step.contacts, self._contacts)
-        _check_keys("probes", step.probes, self._probes)
+        check_keys("load factors", step.factors, self._loads)
+        check_keys("resultants", step.resultants, self._resultants)
+        check_keys("displacements", step.displacements, self._displacements)
+        check_keys("contacts", step.contacts, self._contacts)
+        check_keys("probes", step.probes, self._probes)
         values: dict[str, ArrayLike] = {key: getattr(step, key) for key in PATH_COLUMNS}
         values |= {f"factors/{name}": value for name, value in step.factors.items()}
         values |= {f"resultants/{name}": value for name, value in step.resultants.items()}
@@ -206,19 +228,28 @@ class RunFile:
         for name, probe in step.probes.items():
             values |= {f"probes/{name}/{key}": getattr(probe, key) for key in PROBE_COLUMNS}
         rows = {key: self._columns[key].checked(value) for key, value in values.items()}
+        if self._rows < self.stored_rows:
+            self._confirm(rows)
+        else:
+            with self._storing():
+                for key, row in rows.items():
+                    self._columns[key].write(self._rows, row)
+                self._commit()
+        self._rows += 1
+
+    def _confirm(self, rows: Mapping[str, NDArray[Any]]) -> None:
         with self._storing():
             for key, row in rows.items():
-                self._columns[key].write(self._rows, row)
-            self._file.flush()
-        self._rows += 1
+                if key not in VARYING:
+                    confirm(f"row {self._rows} of {key}", self._columns[key].read(self._rows), row)
 
     def write_maps(self, kind: str, maps: Mapping[str, FloatArray]) -> None:
         """Store matrices (r, 1 + u) as /maps/<kind>/<name>: they take 1 and the u unknowns of the path, load
         factors, motions, pressures and tractions, to what they are named after."""
         with self._storing():
-            group = self._file.require_group("maps").create_group(kind, track_order=True)
+            group = _ordered(self._file.require_group("maps"), kind)
             for name, matrix in maps.items():
-                group[checked_name(name)] = _floats(matrix)
+                keep(group, name, floats(matrix))
 
     def write_series(
         self, step: int, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Attribute]
@@ -227,37 +258,51 @@ class RunFile:
         if step < 0:
             raise ValueError(f"step {step} is negative")
         with self._storing():
-            group = self._file.require_group("series").create_group(str(step))
+            group = self._file.require_group("series").require_group(str(step))
             for name, array in arrays.items():
-                group.create_dataset(checked_name(name), data=np.ascontiguousarray(array))
+                keep(group, name, np.ascontiguousarray(array))
             for name, value in attributes.items():
                 group.attrs[name] = value
 
-    def write_fields(self, position: float, bodies: Mapping[str, Mapping[str, FloatArray]]) -> int:
-        """Store one saved state as /fields/<k>/<body>/<field>, flush, and return k; k counts from 0."""
+    def stored_state(self) -> Mapping[str, Any] | None:
+        """Attributes of the next saved state if it is stored already; it then counts as written."""
+        if self._states >= self._stored_states:
+            return None
+        with self._storing():
+            attributes = dict(self._file[f"fields/{self._states}"].attrs)
+        self._states += 1
+        return attributes
+
+    def write_fields(
+        self,
+        position: float,
+        bodies: Mapping[str, Mapping[str, FloatArray]],
+        attributes: Mapping[str, Attribute] | None = None,
+    ) -> int:
+        """Store one saved state as /fields/<k>/<body>/<field>, commit, and return k; k counts from 0."""
         index = self._states
         with self._storing():
             fields = self._file.require_group("fields")
             if "fields/position" not in self._columns:
                 self._add_column(fields, "fields/position", "position", (), np.float64)
-            state = fields.create_group(str(index), track_order=True)
+            state = _ordered(fields, str(index))
+            state.attrs.update(attributes or {})
             for body, arrays in bodies.items():
-                group = state.create_group(checked_name(body))
+                group = state.require_group(checked_name(body))
                 for name, array in arrays.items():
-                    group[checked_name(name)] = _floats(array)
-            # The position comes last: a state cut short by a kill is one that readers do not count.
+                    keep(group, name, floats(array))
             column = self._columns["fields/position"]
             column.write(index, column.checked(position))
-            self._file.flush()
+            self._commit()
         self._states += 1
         return index
 
     def set_attributes(self, attributes: Mapping[str, Attribute]) -> None:
-        """Set attributes of the root, replacing those of the same name, and flush."""
+        """Set attributes of the root, replacing those of the same name, and commit."""
         with self._storing():
             for name, value in attributes.items():
                 self._file.attrs[name] = value
-            self._file.flush()
+            self._commit()
 
     def set_status(self, status: str) -> None:
         """Set the status: running, done, failed or stopped."""
@@ -269,8 +314,11 @@ class RunFile:
             return
         with self._storing():
             for key, column in self._columns.items():
-                column.truncate(self._states if key == "fields/position" else self._rows)
+                states, rows = max(self._states, self._stored_states), max(self._rows, self.stored_rows)
+                column.truncate(states if key == "fields/position" else rows)
+            self._columns.clear()
             self._file.close()
+            self._store.close()
 
     def __enter__(self) -> Self:
         return self
@@ -285,31 +333,20 @@ class RunFile:
     ) -> None:
         self._columns[key] = Column(group.id, name, tail, np.dtype(dtype))
 
+    def _commit(self) -> None:
+        self._file.flush()
+        self._store.commit()
+
     @contextmanager
     def _storing(self) -> Iterator[None]:
-        """Turn what HDF5 raises when the disk is full or gone into a RunError."""
+        """Turn what HDF5 raises when the disk is full or gone into a RunError; signals have to wait."""
         try:
-            yield
+            with shielded():
+                yield
         except (OSError, RuntimeError) as error:
             raise cannot_write(self._path, error) from error
 
 
-def checked_name(name: str) -> str:
-    """``name`` if HDF5 can hold it as one path component; RunError otherwise."""
-    if not name or name in {".", ".."} or re.search(r"[/\0]", name):
-        raise RunError(f"the name {name!r} cannot be stored", hint='names must not be empty or hold "/"')
-    return name
-
-
-def _floats(array: ArrayLike) -> FloatArray:
-    return np.ascontiguousarray(array, dtype=np.float64)
-
-
-def _check_shape(what: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
-    if array.shape != shape:
-        raise ValueError(f"{what}: shape {array.shape}, expected {shape}")
-
-
-def _check_keys(what: str, given: Mapping[str, Any], expected: Sequence[str]) -> None:
-    if given.keys() != set(expected):
-        raise ValueError(f"{what} of the step are {sorted(given)}, expected {sorted(expected)}")
+def _ordered(parent: Any, name: str) -> Any:
+    """A group whose members stay in the order of their making."""
+    return parent[name] if name in parent else parent.create_group(name, track_order=True)

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.journal import opened
 from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_COLUMNS, PROBE_COLUMNS
 from mlsanm_cli.io.run_dir import RUN_FILE
 
@@ -149,7 +149,7 @@ def read_run(rundir: Path) -> RunData:
 
 
 def _read(file: Path) -> RunData:
-    with h5py.File(file, "r", locking=False) as root:
+    with opened(file) as root:
         attributes = {name: _scalar(value) for name, value in root.attrs.items()}
         if "mlsanm_version" not in attributes or "status" not in attributes:
             raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")

@@ -1,0 +1,76 @@
+"""What is stored once: a run that is resumed comes by again and must bring the same."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mlsanm_cli.errors import RunError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+
+def keep(group: Any, name: str, value: NDArray[Any] | str) -> None:
+    """Store an array or a text as ``name``; where it is stored already, RunError unless it is the same."""
+    if name not in group:
+        group.create_dataset(checked_name(name), data=value)
+        return
+    stored = group[name].asstr()[()] if isinstance(value, str) else group[name][...]
+    place = f"{group.name}/{name}"
+    if isinstance(value, str):
+        if stored != value:
+            raise _differs(place)
+        return
+    confirm(place, stored, value)
+
+
+def keep_names(group: Any, name: str, names: Sequence[str]) -> None:
+    """The same for a list of names."""
+    if name not in group:
+        array = np.array(list(names), dtype=object)
+        group.create_dataset(name, data=array, dtype=h5py.string_dtype())
+    elif group[name].asstr()[...].tolist() != list(names):
+        raise _differs(f"{group.name}/{name}")
+
+
+def confirm(place: str, stored: NDArray[Any], value: NDArray[Any]) -> None:
+    """RunError unless two arrays are equal bit for bit."""
+    same = stored.shape == value.shape and stored.dtype == value.dtype
+    if not same or stored.tobytes() != np.ascontiguousarray(value).tobytes():
+        raise _differs(place)
+
+
+def checked_name(name: str) -> str:
+    """``name`` if HDF5 can hold it as one path component; RunError otherwise."""
+    if not name or name in {".", ".."} or re.search(r"[/\0]", name):
+        raise RunError(f"the name {name!r} cannot be stored", hint='names must not be empty or hold "/"')
+    return name
+
+
+def floats(array: ArrayLike) -> NDArray[np.float64]:
+    """Doubles in C order."""
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def check_shape(what: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
+    """ValueError if an array has another shape."""
+    if array.shape != shape:
+        raise ValueError(f"{what}: shape {array.shape}, expected {shape}")
+
+
+def check_keys(what: str, given: Mapping[str, Any], expected: Sequence[str]) -> None:
+    """ValueError if a step brings other names than the file was started with."""
+    if given.keys() != set(expected):
+        raise ValueError(f"{what} of the step are {sorted(given)}, expected {sorted(expected)}")
+
+
+def _differs(place: str) -> RunError:
+    return RunError(
+        f"the run cannot be resumed: what is stored in {place} does not come out again",
+        "another version, machine or library rounds differently; run the case again with --force",
+    )
