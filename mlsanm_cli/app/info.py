@@ -9,16 +9,29 @@ from typing import Any
 
 from mlsanm_cli.contact.profile import half_width
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.lock import holder
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.io.summary import read_json
 
-PROVENANCE = ("mlsanm_version", "git", "versions", "argv", "host", "cpu", "threads", "case_path", "case_hash")
+PROVENANCE = (
+    "mlsanm_version",
+    "git",
+    "versions",
+    "argv",
+    "host",
+    "cpu",
+    "threads",
+    "resumed",
+    "case_path",
+    "case_hash",
+)
 
 
 def info(rundir: Path) -> Mapping[str, Any]:
     """The summary of a run and its provenance.
 
-    A run without summary.json is still going on or was killed; it is told by the finished steps in run.h5.
+    A run without summary.json is still going on or was killed; it is told by the finished steps in run.h5, and
+    whether a process holds the directory.
     Raises RunError for a directory that holds no readable run.
     """
     run = read_run(rundir)
@@ -31,10 +44,18 @@ def info(rundir: Path) -> Mapping[str, Any]:
 def _unfinished(run: RunData) -> dict[str, Any]:
     """What run.h5 holds of a run that did not write its summary."""
     age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
+    writer = holder(run.directory)
+    if writer is not None:
+        told = {"stop_reason": f"no summary: still going on, {writer}; last written {age:.0f} s ago"}
+    else:
+        told = {
+            "stop_reason": f"killed: its process has ended without a summary, last written {age:.0f} s ago",
+            "hint": f"go on with: mlsanm resume {run.directory}",
+        }
     path = run.path
     known: dict[str, Any] = {
         "status": run.status,
-        "stop_reason": f"no summary: still going on or killed; last written {age:.0f} s ago",
+        **told,
         "steps": max(path.rows - 1, 0),
         "nodes": sum(len(body.points) for body in run.bodies.values()),
     }

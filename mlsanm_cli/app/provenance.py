@@ -24,11 +24,21 @@ def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[
         "versions": " ".join(
             [f"python {platform.python_version()}", *(f"{name} {version(name)}" for name in PACKAGES)]
         ),
-        "cpu": platform.processor() or platform.machine(),
+        "cpu": cpu(),
         "host": socket.gethostname(),
         "threads": threads,
         "mlsanm": __version__,
     }
+
+
+def cpu() -> str:
+    """The processor's name where the system tells it, else its architecture."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
 
 
 def git_state(directory: Path) -> str:

@@ -23,7 +23,11 @@ from mlsanm_cli.io.vtu import StateWriter, write_single
 
 
 class Recorder:
-    """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager."""
+    """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
+
+    With ``resumed`` it goes on with the files of an earlier process. The path is then brought again from its
+    start: what is stored is compared, RunError if it differs, and everything beyond it is written.
+    """
 
     def __init__(
         self,
@@ -32,20 +36,28 @@ class Recorder:
         attributes: Mapping[str, str | int | float],
         clock: Clock,
         console: Console,
+        *,
+        resumed: bool = False,
     ) -> None:
-        self._directory = directory
+        self.directory = directory
         self._case = loaded.case
         self._clock = clock
         self._console = console
         with clock.phase("output"):
             resolved = resolved_mapping(loaded.case)
-            self._file = RunFile.create(directory / run_dir.RUN_FILE, attributes)
+            make = RunFile.reopen if resumed else RunFile.create
+            self._file = make(directory / run_dir.RUN_FILE, attributes)
             self._file.write_case(loaded.raw, toml_text(resolved))
             self._events = EventLog(directory / run_dir.EVENTS_FILE)
-            self._events.write("start", case=str(loaded.path), case_hash=loaded.case_hash)
+            if resumed:
+                self._events.write("resume", steps=max(self._file.stored_rows - 1, 0))
+            else:
+                start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
+                self._events.write("start", **start, threads=attributes.get("threads", 1))
             write_toml(directory / run_dir.RESOLVED_FILE, resolved)
         self._states = StateWriter(directory)
         self._started = time.monotonic()
+        self._rows = 0
         self.last: State | None = None
         self.steps = self.iterations = self.factorizations = self.solves = 0
         self.residual = 0.0
@@ -63,18 +75,20 @@ class Recorder:
     def step(self, built: Built, step: PathStep) -> None:
         """Store one finished step: its series first, then its row, then the fields wanted within it."""
         with self._clock.phase("output"):
-            state = step.state
-            index = self.steps if self.last is None else self.steps + 1
+            state, index, new = step.state, self._rows, self._rows >= self._file.stored_rows
+            if not new:
+                # The clock of /path/seconds goes on where it stood.
+                self._started = time.monotonic() - self._file.stored_seconds
             if step.series:
                 if not self._mapped:
                     recording.write_maps(self._file, built)
                     self._mapped = True
                 self._file.write_series(index, step.series, step.series_attributes)
             self._file.append_step(recording.step_record(built, step, time.monotonic() - self._started))
-            self._events.write(
+            self._events.write_once(
                 "step", index=index, position=state.position, residual=state.residual, length=step.length
             )
-            self.last, self.steps = state, index
+            self.last, self.steps, self._rows = state, index, index + 1
             self.iterations += step.iterations
             self.factorizations += step.factorizations
             self.solves += step.solves
@@ -90,19 +104,28 @@ class Recorder:
             self.warn(step.warning)
         peak = float(state.pressure.max(initial=0.0))
         text = f"closed {int(state.closed.sum())}  peak pressure {peak:.6g}" if len(state.pressure) else ""
-        self._console.step(index, state.position, state.residual, text)
+        if new:
+            self._console.step(index, state.position, state.residual, text)
 
     def _save_fields(self, built: Built, state: State) -> None:
         wanted = tuple(dict.fromkeys(self._case.output.fields))
         if not wanted:
             return
+        stored, vtu = self._file.stored_state(), self._case.output.vtu
+        if stored is not None and not (
+            vtu and not self._states.keep(state.position, list(built.scene.bodies))
+        ):
+            self.linear_residual = max(self.linear_residual or 0.0, float(stored["linear_residual"]))
+            return
         fields, residual = recording.fields_of(
             built, state, stress=bool({"stress", "von_mises"} & set(wanted))
         )
         self.linear_residual = max(self.linear_residual or 0.0, residual)
-        self._file.write_fields(state.position, recording.stored_fields(fields, wanted))
-        if self._case.output.vtu:
+        if vtu:
             self._states.write(state.position, recording.vtu_states(built, fields, wanted))
+        if stored is None:
+            kept = recording.stored_fields(fields, wanted)
+            self._file.write_fields(state.position, kept, {"linear_residual": residual})
 
     def check_linear(self, built: Built) -> float:
         """Largest residual of the linear systems over the saved states, or of the last if none was saved."""
@@ -113,7 +136,7 @@ class Recorder:
     def warn(self, message: str) -> None:
         """A warning on the console, in the events and in the summary."""
         self.warnings.append(message)
-        self._events.write("warning", message=message)
+        self._events.write_once("warning", message=message)
         self._console.warning(message)
 
     def failure(self, built: Built | None) -> None:
@@ -123,7 +146,7 @@ class Recorder:
         with self._clock.phase("output"):
             fields, _ = recording.fields_of(built, self.last, stress=True)
             states = recording.vtu_states(built, fields, ("displacement", "stress", "von_mises"))
-            write_single(self._directory / run_dir.FAILURE_FILE, states)
+            write_single(self.directory / run_dir.FAILURE_FILE, states)
 
     def interfaces(self, built: Built) -> None:
         """Write every contact's final state as CSV."""
@@ -133,14 +156,15 @@ class Recorder:
             for pairing in built.condensed.pairings:
                 columns = recording.interface_columns(built, pairing, self.last)
                 name = run_dir.interface_name(pairing.name, len(built.condensed.pairings))
-                write_interface_csv(self._directory / name, {k: np.asarray(v) for k, v in columns.items()})
+                write_interface_csv(self.directory / name, {k: np.asarray(v) for k, v in columns.items()})
 
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Close everything; summary.json comes last, so that its presence means the run is over."""
+        self._states.finish()
         self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
         self._file.set_status(str(summary["status"]))
         self.close()
-        write_json_atomic(self._directory / run_dir.SUMMARY_FILE, summary)
+        write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
 
     def close(self) -> None:
         """Close the files; twice is allowed."""

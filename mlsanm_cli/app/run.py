@@ -24,10 +24,13 @@ from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess, case_warnings
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import check_reference
+from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.app.summary import Ending, summarise
+from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.lock import locked
 
 RESULTS = Path("results")
 
@@ -39,57 +42,70 @@ def run(
     out: Path | None = None,
     force: bool = False,
     threads: int = 1,
+    max_wall: float | None = None,
     console: Console,
     argv: tuple[str, ...] = (),
 ) -> Mapping[str, Any]:
     """Solve a case and write its run directory.
 
     Returns the mapping of summary.json with the ``directory`` added. A run whose numbers cannot be believed
-    comes back with status "failed", one that was interrupted with "stopped"; both keep what was done. Raises
-    CaseError or RunError, with nothing written, for a case that cannot be run.
+    comes back with status "failed"; one that was interrupted, or is not done after ``max_wall`` seconds, with
+    "stopped"; both keep what was done. Raises CaseError or RunError, with nothing written, for a case that
+    cannot be run, RunError too where the disk is full, and KeyboardInterrupt when stopped before a run began.
     """
     clock = Clock()
-    loaded = load_with_files(case_path, overrides)
-    check_reference(loaded)
-    directory = out or RESULTS / case_path.stem
-    run_dir.check(directory, force)
-    prepared = build_scene(loaded, clock, console)
-    with clock.phase("cloud"):
-        quality = assess(loaded.case, prepared)
-    run_dir.prepare(directory, force)
+    with Stopper(max_wall) as stopper:
+        loaded = load_with_files(case_path, overrides)
+        check_reference(loaded)
+        directory = out or RESULTS / case_path.stem
+        run_dir.check(directory, force)
+        prepared = build_scene(loaded, clock, console)
+        with locked(directory):
+            run_dir.prepare(directory, force)
+            provenance = attributes(loaded, argv, threads)
+            with Recorder(directory, loaded, provenance, clock, console) as recorder:
+                summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console)
+    return {**summary, "directory": str(directory)}
+
+
+def carry_out(
+    case: Case, prepared: Prepared, recorder: Recorder, stopper: Stopper, clock: Clock, console: Console
+) -> Mapping[str, Any]:
+    """Refine and follow a scene whose recorder is open, until it is done, failed or stopped; the summary."""
     built: Built | None = None
     adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
-    provenance = attributes(loaded, argv, threads)
-    with Stopper() as stopper, Recorder(directory, loaded, provenance, clock, console) as recorder:
-        try:
-            for note in prepared.notes:
-                console.note(note)
-            for warning in (*quality.warnings, *case_warnings(loaded.case)):
-                recorder.warn(warning)
-            adapted = adapt(loaded.case, prepared, clock, console)
-            built = adapted.built
-            if adapted.refined:
-                told, quality = quality.warnings, assess(loaded.case, adapted.prepared)
-                for warning in quality.warnings:
-                    if warning not in told:
-                        recorder.warn(warning)
-            stopper.check()
-            stopper.gentle = True
-            recorder.start(built)
-            _follow(built, recorder, clock, stopper)
-        except NumericalError as error:
-            stability = error.stability if isinstance(error, UnstableError) else None
-            ending = Ending("failed", error.message, error.hint, stability)
-            console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
-            recorder.failure(built)
-        except KeyboardInterrupt:
-            ending = Ending("stopped", "stopped by a signal")
-        if built is not None:
-            recorder.interfaces(built)
-        summary = summarise(ending, adapted, quality, recorder, clock)
-        recorder.finish(summary)
-    return {**summary, "directory": str(directory)}
+    with clock.phase("cloud"):
+        quality = assess(case, prepared)
+    try:
+        for note in prepared.notes:
+            console.note(note)
+        for warning in (*quality.warnings, *case_warnings(case)):
+            recorder.warn(warning)
+        adapted = adapt(case, prepared, clock, console)
+        built = adapted.built
+        if adapted.refined:
+            told, quality = quality.warnings, assess(case, adapted.prepared)
+            for warning in quality.warnings:
+                if warning not in told:
+                    recorder.warn(warning)
+        stopper.gentle = True
+        stopper.check()
+        recorder.start(built)
+        _follow(built, recorder, clock, stopper)
+    except NumericalError as error:
+        stability = error.stability if isinstance(error, UnstableError) else None
+        ending = Ending("failed", error.message, error.hint, stability)
+        console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
+        recorder.failure(built)
+    except KeyboardInterrupt as stop:
+        ending = Ending("stopped", str(stop), f"go on with: mlsanm resume {recorder.directory}")
+        console.note(ending.hint)
+    if built is not None:
+        recorder.interfaces(built)
+    summary = summarise(ending, adapted, quality, recorder, clock)
+    recorder.finish(summary)
+    return summary
 
 
 def _follow(built: Built, recorder: Recorder, clock: Clock, stopper: Stopper) -> None:

@@ -15,19 +15,19 @@ from mlsanm_cli.cli.options import (
     FILE,
     common,
     console_for,
+    max_wall_option,
     pretty_result,
     print_result,
     set_option,
     threads_option,
 )
 from mlsanm_cli.cli.probe import probe
-from mlsanm_cli.cli.results import run_text
+from mlsanm_cli.cli.resume import resume, show_run
 from mlsanm_cli.cli.settings import Settings, set_threads
 from mlsanm_cli.errors import RunError
 
 # Names that later versions will bring; they are refused by name, not as typing errors.
-LATER = ("cache", "collect", "resume", "sweep")
-_STATUS_CODES = {"failed": 3, "stopped": 75}
+LATER = ("cache", "collect", "sweep")
 
 
 class Commands(click.Group):
@@ -74,7 +74,7 @@ def cli() -> None:
     """
 
 
-for command in (compare, new, schema, explain, probe):
+for command in (compare, new, schema, explain, probe, resume):
     cli.add_command(command)
 
 
@@ -83,11 +83,18 @@ for command in (compare, new, schema, explain, probe):
 @set_option
 @click.option("--out", type=FILE, help="Run directory.  [default: results/<case name>]")
 @click.option("--force", is_flag=True, help="Overwrite an existing run.")
+@max_wall_option
 @threads_option
 @common
 @click.pass_obj
 def run(
-    settings: Settings, case: Path, overrides: tuple[str, ...], out: Path | None, force: bool, threads: int
+    settings: Settings,
+    case: Path,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    force: bool,
+    threads: int,
+    max_wall: float | None,
 ) -> int:
     """Solve CASE and write a run directory."""
     set_threads(threads)
@@ -101,15 +108,13 @@ def run(
             out=out,
             force=force,
             threads=threads,
+            max_wall=max_wall,
             console=console,
             argv=tuple(sys.argv),
         )
     finally:
         console.close()
-    print_result(settings, summary, run_text(summary, settings.paints(sys.stdout)))
-    if not settings.quiet and not settings.json and "directory" in summary:
-        click.echo(f"pictures: mlsanm plot {summary['directory']}")
-    return _STATUS_CODES.get(str(summary.get("status")), 0)
+    return show_run(settings, summary)
 
 
 @cli.command()

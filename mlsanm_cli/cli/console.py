@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Callable, Sequence
@@ -10,6 +11,7 @@ from typing import TextIO
 from mlsanm_cli.cli.settings import Settings, is_terminal
 from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, table
 
+_COLUMNS = 80
 _CLEAR = "\r\x1b[K"
 _INTERVAL = 1.0  # seconds between two lines of the step table in a log
 _FRAME = 0.05  # seconds between two changes of the line on a terminal
@@ -36,6 +38,7 @@ class TerminalConsole:
         self._live = is_terminal(stream) and not settings.quiet
         self._clock = clock
         self._width = width
+        self._deaf = False
         self._shown = ""  # the line on the terminal that the next one replaces
         self._waiting = ""  # the latest step that was not shown yet
         self._last: float | None = None
@@ -99,26 +102,41 @@ class TerminalConsole:
         if self._waiting:
             self._show_step(self._waiting)
         if self._live:
-            self._stream.write("\n")
+            self._put("\n")
             self._shown = ""
         self._last = None
 
     def _rewrite(self, text: str) -> None:
-        width = self._width or shutil.get_terminal_size().columns
+        width = self._width or _width_of(self._stream)
         # One column stays free: terminals wrap when the last one is written.
         text = text[: max(width - 1, 1)]
         style = BOLD if text.endswith("...") else DIM
-        self._stream.write(_CLEAR + paint(text, style, self._color))
-        self._stream.flush()
+        self._put(_CLEAR + paint(text, style, self._color))
         self._shown = text
 
     def _erase(self) -> None:
         if self._shown:
-            self._stream.write(_CLEAR)
+            self._put(_CLEAR)
             self._shown = ""
-        self._stream.flush()
 
     def _line(self, text: str) -> None:
         self._erase()
-        self._stream.write(f"{text}\n")
-        self._stream.flush()
+        self._put(f"{text}\n")
+
+    def _put(self, text: str) -> None:
+        """Write; once nobody listens any more, as behind `| head`, the run goes on without a word."""
+        if self._deaf:
+            return
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except OSError:
+            self._deaf = True
+
+
+def _width_of(stream: TextIO) -> int:
+    """Columns of the terminal that a stream writes to, whatever the others are."""
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or _COLUMNS
+    except (OSError, ValueError):
+        return shutil.get_terminal_size((_COLUMNS, 24)).columns

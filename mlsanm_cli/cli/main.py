@@ -64,7 +64,7 @@ def _report(error: BaseException, settings: Settings) -> int:
         error.show(file=sys.stderr)
         return USAGE
     if isinstance(error, click.Abort | KeyboardInterrupt):
-        _print("error", "stopped by a signal", settings)
+        _print("error", str(error) or "stopped by a signal", settings)
         return STOPPED
     if isinstance(error, MemoryError):
         _print("error", "the memory is used up", settings)

@@ -54,6 +54,17 @@ def threads_option(function: Function) -> Function:
     return option(function)
 
 
+def max_wall_option(function: Function) -> Function:
+    """``--max-wall``."""
+    option = click.option(
+        "--max-wall",
+        type=click.FloatRange(min=0.0, min_open=True),
+        metavar="SECONDS",
+        help="Stop after this time, with exit code 75; `mlsanm resume` goes on.",
+    )
+    return option(function)
+
+
 def set_option(function: Function) -> Function:
     """``--set``, repeatable."""
     option = click.option(

@@ -85,6 +85,15 @@ def prepare(directory: Path, force: bool) -> None:
         raise cannot_write(directory, error) from error
 
 
+def reopen(directory: Path) -> None:
+    """Make ``directory`` look like a run that goes on; the caller has locked it. RunError."""
+    try:
+        for name in (SUMMARY_FILE, FAILURE_FILE):
+            (directory / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise cannot_write(directory, error) from error
+
+
 def check_comparison(directory: Path, force: bool) -> None:
     """Raise RunError if `prepare_comparison` would refuse ``directory``; touches nothing.
 

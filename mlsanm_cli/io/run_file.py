@@ -73,9 +73,10 @@ class RunFile:
         self._path = path
         self._columns: dict[str, Column] = {}
         self._rows = self._states = 0
-        # Rows and saved states that were there before.
+        # Rows and saved states that were there before, and the seconds they took.
         self.stored_rows = len(file["path/position"]) if "path/position" in file else 0
         self._stored_states = len(file["fields/position"]) if "fields/position" in file else 0
+        self.stored_seconds = float(file["path/seconds"][-1]) if self.stored_rows else 0.0
         self._contacts: list[str] = []
         self._loads: list[str] | None = None
         self._resultants: list[str] = []
@@ -123,6 +124,7 @@ class RunFile:
             group = self._file.require_group("case")
             keep(group, "raw", raw)
             keep(group, "resolved", resolved)
+            self._commit()
 
     def write_body(
         self,

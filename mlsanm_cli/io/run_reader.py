@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_
 from mlsanm_cli.io.run_dir import RUN_FILE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
 # A reader can catch the writer in the middle of a flush, which takes well below a millisecond.
@@ -30,6 +30,7 @@ MAPS = ("forces", "slip", "probes")
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Read = TypeVar("Read")
 
 
 @dataclass(frozen=True)
@@ -122,19 +123,45 @@ class RunData:
         return str(self.attributes["status"])
 
 
+@dataclass(frozen=True)
+class RunOrigin:
+    """What a run was made from: attributes, the case as given and resolved; the seconds it took so far."""
+
+    attributes: Mapping[str, str | int | float]
+    case_raw: str
+    case_resolved: str
+    seconds: float
+
+    @property
+    def status(self) -> str:
+        """running (or killed), done, failed or stopped."""
+        return str(self.attributes["status"])
+
+
 def read_run(rundir: Path) -> RunData:
     """Read the run in directory ``rundir`` (or from the run.h5 named directly).
 
     A run that is being written gives its finished steps. Raises RunError if there is no run, if run.h5 is
     damaged or is no file of mlsanm, or if a newer version wrote it.
     """
+    return _patiently(rundir, _run)
+
+
+def read_origin(rundir: Path) -> RunOrigin:
+    """Read where the run in ``rundir`` comes from. Raises RunError as `read_run` does."""
+    return _patiently(rundir, _origin)
+
+
+def _patiently(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
+    """Read from run.h5, again if its writer comes in between."""
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     if not file.is_file():
         what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"
         raise RunError(f"{rundir} is not a run: {what}", hint="give the directory that `mlsanm run` wrote")
     for attempt in range(_ATTEMPTS):
         try:
-            return _read(file)
+            with opened(file) as root:
+                return read(root, file)
         except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
             # TypeError: h5py takes a half-written dataset for one without a shape.
             reason = error
@@ -148,29 +175,43 @@ def read_run(rundir: Path) -> RunData:
     ) from reason
 
 
-def _read(file: Path) -> RunData:
-    with opened(file) as root:
-        attributes = {name: _scalar(value) for name, value in root.attrs.items()}
-        if "mlsanm_version" not in attributes or "status" not in attributes:
-            raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
-        if attributes.get("format") != FORMAT:
-            raise RunError(
-                f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
-                hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
-            )
-        path, contacts, probes = _history(root)
-        return RunData(
-            directory=file.parent,
-            attributes=MappingProxyType(attributes),
-            case_raw=_text(root, "case/raw"),
-            case_resolved=_text(root, "case/resolved"),
-            bodies=MappingProxyType({name: _body(group) for name, group in _items(root, "bodies")}),
-            path=path,
-            contacts=contacts,
-            states=_states(root),
-            probes=probes,
-            maps={kind: {name: data[...] for name, data in _items(root, f"maps/{kind}")} for kind in MAPS},
+def _attributes(root: Any, file: Path) -> Mapping[str, str | int | float]:
+    attributes = {name: _scalar(value) for name, value in root.attrs.items()}
+    if "mlsanm_version" not in attributes or "status" not in attributes:
+        raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
+    if attributes.get("format") != FORMAT:
+        raise RunError(
+            f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
+            hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
         )
+    return MappingProxyType(attributes)
+
+
+def _origin(root: Any, file: Path) -> RunOrigin:
+    seconds = root["path/seconds"][-1:] if "path/seconds" in root else np.zeros(0)
+    return RunOrigin(
+        attributes=_attributes(root, file),
+        case_raw=_text(root, "case/raw"),
+        case_resolved=_text(root, "case/resolved"),
+        seconds=float(seconds.sum()),
+    )
+
+
+def _run(root: Any, file: Path) -> RunData:
+    attributes = _attributes(root, file)
+    path, contacts, probes = _history(root)
+    return RunData(
+        directory=file.parent,
+        attributes=attributes,
+        case_raw=_text(root, "case/raw"),
+        case_resolved=_text(root, "case/resolved"),
+        bodies=MappingProxyType({name: _body(group) for name, group in _items(root, "bodies")}),
+        path=path,
+        contacts=contacts,
+        states=_states(root),
+        probes=probes,
+        maps={kind: {name: data[...] for name, data in _items(root, f"maps/{kind}")} for kind in MAPS},
+    )
 
 
 def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData], Mapping[str, ProbeData]]:

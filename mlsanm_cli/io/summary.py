@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -102,22 +104,35 @@ class EventLog:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open ``path``; RunError if that is not possible."""
+        """Open ``path``, less a last line that was cut short; RunError if that is not possible."""
         self._path = path
         try:
-            self._stream = path.open("a", encoding="utf-8", newline="\n")
+            self._stream = path.open("a+b", buffering=0)
+            self._stream.seek(0)
+            whole = self._stream.read().rpartition(b"\n")[:2]
+            self._stream.truncate(len(b"".join(whole)))
         except OSError as error:
             raise cannot_write(path, error) from error
+        self._earlier = set(whole[0].split(b"\n"))
 
     def write(self, event: str, **values: Any) -> None:
-        """Append ``{"event": event, ...values}`` and flush it; RunError if the disk refuses it."""
-        line = json.dumps(to_plain({"event": event, **values}), ensure_ascii=False, allow_nan=False)
+        """Append ``{"event": event, ...values}``; RunError if the disk refuses it."""
+        self._append(_line(event, values))
+
+    def write_once(self, event: str, **values: Any) -> None:
+        """The same, unless the line was there when the log was opened."""
+        line = _line(event, values)
+        if line not in self._earlier:
+            self._append(line)
+
+    def _append(self, line: bytes) -> None:
         try:
             # One write call per line: a run killed here leaves whole lines only.
-            self._stream.write(line + "\n")
-            self._stream.flush()
+            done = self._stream.write(line + b"\n")
         except OSError as error:
             raise cannot_write(self._path, error) from error
+        if done != len(line) + 1:
+            raise cannot_write(self._path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
 
     def close(self) -> None:
         """Close the file; closing twice is allowed."""
@@ -130,3 +145,7 @@ class EventLog:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _line(event: str, values: Mapping[str, Any]) -> bytes:
+    return json.dumps(to_plain({"event": event, **values}), ensure_ascii=False, allow_nan=False).encode()

@@ -60,21 +60,32 @@ class StateWriter:
         """Write into ``directory``, which must exist."""
         self._directory = directory
         self._entries: list[str] = []
+        self._listed = 0
 
     def write(self, position: float, bodies: Mapping[str, BodyState]) -> tuple[Path, ...]:
         """Write one state; fields.pvd then lists it too. Returns the VTU files.
 
         Raises ValueError for arrays of the wrong shape, RunError if a file cannot be written.
         """
-        written = []
-        for part, (name, body) in enumerate(bodies.items()):
-            path = self._directory / fields_name(len(self._entries))
+        names = tuple(bodies)
+        paths = self._paths(len(names))
+        for path, body in zip(paths, bodies.values(), strict=True):
             _write_cloud(path, body.points, _state_data(body))
-            self._entries.append(
-                f'    <DataSet timestep="{float(position)!r}" group="" part="{part}" '
-                f'name="{escape(name)}" file="{path.name}"/>'
-            )
-            written.append(path)
+        self._add(position, names)
+        self.finish()
+        return paths
+
+    def keep(self, position: float, names: Sequence[str]) -> bool:
+        """Take the files of one state as an earlier process wrote them; False if one is missing."""
+        if not all(path.is_file() for path in self._paths(len(names))):
+            return False
+        self._add(position, names)
+        return True
+
+    def finish(self) -> None:
+        """Bring fields.pvd up to date. RunError if it cannot be written."""
+        if self._listed == len(self._entries):
+            return
         lines = (
             '<?xml version="1.0"?>',
             '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
@@ -84,7 +95,18 @@ class StateWriter:
             "</VTKFile>",
         )
         write_text(self._directory / COLLECTION_FILE, "\n".join(lines) + "\n")
-        return tuple(written)
+        self._listed = len(self._entries)
+
+    def _paths(self, count: int) -> tuple[Path, ...]:
+        first = len(self._entries)
+        return tuple(self._directory / fields_name(first + part) for part in range(count))
+
+    def _add(self, position: float, names: Sequence[str]) -> None:
+        for part, (name, path) in enumerate(zip(names, self._paths(len(names)), strict=True)):
+            self._entries.append(
+                f'    <DataSet timestep="{float(position)!r}" group="" part="{part}" '
+                f'name="{escape(name)}" file="{path.name}"/>'
+            )
 
 
 def write_single(path: Path, bodies: Mapping[str, BodyState]) -> None:

@@ -1,0 +1,75 @@
+"""``mlsanm resume``: a run that was stopped or killed goes on to the same result, bit for bit.
+
+The path is deterministic, so it is followed once more from its start, without writing, up to the last step
+stored; every number that comes by is compared with the stored one. That way friction's memory, refined clouds
+and the pace of every method are what they were, for methods to come too, and a machine that rounds
+differently is found out. It costs the time of the steps done so far, less their output.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mlsanm_cli.app.build import build_scene
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.foreign import survey
+from mlsanm_cli.app.recorder import Recorder
+from mlsanm_cli.app.run import carry_out
+from mlsanm_cli.app.signals import Stopper
+from mlsanm_cli.case import LoadedCase, parse_case
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.lock import locked
+from mlsanm_cli.io.run_reader import RunOrigin, read_origin
+from mlsanm_cli.io.summary import read_json
+
+
+def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:
+    """Finish the run in a directory; returns and raises what `run` does.
+
+    A run that is done is left as it is. Raises RunError for one that failed, for it would again; for one that
+    cannot be read; and where the stored steps do not come out again.
+    """
+    read_origin(rundir)
+    clock = Clock()
+    with Stopper(max_wall) as stopper, locked(rundir):
+        origin = read_origin(rundir)
+        summary_file = rundir / run_dir.SUMMARY_FILE
+        if origin.status == "done" and summary_file.is_file():
+            console.note(f"the run in {rundir} is done, there is nothing to resume")
+            return {**read_json(summary_file), "directory": str(rundir)}
+        if origin.status == "failed":
+            raise RunError(
+                f"the run in {rundir} failed, and would fail again", "change the case and run it with --force"
+            )
+        loaded = stored_case(origin, rundir)
+        if max_wall is not None and origin.seconds >= max_wall:
+            console.warning(
+                f"the steps done so far took {origin.seconds:.0f} s and are followed again: "
+                f"--max-wall {max_wall:g} may end before the first new one"
+            )
+        prepared = build_scene(loaded, clock, console)
+        run_dir.reopen(rundir)
+        again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
+        with Recorder(rundir, loaded, again, clock, console, resumed=True) as recorder:
+            summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console)
+    return {**summary, "directory": str(rundir)}
+
+
+def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:
+    """The case of a run, with its files looked into again; RunError where it is not all there."""
+    if not origin.case_resolved:
+        raise RunError(
+            f"the run in {rundir} was killed before it had begun", "run the case again with --force"
+        )
+    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), survey)
+    if loaded.case_hash != origin.attributes["case_hash"]:
+        raise RunError(
+            f"the case stored in {rundir} is not the one of the run: another version wrote it",
+            f"it was mlsanm {origin.attributes['mlsanm_version']}; run the case again with --force",
+        )
+    return replace(loaded, raw=origin.case_raw, path=Path(str(origin.attributes["case_path"])))
