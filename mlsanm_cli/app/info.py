@@ -30,9 +30,8 @@ PROVENANCE = (
 def info(rundir: Path) -> Mapping[str, Any]:
     """The summary of a run and its provenance.
 
-    A run without summary.json is still going on or was killed; it is told by the finished steps in run.h5, and
-    whether a process holds the directory.
-    Raises RunError for a directory that holds no readable run.
+    A run without summary.json is still going on or was killed; the finished steps in run.h5 tell, and whether
+    a process holds the directory. Raises RunError for a directory that holds no readable run.
     """
     run = read_run(rundir)
     summary_file = run.directory / run_dir.SUMMARY_FILE

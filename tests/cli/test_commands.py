@@ -76,7 +76,7 @@ def test_run_passes_everything_on(
     install(monkeypatch, "run", run)
     monkeypatch.setattr(sys, "argv", ["mlsanm", "run", "a.toml"])
     arguments = ["run", "a.toml", "--set", "solver.order=15", "--set", "mls.degree=4", "--out", "there"]
-    assert main([*arguments, "--force", "--threads", "2"]) == 0
+    assert main([*arguments, "--force", "--threads", "2", "--max-wall", "90"]) == 0
     ((case, options),) = calls
     assert case == Path("a.toml")
     assert options.pop("console") is not None
@@ -85,6 +85,7 @@ def test_run_passes_everything_on(
         "out": Path("there"),
         "force": True,
         "threads": 2,
+        "max_wall": 90.0,
         "argv": ("mlsanm", "run", "a.toml"),
     }
     assert threads == ["2"] * 4
@@ -105,6 +106,22 @@ def test_run_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
     assert main(["run", "a.toml"]) == 0
     assert (calls[0]["overrides"], calls[0]["out"], calls[0]["force"]) == ((), None, False)
     assert (calls[0]["threads"], os.environ["OPENBLAS_NUM_THREADS"]) == (1, "1")
+    assert calls[0]["max_wall"] is None
+
+
+def test_resume_uses_the_threads_of_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    calls: list[tuple[Any, Any, Any]] = []
+
+    def resume(rundir: Path, *, max_wall: float | None, console: Any) -> dict[str, Any]:
+        calls.append((rundir, max_wall, os.environ["OPENBLAS_NUM_THREADS"]))
+        return {**SUMMARY, "status": "stopped"}
+
+    install(monkeypatch, "resume", resume)
+    assert main(["resume", str(tmp_path)]) == 75
+    (tmp_path / "events.jsonl").write_text('{"event": "start", "threads": 2}\n')
+    assert main(["resume", str(tmp_path), "--max-wall", "9"]) == 75
+    assert main(["resume", str(tmp_path), "--threads", "3"]) == 75
+    assert calls == [(tmp_path, None, "1"), (tmp_path, 9.0, "2"), (tmp_path, None, "3")]
 
 
 def test_json_is_all_there_is_on_stdout(

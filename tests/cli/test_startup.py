@@ -56,9 +56,9 @@ def test_help_is_instant() -> None:
 
 
 def test_exit_code_and_streams() -> None:
-    done = mlsanm("resume", "x")
+    done = mlsanm("resume", "nowhere")
     assert (done.returncode, done.stdout) == (2, "")
-    assert "not in this version yet" in done.stderr
+    assert "nowhere is not a run" in done.stderr
 
 
 def test_a_reader_that_leaves_is_no_error() -> None:

@@ -1,0 +1,73 @@
+"""One process at a time in a run directory."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.lock import LOCK_FILE, Holder, holder, locked
+
+ROOT = Path(__file__).parents[2]
+HOLD = """
+import sys, time
+from pathlib import Path
+from mlsanm_cli.io.lock import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_second_process_is_refused_and_told_who_holds_it(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", HOLD, str(tmp_path)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "held\n"
+        found = holder(tmp_path)
+        assert found is not None
+        assert found.pid == process.pid
+        with pytest.raises(RunError, match=f"by process {process.pid} on {found.host}"), locked(tmp_path):
+            pass
+        with pytest.raises(RunError, match=f"process {process.pid}"):
+            run_dir.check(tmp_path, force=True)
+        process.kill()
+    # What a dead process leaves holds nobody up.
+    assert (tmp_path / LOCK_FILE).exists()
+    assert holder(tmp_path) is None
+    run_dir.check(tmp_path, force=False)
+    with locked(tmp_path):
+        assert holder(tmp_path) == Holder(os.getpid(), found.host)
+        run_dir.prepare(tmp_path, force=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lock_taken_on_a_file_that_was_removed_is_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = os.open
+    removed = []
+
+    def open_(path: Path, *arguments: int) -> int:
+        fd = opened(path, *arguments)
+        if not removed:
+            path.unlink()
+            removed.append(path)
+        return fd
+
+    monkeypatch.setattr(os, "open", open_)
+    with locked(tmp_path):
+        assert (tmp_path / LOCK_FILE).is_file()
+
+
+def test_a_directory_that_cannot_be_made_is_a_run_error(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match="cannot write"), locked(tmp_path / "file" / "run"):
+        pass
