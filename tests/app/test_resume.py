@@ -1,0 +1,229 @@
+"""Runs cut short at some step and resumed give what they would have given, bit for bit."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.info import info
+from mlsanm_cli.app.resume import resume
+from mlsanm_cli.app.run import run
+from mlsanm_cli.errors import CaseError, RunError
+from mlsanm_cli.io.lock import locked
+from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.io.vtu import StateWriter
+from tests.app.runs import differences
+from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
+from tests.app.test_friction import EXACT, SHEARED
+
+
+class Killed(BaseException):
+    """Stands for the end of the process."""
+
+
+class Deadly(Quiet):
+    """A console that does something at a step."""
+
+    def __init__(self, index: int, number: int | None = None) -> None:
+        super().__init__()
+        self._index, self._number = index, number
+
+    def step(self, index: int, position: float, residual: float, text: str) -> None:
+        """Die, or send this process a signal."""
+        super().step(index, position, residual, text)
+        if index == self._index:
+            if self._number is None:
+                raise Killed
+            os.kill(os.getpid(), self._number)
+
+
+INSIDE = "output.at=[0.3, 0.7, 1.0]"
+PATHS = {
+    "linear": (BAR, ()),
+    "exact": (PATCH, ("output.at=[0.25, 0.5, 1.0]",)),
+    "series": (hertz(), (INSIDE,)),
+    "newton": (hertz(), (INSIDE, 'solver.method="newton"')),
+    "polished": (hertz(), (INSIDE, "solver.polish=true")),
+    "friction": (SHEARED, ()),
+    "exact friction": (SHEARED, (EXACT,)),
+    "polished friction": (SHEARED, ("solver.polish=true",)),
+    "adapted": (BAR, ("adapt.passes=1",)),
+}
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_a_killed_run_is_resumed_to_the_same_bits(name: str, tmp_path: Path) -> None:
+    text, settings = PATHS[name]
+    whole, cut = tmp_path / "case", tmp_path / "cut"
+    solve(text, whole, *settings)
+    rows = read_run(whole).path.rows
+    kept = max(rows * 2 // 3, 1)
+    with pytest.raises(Killed):
+        run(tmp_path / "case.toml", overrides=settings, out=cut, console=Deadly(kept - 1))
+    assert (read_run(cut).path.rows, read_run(cut).status) == (kept, "running")
+    assert "mlsanm resume" in info(cut)["hint"]
+    console = Quiet()
+    assert resume(cut, console=console)["status"] == "done"
+    assert len(console.steps) == rows - kept
+    assert differences(whole, cut) == []
+    assert (np.diff(read_run(cut).path.seconds) > 0.0).all()
+    with h5py.File(cut / "run.h5") as file:
+        assert file.attrs["resumed"] == 1
+
+
+@pytest.mark.parametrize("moment", ["write", "_add"])
+def test_a_run_killed_while_it_saves_a_state(
+    moment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = ("output.at=[0.3, 0.7, 1.0]",)
+    solve(hertz(), tmp_path / "case", *settings)
+    calls: list[Any] = []
+
+    def die(*arguments: Any) -> None:
+        calls.append(arguments)
+        if len(calls) == 2:
+            raise Killed
+        kept(*arguments)
+
+    kept = getattr(StateWriter, moment)
+    with monkeypatch.context() as patch:
+        patch.setattr(StateWriter, moment, die)
+        with pytest.raises(Killed):
+            run(tmp_path / "case.toml", overrides=settings, out=tmp_path / "cut", console=Quiet())
+    assert len(read_run(tmp_path / "cut").states) == 1
+    # A file lost is a file written again.
+    (tmp_path / "cut" / "fields_0001.vtu").unlink()
+    resume(tmp_path / "cut", console=Quiet())
+    assert differences(tmp_path / "case", tmp_path / "cut") == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGINT])
+def test_a_signal_ends_after_the_step_and_twice_is_fine(number: int, tmp_path: Path) -> None:
+    solve(hertz(), tmp_path / "case")
+    summary = run(tmp_path / "case.toml", out=tmp_path / "cut", console=Deadly(7, number))
+    assert (summary["status"], summary["steps"]) == ("stopped", 7)
+    assert signal.Signals(number).name in summary["stop_reason"]
+    assert "mlsanm resume" in summary["hint"]
+    summary = resume(tmp_path / "cut", console=Deadly(11, number))
+    assert (summary["status"], summary["steps"]) == ("stopped", 11)
+    assert resume(tmp_path / "cut", console=Quiet())["status"] == "done"
+    assert differences(tmp_path / "case", tmp_path / "cut") == []
+
+
+def test_a_second_signal_ends_at_once(tmp_path: Path) -> None:
+    class Twice(Deadly):
+        def step(self, index: int, position: float, residual: float, text: str) -> None:
+            super().step(index, position, residual, text)
+            if index == 7:
+                with pytest.raises(KeyboardInterrupt, match="SIGTERM"):
+                    os.kill(os.getpid(), signal.SIGTERM)
+                raise Killed
+
+    solve(hertz(), tmp_path / "case")
+    with pytest.raises(Killed):
+        run(tmp_path / "case.toml", out=tmp_path / "cut", console=Twice(7, signal.SIGTERM))
+
+
+def test_the_wall_time_ends_a_run(tmp_path: Path) -> None:
+    positions = ", ".join(str(0.2 + 0.0002 * k) for k in range(4001))
+    settings = (f"output.at=[{positions}]", "output.vtu=false")
+    case = tmp_path / "case.toml"
+    case.write_text(hertz())
+    summary = run(case, overrides=settings, out=tmp_path / "cut", max_wall=0.7, console=Quiet())
+    assert summary["status"] == "stopped"
+    assert "wall time of 0.7 s" in summary["stop_reason"]
+    console = Quiet()
+    with h5py.File(tmp_path / "cut" / "run.h5", "r+") as file:
+        file["path/seconds"][-1:] = 1.0
+    again = resume(tmp_path / "cut", max_wall=0.5, console=console)
+    assert any("may end before the first new one" in text for text in console.warnings)
+    assert again["status"] == "stopped"
+    # Outside the main thread there are no signals, but the limit holds.
+    found: list[Any] = []
+    thread = threading.Thread(
+        target=lambda: found.append(
+            run(case, overrides=settings, out=tmp_path / "other", max_wall=0.5, console=Quiet())
+        )
+    )
+    thread.start()
+    thread.join()
+    assert found[0]["status"] == "stopped"
+
+
+def test_nothing_is_resumed_that_is_done_failed_or_held(hertz_run: Path, tmp_path: Path) -> None:
+    console = Quiet()
+    before = (hertz_run / "run.h5").read_bytes()
+    assert resume(hertz_run, console=console)["status"] == "done"
+    assert "nothing to resume" in console.notes[0]
+    assert (hertz_run / "run.h5").read_bytes() == before
+    assert solve(hertz(), tmp_path / "failed", "solver.max_steps=3")["status"] == "failed"
+    with pytest.raises(RunError, match="would fail again"):
+        resume(tmp_path / "failed", console=console)
+    with locked(hertz_run), pytest.raises(RunError, match=f"process {os.getpid()} on"):
+        resume(hertz_run, console=console)
+    with pytest.raises(RunError, match="no such directory"):
+        resume(tmp_path / "none", console=console)
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_step_that_does_not_come_out_again_is_told(tmp_path: Path) -> None:
+    cut = tmp_path / "cut"
+    (tmp_path / "case.toml").write_text(hertz())
+    with pytest.raises(Killed):
+        run(tmp_path / "case.toml", out=cut, console=Deadly(9))
+    with h5py.File(cut / "run.h5", "r+") as file:
+        pressure = file["contacts/interface/pressure"]
+        pressure[8, 3] = np.nextafter(pressure[8, 3], np.inf)
+    with pytest.raises(RunError, match="row 8 of contacts/interface/pressure"):
+        resume(cut, console=Quiet())
+    assert read_run(cut).path.rows == 10
+    with h5py.File(cut / "run.h5", "r+") as file:
+        resolved = file["case/resolved"].asstr()[()]
+        del file["case/resolved"]
+        file["case/resolved"] = resolved.replace("-226.0", "-227.0")
+    with pytest.raises(RunError, match="is not the one of the run"):
+        resume(cut, console=Quiet())
+    with h5py.File(cut / "run.h5", "r+") as file:
+        del file["case/resolved"]
+    with pytest.raises(RunError, match="before it had begun"):
+        resume(cut, console=Quiet())
+
+
+def test_a_file_of_the_case_that_changed_is_told(tmp_path: Path) -> None:
+    ring = 'shape = { kind = "points", file = "bar.csv" }'
+    points = [(x, y) for x in np.linspace(0.0, 2.0, 13).tolist() for y in np.linspace(0.0, 1.0, 7).tolist()]
+    rows = ["x,y,tag"]
+    for x, y in points:
+        tag = {0.0: "left", 2.0: "right"}.get(x) or {0.0: "bottom", 1.0: "top"}.get(y, "")
+        rows.append(f"{x!r},{y!r},{tag}")
+    (tmp_path / "bar.csv").write_text("\n".join(rows) + "\n")
+    text = BAR.replace('shape = { kind = "rectangle", x = [0.0, 2.0], y = [0.0, 1.0] }', ring)
+    text = text.replace("spacing = 0.25\n", "")
+    (tmp_path / "case.toml").write_text(text)
+    with pytest.raises(Killed):
+        run(tmp_path / "case.toml", out=tmp_path / "cut", console=Deadly(1))
+    (tmp_path / "bar.csv").write_text("\n".join(rows) + "\n\n")
+    with pytest.raises(CaseError, match="has changed since"):
+        resume(tmp_path / "cut", console=Quiet())
+
+
+def test_events_are_complete(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(hertz())
+    with pytest.raises(Killed):
+        run(tmp_path / "case.toml", out=tmp_path / "cut", console=Deadly(9))
+    # As a kill between a row and its event, and one inside an event, leave it.
+    log = tmp_path / "cut" / "events.jsonl"
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join(lines[:-1]) + lines[-1][:20])
+    resume(tmp_path / "cut", console=Quiet())
+    events = [json.loads(line) for line in log.read_text().splitlines()]
+    assert [event["index"] for event in events if event["event"] == "step"] == list(range(26))
+    assert [event["event"] for event in events if event["event"] != "step"] == [*("start", "resume", "end")]
