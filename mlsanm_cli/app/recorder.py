@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -12,14 +13,18 @@ import numpy as np
 
 from mlsanm_cli.app import recording
 from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.check import model_bodies
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.diagnosis import diagnose, node_fields, worst_nodes
+from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.states import PathStep, Polish, State
 from mlsanm_cli.case import LoadedCase, resolved_mapping
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.summary import EventLog, toml_text, write_interface_csv, write_json_atomic, write_toml
-from mlsanm_cli.io.vtu import StateWriter, write_single
+from mlsanm_cli.io.vtu import StateWriter, write_model, write_single
 
 
 class Recorder:
@@ -66,6 +71,8 @@ class Recorder:
         self.cone: dict[str, float] = {}
         self.polished: list[Polish] = []
         self._mapped = False
+        self.judged: State | None = None
+        self.failed_at: dict[str, Any] = {}
 
     def start(self, built: Built) -> None:
         """Store the model."""
@@ -139,14 +146,26 @@ class Recorder:
         self._events.write_once("warning", message=message)
         self._console.warning(message)
 
-    def failure(self, built: Built | None) -> None:
-        """Write the last good state as failure.vtu."""
-        if built is None or self.last is None:
-            return
+    def failure(self, error: NumericalError, prepared: Prepared, built: Built | None) -> None:
+        """Tell of a failure, and write failure.vtu: the state that was judged last, or the model if none was.
+
+        That state is the last good one where the path itself broke off.
+        """
+        path, state = self.directory / run_dir.FAILURE_FILE, self.judged
+        told: dict[str, Any] = {"reason": error.message, "hint": error.hint}
         with self._clock.phase("output"):
-            fields, _ = recording.fields_of(built, self.last, stress=True)
-            states = recording.vtu_states(built, fields, ("displacement", "stress", "von_mises"))
-            write_single(self.directory / run_dir.FAILURE_FILE, states)
+            if built is None or state is None:
+                write_model(path, model_bodies(prepared))
+            else:
+                found = diagnose(built, state)
+                self.failed_at = {"position": state.position, "worst_nodes": worst_nodes(built, found)}
+                fields, _ = recording.fields_of(built, state, stress=True)
+                bodies = recording.vtu_states(built, fields, ("displacement", "stress", "von_mises"))
+                if len(found.residual):
+                    more = node_fields(built, found)
+                    bodies = {name: replace(body, more=more[name]) for name, body in bodies.items()}
+                write_single(path, bodies)
+            self._events.write("failure", **told, **self.failed_at)
 
     def interfaces(self, built: Built) -> None:
         """Write every contact's final state as CSV."""

@@ -97,7 +97,7 @@ def carry_out(
         stability = error.stability if isinstance(error, UnstableError) else None
         ending = Ending("failed", error.message, error.hint, stability)
         console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
-        recorder.failure(built)
+        recorder.failure(error, adapted.prepared if adapted else prepared, built)
     except KeyboardInterrupt as stop:
         ending = Ending("stopped", str(stop), f"go on with: mlsanm resume {recorder.directory}")
         console.note(ending.hint)
@@ -117,7 +117,8 @@ def _follow(built: Built, recorder: Recorder, clock: Clock, stopper: Stopper) ->
             step = next(steps, None)
         if step is None:
             break
-        for state in (step.state, *step.saved):
+        for state in (*step.saved, step.state):
+            recorder.judged = state
             judge_state(built, state)
         recorder.step(built, step)
     assert recorder.last is not None

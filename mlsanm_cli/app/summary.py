@@ -44,6 +44,8 @@ def summarise(
     }
     if ending.hint:
         summary["hint"] = ending.hint
+    if recorder.failed_at:
+        summary["failure"] = recorder.failed_at
     if built is not None:
         bodies = built.scene.bodies
         nodes = sum(len(body.model.cloud.points) for body in bodies.values())

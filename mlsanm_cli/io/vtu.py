@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,7 @@ class BodyState:
     ``points`` (n, 2) in the reference configuration; ``boundary_tag`` (n,) ints, 0 inside, k > 0 on the k-th
     boundary; what is None is left out of the file: ``displacement`` (n, 2), ``stress`` (n, 3) in the order
     xx, yy, xy, ``von_mises`` (n,). ``stress_zz`` (n,) is the out-of-plane stress, zero if None.
+    ``more`` are other scalars (n,).
     """
 
     points: FloatArray
@@ -35,6 +36,7 @@ class BodyState:
     stress: FloatArray | None = None
     von_mises: FloatArray | None = None
     stress_zz: FloatArray | None = None
+    more: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,7 @@ def _state_data(body: BodyState) -> dict[str, NDArray[Any]]:
         data["stress"] = _tensors(body.stress, body.stress_zz, count)
     if body.von_mises is not None:
         data["von_mises"] = _scalars("von_mises", body.von_mises, count)
-    return data
+    return data | {name: _scalars(name, values, count) for name, values in body.more.items()}
 
 
 def _write_cloud(path: Path, points: FloatArray, data: Mapping[str, NDArray[Any]]) -> None:

@@ -1,0 +1,160 @@
+"""Runs killed at random moments and resumed: every one must be readable, and end as if nothing had happened.
+
+Three cases: power series without friction, friction with memory that is reversed, and refined clouds. Each is
+run once to its end; then it is killed by SIGKILL at moments drawn evenly from the time between its first
+file and its end, every second time once more while it is resumed, and compared with the first bit for bit.
+A run that was over before its moment came is compared too, but not counted as killed.
+Writes kill_and_resume.json beside the other results.
+
+    python benchmarks/kill_and_resume.py [kills per case] [seed]
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.run_reader import read_run
+
+CASES = Path(__file__).parents[1] / "cases"
+RESULTS = Path(__file__).parent / "results"
+
+COARSE = tuple(
+    f"body.{body}.{key}"
+    for body in ("cylinder", "block")
+    for key in ("refine=[{at=[0.0, 0.0], spacing=0.01, radius=0.06, growth=0.25}]", "spacing=0.3")
+)
+SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
+SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "series": (
+        "hertz",
+        (
+            *COARSE,
+            f"output.at={[k / 20 for k in range(1, 21)]}",
+        ),
+    ),
+    "friction reversed": (
+        "cattaneo_mindlin",
+        (*COARSE, SMOOTH, f"output.at={[k / 5 for k in range(1, 21)]}"),
+    ),
+    "adapted": ("hertz", (*COARSE, "adapt.passes=1", f"output.at={[k / 20 for k in range(1, 21)]}")),
+}
+QUIET = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+def command(*arguments: str) -> subprocess.Popen[bytes]:
+    """``mlsanm`` as a process of its own."""
+    whole = [sys.executable, "-m", "mlsanm_cli.cli", *arguments, "--quiet"]
+    return subprocess.Popen(whole, env={**os.environ, **QUIET}, stderr=subprocess.PIPE)
+
+
+def timed(process: subprocess.Popen[bytes], directory: Path) -> tuple[float, float]:
+    """Seconds until the first file of a run is there and until it ends."""
+    start, first = time.monotonic(), 0.0
+    while process.poll() is None:
+        if not first and (directory / "run.lock").is_file():
+            first = time.monotonic() - start
+        time.sleep(0.002)
+    if process.returncode:
+        raise SystemExit(str(process.communicate()[1]))
+    return first, time.monotonic() - start
+
+
+def kill_after(process: subprocess.Popen[bytes], seconds: float) -> bool:
+    """Whether the process was still there to be killed."""
+    try:
+        process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+        return True
+    return False
+
+
+def content(directory: Path) -> dict[str, Any]:
+    """All that must be equal: arrays, figures and files, times and memory apart."""
+    found: dict[str, Any] = {}
+
+    def add(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and name != "path/seconds":
+            text = item.dtype.kind == "O"
+            found[name] = str(item.asstr()[()]) if text else (item.shape, item[()].tobytes())
+
+    with h5py.File(directory / "run.h5") as file:
+        file.visititems(add)
+    figures = json.loads((directory / "summary.json").read_text())
+    found |= {key: value for key, value in figures.items() if key not in {"seconds", "peak_memory_mb"}}
+    others = {"run.h5", "summary.json", "events.jsonl"}
+    return found | {path.name: path.read_bytes() for path in directory.iterdir() if path.name not in others}
+
+
+def trial(case: list[str], directory: Path, moments: list[float]) -> dict[str, Any]:
+    """One run killed at a moment, once more while it is resumed where a second one is given."""
+    result: dict[str, Any] = {"moment": moments[0], "readable": True, "error": ""}
+    result["killed"] = kill_after(command("run", *case, "--out", str(directory)), moments[0])
+    if not (directory / "run.h5").is_file():
+        return {**result, "error": "killed before it began"}
+    for moment in [*moments[1:], None]:
+        try:
+            result["rows"] = read_run(directory).path.rows
+        except RunError as error:
+            return {**result, "readable": False, "error": error.message}
+        process = command("resume", str(directory))
+        if moment is not None:
+            kill_after(process, moment)
+        elif (error_text := process.communicate()[1]) and process.returncode:
+            return {**result, "error": error_text.decode()}
+    return result
+
+
+def main() -> None:
+    """Kill, resume, compare, count."""
+    kills = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    rng = np.random.default_rng(int(sys.argv[2]) if len(sys.argv) > 2 else 0)
+    report: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, (stem, settings) in SCENES.items():
+            case = [str(CASES / f"{stem}.toml"), *(part for text in settings for part in ("--set", text))]
+            whole = Path(folder) / name / "whole"
+            command("run", *case, "--out", str(whole)).wait()  # with kernels compiled
+            first, last = timed(command("run", *case, "--out", str(whole), "--force"), whole)
+            expected, trials = content(whole), []
+            number, killed = 0, 0
+            while killed < kills:
+                cut = Path(folder) / name / str(number)
+                moments = [float(rng.uniform(first, last)) for _ in range(1 + number % 2)]
+                result = trial(case, cut, moments)
+                if not result["error"]:
+                    found = content(cut)
+                    keys = expected.keys() | found.keys()
+                    result["different"] = sorted(key for key in keys if expected.get(key) != found.get(key))
+                trials.append(result)
+                number, killed = number + 1, killed + bool(result["killed"])
+                print(name, number, result, flush=True)
+            report[name] = {
+                "rows": read_run(whole).path.rows,
+                "seconds": last,
+                "killed": killed,
+                "trials_in_all": number,
+                "killed_before_it_began": sum("before it began" in trial["error"] for trial in trials),
+                "readable": sum(trial["readable"] for trial in trials),
+                "equal": sum(trial.get("different") == [] for trial in trials),
+                "trials": trials,
+            }
+    (RESULTS / "kill_and_resume.json").write_text(json.dumps(report, indent=1) + "\n")
+    for name, row in report.items():
+        print(name, {key: value for key, value in row.items() if key != "trials"})
+
+
+if __name__ == "__main__":
+    main()
