@@ -3,7 +3,7 @@
 Three cases: power series without friction, friction with memory that is reversed, and refined clouds. Each is
 run once to its end; then it is killed by SIGKILL at moments drawn evenly from the time between its first
 file and its end, every second time once more while it is resumed, and compared with the first bit for bit.
-A run that was over before its moment came is compared too, but not counted as killed.
+A run that was over before its moment came, or not begun, is not counted as killed.
 Writes kill_and_resume.json beside the other results.
 
     python benchmarks/kill_and_resume.py [kills per case] [seed]
@@ -103,7 +103,7 @@ def trial(case: list[str], directory: Path, moments: list[float]) -> dict[str, A
     result: dict[str, Any] = {"moment": moments[0], "readable": True, "error": ""}
     result["killed"] = kill_after(command("run", *case, "--out", str(directory)), moments[0])
     if not (directory / "run.h5").is_file():
-        return {**result, "error": "killed before it began"}
+        return {**result, "killed": False, "error": "killed before it began"}
     for moment in [*moments[1:], None]:
         try:
             result["rows"] = read_run(directory).path.rows

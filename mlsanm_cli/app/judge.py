@@ -49,10 +49,11 @@ def force_balance(built: Built, state: State) -> Verdict:
     lack = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
     per_body = {}
     for number, name in enumerate(built.scene.bodies):
-        largest = float(_largest_force(built, name, state))
+        largest = _largest_force(built, name, state)
         size = float(np.hypot(*lack[number]))
-        per_body[name] = size / largest if largest > 0.0 else 0.0
-    return Verdict(max(per_body.values()), per_body)
+        per_body[name] = 0.0 if largest == 0.0 else size / largest
+    # Unlike max of Python, that of numpy loses no nan.
+    return Verdict(float(np.max(list(per_body.values()))), per_body)
 
 
 def _largest_force(built: Built, body: str, state: State) -> float:
@@ -68,7 +69,7 @@ def _largest_force(built: Built, body: str, state: State) -> float:
     ]
     maps = [condensed.forces[load.name] for load in built.case.load if load.owner == body]
     heat = abs(float(built.scene.degrees(body) @ state.factors)) * built.scene.heat_force(body)
-    return max((heat, *sizes, *(float(np.hypot(*force(*state.unknowns))) for force in maps)))
+    return float(np.max([heat, *sizes, *(np.hypot(*force(*state.unknowns)) for force in maps)]))
 
 
 def judge_state(built: Built, state: State) -> None:
@@ -80,7 +81,7 @@ def judge_state(built: Built, state: State) -> None:
             f"the residual {state.residual:.3g} at position {state.position:.6g} is above the tolerance",
             "raise solver.tolerance only if that residual is good enough for you",
         )
-    if not all(np.isfinite(a).all() for a in (state.pressure, state.gap, state.motion)):
+    if not state.is_finite:
         raise NumericalError(f"the state at position {state.position:.6g} is not finite")
     _judge_cone(built, state)
     touched = condensed.touched(*state.unknowns)
@@ -107,7 +108,7 @@ def _judge_cone(built: Built, state: State) -> None:
 
 def judge_balance(verdict: Verdict) -> str:
     """A warning where the forces balance poorly, "" where they do; NumericalError past the limit."""
-    worst = max(verdict.bodies, key=lambda name: verdict.bodies[name])
+    worst = max(verdict.bodies, key=lambda name: np.nan_to_num(verdict.bodies[name], nan=np.inf))
     message = f"the forces on body {worst} balance to {100 * verdict.force_balance:.2g} % only"
     hint = f"make body.{worst}.spacing smaller where it is held and around its notches, or use mls.degree = 4"
     if not verdict.force_balance <= BALANCE_LIMIT:
@@ -144,7 +145,7 @@ def judge_spacing(built: Built, state: State) -> None:
         closed[pairing.candidate] = state.closed[built.condensed.spans[pairing.name]]
         pressed = replace(pairing, candidate=closed)
         ratio = spacing_ratio(pressed, clouds)
-        if ratio > SPACING_LIMIT:
+        if not ratio <= SPACING_LIMIT:
             raise NumericalError(
                 f"contact {pairing.name}: spacings pressed on each other differ by a factor of {ratio:.3g}",
                 f"bring the spacings of {' and '.join(pairing.names)} closer together where they touch",

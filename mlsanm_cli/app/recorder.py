@@ -122,17 +122,21 @@ class Recorder:
         if stored is not None and not (
             vtu and not self._states.keep(state.position, list(built.scene.bodies))
         ):
-            self.linear_residual = max(self.linear_residual or 0.0, float(stored["linear_residual"]))
+            self._solved_to(float(stored["linear_residual"]))
             return
         fields, residual = recording.fields_of(
             built, state, stress=bool({"stress", "von_mises"} & set(wanted))
         )
-        self.linear_residual = max(self.linear_residual or 0.0, residual)
+        self._solved_to(residual)
         if vtu:
             self._states.write(state.position, recording.vtu_states(built, fields, wanted))
         if stored is None:
             kept = recording.stored_fields(fields, wanted)
             self._file.write_fields(state.position, kept, {"linear_residual": residual})
+
+    def _solved_to(self, residual: float) -> None:
+        # Unlike max of Python, that of numpy loses no nan.
+        self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
 
     def check_linear(self, built: Built) -> float:
         """Largest residual of the linear systems over the saved states, or of the last if none was saved."""
@@ -149,9 +153,10 @@ class Recorder:
     def failure(self, error: NumericalError, prepared: Prepared, built: Built | None) -> None:
         """Tell of a failure, and write failure.vtu: the state that was judged last, or the model if none was.
 
-        That state is the last good one where the path itself broke off.
+        That state is the last good one where the path itself broke off, or where the other has no numbers.
         """
-        path, state = self.directory / run_dir.FAILURE_FILE, self.judged
+        path = self.directory / run_dir.FAILURE_FILE
+        state = self.judged if self.judged is not None and self.judged.is_finite else self.last
         told: dict[str, Any] = {"reason": error.message, "hint": error.hint}
         with self._clock.phase("output"):
             if built is None or state is None:

@@ -188,7 +188,7 @@ def fields_of(built: Built, state: State, stress: bool) -> tuple[dict[str, Field
     fields, worst = {}, 0.0
     for name, body in built.scene.bodies.items():
         displacement, residual = _displacement(built, name, state)
-        worst = max(worst, residual)
+        worst = float(np.maximum(worst, residual))
         degrees = float(built.scene.degrees(name) @ state.factors)
         elastic = displacement - degrees * body.model.free_expansion
         sigma = body.model.stress(elastic) if stress else np.zeros((0, 3))

@@ -44,6 +44,11 @@ class State:
         """Load factors, motions, pressures and tractions, as linear maps take them."""
         return self.factors, self.motion, self.pressure, self.traction
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether all its unknowns are numbers."""
+        return all(np.isfinite(values).all() for values in (*self.unknowns, self.gap))
+
 
 @dataclass(frozen=True)
 class Polish:

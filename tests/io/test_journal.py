@@ -32,9 +32,9 @@ class Disk:
         self.done = 0
         self._last, self._error = last, error
         self._pwrite, self._ftruncate, self._fallocate = os.pwrite, os.ftruncate, os.posix_fallocate
-        monkeypatch.setattr(journal.os, "pwrite", self.pwrite)
-        monkeypatch.setattr(journal.os, "ftruncate", self.ftruncate)
-        monkeypatch.setattr(journal.os, "posix_fallocate", self.fallocate)
+        monkeypatch.setattr(os, "pwrite", self.pwrite)
+        monkeypatch.setattr(os, "ftruncate", self.ftruncate)
+        monkeypatch.setattr(os, "posix_fallocate", self.fallocate)
 
     def _count(self) -> None:
         self.done += 1

@@ -53,7 +53,7 @@ def test_a_lock_taken_on_a_file_that_was_removed_is_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened = os.open
-    removed = []
+    removed: list[Path] = []
 
     def open_(path: Path, *arguments: int) -> int:
         fd = opened(path, *arguments)

@@ -1,0 +1,173 @@
+"""A run whose numbers are wrong never ends as done, whichever it is; and it tells where it is worst."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+from mlsanm_cli.app import certificate, judge, recording
+from mlsanm_cli.app import run as run_module
+from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.polish import load_path
+from mlsanm_cli.app.states import PathStep, State
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.linear_map import LinearMap
+from mlsanm_cli.io.summary import read_json
+from tests.app.scenes import BAR, PATCH, hertz, solve
+from tests.app.test_friction import EXACT, SHEARED
+
+BAD = [1e3, float("nan")]
+Change = Callable[[State], State]
+
+
+def altered(change: Change, saved: bool) -> Callable[[Built], Iterator[PathStep]]:
+    """A path whose last state, or last saved state, is another."""
+
+    def path(built: Built) -> Iterator[PathStep]:
+        end = float(len(built.case.stage))
+        for step in load_path(built):
+            if step.state.position < end:
+                yield step
+            elif saved:
+                yield replace(step, saved=tuple(map(change, step.saved)))
+            else:
+                yield replace(step, state=change(step.state))
+
+    return path
+
+
+@pytest.mark.parametrize("saved", [False, True])
+@pytest.mark.parametrize("bad", BAD)
+def test_a_residual(bad: float, saved: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = altered(lambda state: replace(state, residual=bad), saved)
+    monkeypatch.setattr(run_module, "load_path", path)
+    summary = solve(PATCH, tmp_path / "run")
+    assert (summary["status"], "residual" in summary["stop_reason"]) == ("failed", True)
+    assert summary["hint"]
+
+
+@pytest.mark.parametrize("name", ["pressure", "gap", "motion", "traction"])
+def test_a_number_that_is_none(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = altered(lambda state: replace(state, **{name: getattr(state, name) * np.nan}), False)
+    monkeypatch.setattr(run_module, "load_path", path)
+    summary = solve(
+        SHEARED, tmp_path / "run", EXACT, 'contact.interface.regularization.friction_law="memory"'
+    )
+    assert (summary["status"], "not finite" in summary["stop_reason"]) == ("failed", True)
+    assert len(summary["failure"]["worst_nodes"]) == 10
+
+
+def test_a_traction_beyond_its_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = altered(lambda state: replace(state, traction=1.2 * state.traction), False)
+    monkeypatch.setattr(run_module, "load_path", path)
+    summary = solve(SHEARED, tmp_path / "run", EXACT)
+    assert (summary["status"], "friction limit" in summary["stop_reason"]) == ("failed", True)
+    nodes = summary["failure"]["worst_nodes"]
+    assert nodes[0]["cone_ratio"] == pytest.approx(1.2)
+    assert [node["residual"] for node in nodes] == sorted((node["residual"] for node in nodes), reverse=True)
+
+
+@pytest.mark.parametrize("bad", [0.0, float("nan")])
+@pytest.mark.parametrize(("text", "name"), [(PATCH, "contact_stability"), (BAR, "bulk_stability")])
+def test_a_certificate(
+    text: str, name: str, bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(certificate, name, lambda *arguments: bad)
+    summary = solve(text, tmp_path / "run")
+    assert (summary["status"], "stability" in summary["stop_reason"]) == ("failed", True)
+    # Nothing was solved: the model is shown.
+    mesh = meshio.read(tmp_path / "run" / "failure.vtu")
+    assert {"normal", "partner", "spacing"} <= mesh.point_data.keys()
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_a_force_balance(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = LinearMap.__call__
+
+    def call(self: LinearMap, *state: Any) -> Any:
+        values = kept(self, *state)
+        # The imbalance alone has two rows for each of the two bodies.
+        return values + np.array([0.0, 0.0, 0.0, bad]) if len(values) == 4 else values
+
+    monkeypatch.setattr(LinearMap, "__call__", call)
+    summary = solve(PATCH, tmp_path / "run")
+    assert (summary["status"], "forces on body lower" in summary["stop_reason"]) == ("failed", True)
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("fields", ["[]", '["displacement"]'])
+def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = recording.fields_of
+    monkeypatch.setattr(
+        recording, "fields_of", lambda built, state, stress: (kept(built, state, stress)[0], bad)
+    )
+    summary = solve(PATCH, tmp_path / "run", f"output.fields={fields}")
+    assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
+
+
+def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = Condensed.displacement
+    bad = {"upper"}
+
+    def displacement(self: Condensed, scene: Any, name: str, *state: Any) -> Any:
+        found, residual = kept(self, scene, name, *state)
+        return found, float("nan") if name in bad else residual
+
+    monkeypatch.setattr(Condensed, "displacement", displacement)
+    summary = solve(PATCH, tmp_path / "body")
+    assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
+    bad.clear()
+    whole, calls = recording.fields_of, iter([float("nan")])
+    monkeypatch.setattr(
+        recording,
+        "fields_of",
+        lambda built, state, stress: (whole(built, state, stress)[0], next(calls, 1e-12)),
+    )
+    summary = solve(PATCH, tmp_path / "state", "output.at=[0.5, 1.0]")
+    assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
+
+
+@pytest.mark.parametrize("bad", [9.0, float("nan")])
+def test_a_ratio_of_spacings(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judge, "spacing_ratio", lambda *arguments: bad)
+    summary = solve(PATCH, tmp_path / "run")
+    assert (summary["status"], "spacings" in summary["stop_reason"]) == ("failed", True)
+
+
+def test_what_a_failed_path_leaves(tmp_path: Path) -> None:
+    summary = solve(hertz(), tmp_path / "run", "solver.max_steps=9")
+    assert summary["status"] == "failed"
+    failure = read_json(tmp_path / "run" / "summary.json")["failure"]
+    assert failure["position"] == summary["position"] > 0.0
+    mesh = meshio.read(tmp_path / "run" / "failure.vtu")
+    data = mesh.point_data
+    assert {"displacement", "stress", "residual", "gap", "pressure", "cone_ratio", "worst"} <= data.keys()
+    table = np.genfromtxt(tmp_path / "run" / "interface.csv", delimiter=",", names=True)
+    told = np.flatnonzero(np.isfinite(data["gap"]))
+    assert sorted(data["gap"][told]) == pytest.approx(sorted(table["gap"]))
+    assert np.isnan(data["cone_ratio"]).all()
+    ranked = np.argsort(-data["worst"])[:10][::-1]
+    assert data["worst"][ranked].tolist() == list(range(1, 11))
+    for node, row in zip(ranked, failure["worst_nodes"], strict=True):
+        assert mesh.points[node, :2] == pytest.approx([row["x"], row["y"]])
+        assert data["residual"][node] == pytest.approx(row["residual"])
+        assert row["contact"] == "interface"
+    # The smooth law is furthest from the exact one where nodes are about to touch.
+    assert np.abs(mesh.points[ranked[0], 0]) > 0.5 * np.abs(table["x"][table["pressure"] > 1.0]).max()
+    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    assert events[-2] == {
+        "event": "failure",
+        "reason": summary["stop_reason"],
+        "hint": summary["hint"],
+        **failure,
+    }
+    assert events[-1]["event"] == "end"

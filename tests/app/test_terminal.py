@@ -1,0 +1,155 @@
+"""The command in a real pseudo-terminal, and with output that nobody can write or read."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import pty
+import re
+import select
+import struct
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+
+from mlsanm_cli.app.info import info
+from mlsanm_cli.app.resume import resume
+from mlsanm_cli.app.run import run
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.runs import differences
+from tests.app.scenes import BAR, Quiet, hertz, solve
+
+ROOT = Path(__file__).parents[2]
+PATIENCE = 120.0
+
+
+def in_terminal(columns: int, directory: Path, *arguments: str, **environment: str) -> tuple[int, str, str]:
+    """Run ``mlsanm`` with stderr on a terminal and stdout in a pipe: code, stdout, what the terminal got."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mlsanm_cli.cli", *arguments],
+        cwd=directory,
+        env={"TERM": "xterm", **os.environ, "PYTHONPATH": str(ROOT), **environment},
+        stdin=slave,
+        stdout=subprocess.PIPE,
+        stderr=slave,
+    )
+    os.close(slave)
+    shown, end = b"", time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        ready, _, _ = select.select([master], [], [], 1.0)
+        if not ready:
+            continue
+        try:
+            part = os.read(master, 65536)
+        except OSError:
+            break
+        if not part:
+            break
+        shown += part
+    out, _ = process.communicate(timeout=PATIENCE)
+    os.close(master)
+    return process.returncode, out.decode(), shown.decode()
+
+
+def screen(shown: str) -> list[str]:
+    """The lines that stay, without styles."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", shown)
+    return [line.rpartition("\r\x1b[K")[2] for line in plain.replace("\r\n", "\n").split("\n")]
+
+
+@pytest.mark.parametrize("columns", [30, 200])
+def test_progress_fits_the_terminal(columns: int, tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(hertz())
+    code, out, shown = in_terminal(columns, tmp_path, "run", "case.toml", "--out", "run", NO_COLOR="")
+    assert code == 0
+    assert out.startswith("done: ")
+    assert "\x1b" not in out
+    assert "\x1b[1mplacing nodes ...\x1b[0m" in shown
+    (last, *rest) = [line for line in screen(shown) if line]
+    assert last.startswith("step   25   position 1"[: columns - 1])
+    assert rest == []
+    live = re.sub(r"\x1b\[[0-9;]*m", "", shown).replace("\r\n", "\n")
+    assert max(len(part) for line in live.split("\n") for part in line.split("\r\x1b[K")) < columns
+
+
+def test_no_color_quiet_and_json(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(BAR)
+    code, out, shown = in_terminal(80, tmp_path, "run", "case.toml", "--out", "a", "--json", NO_COLOR="1")
+    assert (code, json.loads(out)["status"]) == (0, "done")
+    assert "placing nodes ..." in shown
+    assert not re.search(r"\x1b\[[0-9;]*m", shown)
+    code, out, shown = in_terminal(80, tmp_path, "run", "case.toml", "--out", "b", "--quiet")
+    assert (code, out, shown) == (0, "", "")
+
+
+def test_a_log_whose_reader_left_does_not_end_the_run(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(BAR)
+    command = f"{sys.executable} -m mlsanm_cli.cli run case.toml --out run 2> >(true) > out.txt"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(["bash", "-c", command], cwd=tmp_path, env=environment, check=False)
+    assert done.returncode == 0
+    assert info(tmp_path / "run")["status"] == "done"
+    assert (tmp_path / "out.txt").read_text().startswith("done: ")
+
+
+def test_shell_completion(tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_MLSANM_COMPLETE": "bash_complete"}
+    words = {"COMP_WORDS": "mlsanm res", "COMP_CWORD": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "mlsanm_cli.cli"],
+        env={**environment, **words},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.split() == ["plain,resume"]
+
+
+FULL = """
+import resource, signal, sys
+from mlsanm_cli.cli import main
+from mlsanm_cli.kernels.warm import load_all
+load_all()
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+@pytest.mark.parametrize("part", [0.1, 0.8])
+def test_a_full_disk_loses_no_finished_step(part: float, tmp_path: Path) -> None:
+    solve(hertz(), tmp_path / "case", "output.vtu=false")
+    limit = int(part * (tmp_path / "case" / "run.h5").stat().st_size)
+    arguments = ["run", "case.toml", "--out", "run", "--set", "output.vtu=false"]
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(limit), *arguments],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "cannot write run/run.h5: File too large" in done.stderr
+    assert "disk space" in done.stderr
+    assert "Traceback" not in done.stderr
+    told = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    steps = sum(event["event"] == "step" for event in told)
+    assert read_run(tmp_path / "run").path.rows == steps
+    assert (steps > 0) == (part > 0.5)
+    resume(tmp_path / "run", console=Quiet())
+    assert differences(tmp_path / "case", tmp_path / "run") == []
+
+
+def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(BAR)
+    with pytest.raises(RunError, match=r"/proc.* (cannot be written|cannot write)|cannot write /proc"):
+        run(tmp_path / "case.toml", out=Path("/proc/mlsanm"), console=Quiet())
