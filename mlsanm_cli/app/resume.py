@@ -39,10 +39,12 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
     with Stopper(max_wall) as stopper, locked(rundir):
         origin = read_origin(rundir)
         summary_file = rundir / run_dir.SUMMARY_FILE
-        if origin.status == "done" and summary_file.is_file():
+        # A run killed just before its summary was written is one to finish, whatever it already says.
+        ended = origin.status if summary_file.is_file() else "running"
+        if ended == "done":
             console.note(f"the run in {rundir} is done, there is nothing to resume")
             return {**read_json(summary_file), "directory": str(rundir)}
-        if origin.status == "failed":
+        if ended == "failed":
             raise RunError(
                 f"the run in {rundir} failed, and would fail again", "change the case and run it with --force"
             )

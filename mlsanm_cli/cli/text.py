@@ -91,6 +91,9 @@ def pretty(mapping: Mapping[str, Any], title: str = "", color: bool = False, wid
         value = plain(value)
         if isinstance(value, list) and any(isinstance(item, str) and " " in item for item in value):
             blocks.append(table(label(key), [("-", str(item)) for item in value], color))
+        elif isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
+            numbered = {str(index): item for index, item in enumerate(value, start=1)}
+            blocks.append(_items(label(key), numbered, color, width))
         elif not isinstance(value, dict):
             flat.append((label(key), number(value)))
         elif value and all(isinstance(item, dict) for item in value.values()):

@@ -15,17 +15,23 @@ import pytest
 from mlsanm_cli.app.info import info
 from mlsanm_cli.app.plot import plot
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import BAR, hertz
+from tests.app.runs import differences
+from tests.app.scenes import BAR, hertz, solve
+from tests.app.test_friction import SHEARED
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 120.0
 
 
-def start(directory: Path, text: str, *arguments: str, **environment: str) -> subprocess.Popen[str]:
+RUN = ("run", "case.toml", "--out", "run")
+
+
+def start(
+    directory: Path, text: str, *arguments: str, command: tuple[str, ...] = RUN, **environment: str
+) -> subprocess.Popen[str]:
     (directory / "case.toml").write_text(text)
-    command = [sys.executable, "-m", "mlsanm_cli.cli", "run", "case.toml", "--out", "run", *arguments]
     return subprocess.Popen(
-        command,
+        [sys.executable, "-m", "mlsanm_cli.cli", *command, *arguments],
         cwd=directory,
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         stdout=subprocess.PIPE,
@@ -64,6 +70,41 @@ def test_a_signal_leaves_a_readable_run(number: signal.Signals, tmp_path: Path) 
     assert (tmp_path / "run" / "interface.csv").is_file()
     assert info(tmp_path / "run")["status"] == "stopped"
     assert len(plot(tmp_path / "run")) >= 3
+
+
+@pytest.mark.parametrize(("text", "moments"), [(hertz(), (3, 15)), (SHEARED, (20,))])
+def test_a_killed_process_is_resumed(text: str, moments: tuple[int, ...], tmp_path: Path) -> None:
+    solve(text, tmp_path / "case")
+    for kill in moments:
+        place = tmp_path / str(kill)
+        place.mkdir()
+        process = start(place, text, "--quiet")
+        wait_for_steps(place, kill, process)
+        process.kill()
+        process.communicate()
+        assert read_run(place / "run").path.rows >= kill
+        assert "killed" in info(place / "run")["stop_reason"]
+        again = start(place, text, "--quiet", command=("resume", "run"))
+        assert again.communicate(timeout=PATIENCE) == ("", "")
+        assert again.returncode == 0
+        assert differences(tmp_path / "case", place / "run") == []
+
+
+def test_two_runs_in_one_directory(tmp_path: Path) -> None:
+    positions = ", ".join(str(0.2 + 0.0002 * k) for k in range(4001))
+    text = hertz() + f"\n[output]\nvtu = false\nat = [{positions}]\n"
+    process = start(tmp_path, text)
+    wait_for_steps(tmp_path, 2, process)
+    told = info(tmp_path / "run")
+    assert (told["status"], f"process {process.pid} on" in told["stop_reason"]) == ("running", True)
+    for command in (("run", "case.toml", "--out", "run", "--force"), ("resume", "run")):
+        other = start(tmp_path, text, command=command)
+        _, err = other.communicate(timeout=PATIENCE)
+        assert other.returncode == 2
+        assert f"run is being written by process {process.pid}" in err
+    process.send_signal(signal.SIGUSR1)
+    out, _ = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, "SIGUSR1" in out) == (75, True)
 
 
 def test_a_cache_that_cannot_be_written_costs_one_warning(tmp_path: Path) -> None:

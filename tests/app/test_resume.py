@@ -51,7 +51,6 @@ PATHS = {
     "exact": (PATCH, ("output.at=[0.25, 0.5, 1.0]",)),
     "series": (hertz(), (INSIDE,)),
     "newton": (hertz(), (INSIDE, 'solver.method="newton"')),
-    "polished": (hertz(), (INSIDE, "solver.polish=true")),
     "friction": (SHEARED, ()),
     "exact friction": (SHEARED, (EXACT,)),
     "polished friction": (SHEARED, ("solver.polish=true",)),

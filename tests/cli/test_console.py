@@ -132,6 +132,11 @@ def test_wide_items_are_shown_one_below_the_other() -> None:
     assert pretty({"bodies": items}, width=300).count("key 11") == 1
 
 
+def test_a_list_of_items_is_a_numbered_table() -> None:
+    shown = pretty({"nodes": [{"x": 1.5, "gap": 0.0}, {"x": 2.5, "gap": None}]}).splitlines()
+    assert [line.split() for line in shown] == [["nodes"], ["x", "gap"], ["1", "1.5", "0"], ["2", "2.5", "-"]]
+
+
 def test_numbers() -> None:
     assert number(float("nan")) == "-"
     assert number([]) == "none"
