@@ -48,7 +48,7 @@ def _unfinished(run: RunData) -> dict[str, Any]:
         told = {"stop_reason": f"no summary: still going on, {writer}; last written {age:.0f} s ago"}
     else:
         told = {
-            "stop_reason": f"killed, or out of disk space: its process ended without a summary {age:.0f} s ago",
+            "stop_reason": f"killed or out of disk space: ended without a summary {age:.0f} s ago",
             "hint": f"go on with: mlsanm resume {run.directory}",
         }
     path = run.path
