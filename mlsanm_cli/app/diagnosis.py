@@ -77,9 +77,11 @@ def node_fields(built: Built, found: Diagnosis) -> dict[str, dict[str, FloatArra
             if pairing.slave_body != body:
                 continue
             nodes, span = pairing.node[pairing.candidate], built.condensed.spans[pairing.name]
+            # A node of several contacts shows the one that it is worse in.
+            worse = ~(found.residual[span] <= fields[body]["residual"][nodes])
             for name in names:
-                fields[body][name][nodes] = getattr(found, name)[span]
-            fields[body]["worst"][nodes] = rank[span]
+                fields[body][name][nodes[worse]] = getattr(found, name)[span][worse]
+            fields[body]["worst"][nodes[worse]] = rank[span][worse]
     return fields
 
 

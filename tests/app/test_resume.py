@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -132,29 +131,19 @@ def test_a_second_signal_ends_at_once(tmp_path: Path) -> None:
 
 
 def test_the_wall_time_ends_a_run(tmp_path: Path) -> None:
-    positions = ", ".join(str(0.2 + 0.0002 * k) for k in range(4001))
-    settings = (f"output.at=[{positions}]", "output.vtu=false")
-    case = tmp_path / "case.toml"
-    case.write_text(hertz())
-    summary = run(case, overrides=settings, out=tmp_path / "cut", max_wall=0.7, console=Quiet())
-    assert summary["status"] == "stopped"
-    assert "wall time of 0.7 s" in summary["stop_reason"]
-    console = Quiet()
+    solve(hertz(), tmp_path / "case")
+    console = Deadly(7, signal.SIGALRM)
+    summary = run(tmp_path / "case.toml", out=tmp_path / "cut", max_wall=500.0, console=console)
+    assert (summary["status"], summary["steps"]) == ("stopped", 7)
+    assert summary["stop_reason"] == "the wall time of 500 s is over"
+    assert resume(tmp_path / "cut", max_wall=500.0, console=Deadly(9, signal.SIGALRM))["steps"] == 9
+    assert console.warnings == []
     with h5py.File(tmp_path / "cut" / "run.h5", "r+") as file:
-        file["path/seconds"][-1:] = 1.0
-    again = resume(tmp_path / "cut", max_wall=0.5, console=console)
+        file["path/seconds"][-1:] = 1e4
+    console = Deadly(-1)
+    assert resume(tmp_path / "cut", max_wall=500.0, console=console)["status"] == "done"
     assert any("may end before the first new one" in text for text in console.warnings)
-    assert again["status"] == "stopped"
-    # Outside the main thread there are no signals, but the limit holds.
-    found: list[Any] = []
-    thread = threading.Thread(
-        target=lambda: found.append(
-            run(case, overrides=settings, out=tmp_path / "other", max_wall=0.5, console=Quiet())
-        )
-    )
-    thread.start()
-    thread.join()
-    assert found[0]["status"] == "stopped"
+    assert differences(tmp_path / "case", tmp_path / "cut") == []
 
 
 def test_nothing_is_resumed_that_is_done_failed_or_held(hertz_run: Path, tmp_path: Path) -> None:
