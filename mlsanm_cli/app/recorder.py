@@ -52,14 +52,19 @@ class Recorder:
             resolved = resolved_mapping(loaded.case)
             make = RunFile.reopen if resumed else RunFile.create
             self._file = make(directory / run_dir.RUN_FILE, attributes)
-            self._file.write_case(loaded.raw, toml_text(resolved))
-            self._events = EventLog(directory / run_dir.EVENTS_FILE)
-            if resumed:
-                self._events.write("resume", steps=max(self._file.stored_rows - 1, 0))
-            else:
-                start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
-                self._events.write("start", **start, threads=attributes.get("threads", 1))
-            write_toml(directory / run_dir.RESOLVED_FILE, resolved)
+            try:
+                self._file.write_case(loaded.raw, toml_text(resolved))
+                self._events = EventLog(directory / run_dir.EVENTS_FILE)
+                if resumed:
+                    self._events.write("resume", steps=max(self._file.stored_rows - 1, 0))
+                else:
+                    start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
+                    self._events.write("start", **start, threads=attributes.get("threads", 1))
+                write_toml(directory / run_dir.RESOLVED_FILE, resolved)
+            except BaseException:
+                # HDF5 must not outlive the interpreter that its file is written through.
+                self._file.close()
+                raise
         self._states = StateWriter(directory)
         self._started = time.monotonic()
         self._rows = 0
@@ -118,10 +123,8 @@ class Recorder:
         wanted = tuple(dict.fromkeys(self._case.output.fields))
         if not wanted:
             return
-        stored, vtu = self._file.stored_state(), self._case.output.vtu
-        if stored is not None and not (
-            vtu and not self._states.keep(state.position, list(built.scene.bodies))
-        ):
+        stored, vtu, names = self._file.stored_state(), self._case.output.vtu, tuple(built.scene.bodies)
+        if stored is not None and (not vtu or self._states.keep(state.position, names)):
             self._solved_to(float(stored["linear_residual"]))
             return
         fields, residual = recording.fields_of(
