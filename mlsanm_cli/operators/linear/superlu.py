@@ -41,7 +41,7 @@ class SuperLUSolver:
 
     def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
         """Nested dissection of the nodes; both unknowns of a node stay together."""
-        nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2]))
+        nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2])).order
         return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
 
     def factor(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:

@@ -1,0 +1,28 @@
+"""BLAS and LAPACK for kernels: scipy's own, called by address.
+
+The names are symbols that compiled kernels are linked with, also where they come from the disk cache. Column-major
+arrays are passed as slices of flat ones, which tell the kernels where they begin, and so are all scalars.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+from numba.extending import get_cython_function_address
+
+
+def _function(module: str, name: str, arguments: str) -> Any:
+    """A kernel's function; of ``arguments``, "c" are characters, "i" integers and "d" floating-point numbers."""
+    symbol = f"mlsanm_{name}"
+    llvm.add_symbol(symbol, get_cython_function_address(f"scipy.linalg.{module}", name))
+    pointers = {"c": numba.types.uint8, "i": numba.types.int32, "d": numba.types.float64}
+    signature = numba.types.void(*(numba.types.CPointer(pointers[kind]) for kind in arguments))
+    return numba.types.ExternalFunction(symbol, signature)
+
+
+dgemm = _function("cython_blas", "dgemm", "cciiiddididdi")
+dsyrk = _function("cython_blas", "dsyrk", "cciiddiddi")
+dtrsm = _function("cython_blas", "dtrsm", "cccciiddidi")
+dpotrf = _function("cython_lapack", "dpotrf", "cidii")
