@@ -74,6 +74,9 @@ def run(
                 for warning in quality.warnings:
                     if warning not in told:
                         recorder.warn(warning)
+            for name, body in built.scene.bodies.items():
+                if body.system.note:
+                    recorder.warn(f"body {name}: {body.system.note}")
             stopper.check()
             stopper.gentle = True
             recorder.start(built)

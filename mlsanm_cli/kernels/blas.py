@@ -1,7 +1,7 @@
 """BLAS and LAPACK for kernels: scipy's own, called by address.
 
-The names are symbols that compiled kernels are linked with, also where they come from the disk cache. Column-major
-arrays are passed as slices of flat ones, which tell the kernels where they begin, and so are all scalars.
+The names are symbols that compiled kernels are linked with, also where they come from the disk cache.
+Matrices are column-major in flat arrays; slices of these tell where they begin. Scalars are arrays too.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from numba.extending import get_cython_function_address
 
 
 def _function(module: str, name: str, arguments: str) -> Any:
-    """A kernel's function; of ``arguments``, "c" are characters, "i" integers and "d" floating-point numbers."""
+    """A kernel's function; of its ``arguments`` "c" are letters, "i" integers, "d" floating-point numbers."""
     symbol = f"mlsanm_{name}"
     llvm.add_symbol(symbol, get_cython_function_address(f"scipy.linalg.{module}", name))
+    pointer: Any = numba.types.CPointer
     pointers = {"c": numba.types.uint8, "i": numba.types.int32, "d": numba.types.float64}
-    signature = numba.types.void(*(numba.types.CPointer(pointers[kind]) for kind in arguments))
+    signature = numba.types.void(*(pointer(pointers[kind]) for kind in arguments))
     return numba.types.ExternalFunction(symbol, signature)
 
 

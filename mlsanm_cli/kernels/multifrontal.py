@@ -1,11 +1,14 @@
-"""Multifrontal Cholesky factorisation over a given tree of fronts (Duff and Reid 1983, doi:10.1145/356044.356047).
+"""Multifrontal Cholesky factorisation over a given tree of fronts (Duff and Reid, doi:10.1145/356044.356047).
 
-A front eliminates the unknowns ``2 start[f]`` to ``2 start[f + 1]``, two to a node, and reaches up to its
-border, nodes that its ancestors eliminate. Fronts are numbered so that all of a front's descendants are right
-before it. Its panel of the factor (pivots and border, by pivots) is column-major.
+Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, counted in order of elimination, each with two
+unknowns, and changes its border: later nodes, which its ancestors eliminate. A front's descendants come right
+before it. Its panel of the factor, (pivots + border, pivots), is column-major, and so is the update of the
+border that it hands to its parent ``parent[f]``.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -13,74 +16,88 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.blas import dgemm, dpotrf, dsyrk, dtrsm
 from mlsanm_cli.kernels.jit import kernel
 
+LOWER, RIGHT, PLAIN, TRANSPOSED = 0, 1, 2, 3
+"""Places of BLAS' letters among those of :func:`_letters`."""
+
 
 @kernel
-def characters() -> object:
+def _letters() -> Any:
+    """L, R, N, T."""
     return np.array([76, 82, 78, 84], dtype=np.uint8)
 
 
 @kernel
-def _trsm(side: int, trans: int, m: int, n: int, a: FloatArray, lda: int, b: FloatArray, ldb: int) -> None:
-    """Solve with the lower triangle a, from the left (0) or right (1), as it is (2) or transposed (3)."""
-    c = characters()
-    i = np.array([m, n, lda, ldb], dtype=np.int32)
-    one = np.ones(1)
-    dtrsm(
-        c[side:].ctypes, c[0:].ctypes, c[trans:].ctypes, c[2:].ctypes,
-        i[0:].ctypes, i[1:].ctypes, one.ctypes, a.ctypes, i[2:].ctypes, b.ctypes, i[3:].ctypes,
-    )
-
-
-@kernel
-def _gemm(
-    trans_a: int, trans_b: int, m: int, n: int, k: int, alpha: float,
-    a: FloatArray, lda: int, b: FloatArray, ldb: int, beta: float, c: FloatArray, ldc: int,
+def _solve_right(
+    trans: int, rows: int, columns: int, triangle: FloatArray, height: int, x: FloatArray, width: int
 ) -> None:
-    """c = alpha a b + beta c, a (m, k) and b (k, n) as they are (2) or transposed (3)."""
-    t = characters()
-    i = np.array([m, n, k, lda, ldb, ldc], dtype=np.int32)
-    factor = np.array([alpha, beta])
-    dgemm(
-        t[trans_a:].ctypes, t[trans_b:].ctypes, i[0:].ctypes, i[1:].ctypes, i[2:].ctypes,
-        factor[0:].ctypes, a.ctypes, i[3:].ctypes, b.ctypes, i[4:].ctypes,
-        factor[1:].ctypes, c.ctypes, i[5:].ctypes,
+    """Solve x L = b or x L^T = b in place, x (rows, columns), L lower; leading dimensions last."""
+    c: Any = _letters()
+    i: Any = np.array([rows, columns, height, width], dtype=np.int32)
+    one: Any = np.ones(1)
+    dtrsm(
+        *(c[RIGHT:].ctypes, c[LOWER:].ctypes, c[trans:].ctypes, c[PLAIN:].ctypes, i.ctypes, i[1:].ctypes),
+        *(one.ctypes, triangle.ctypes, i[2:].ctypes, x.ctypes, i[3:].ctypes),
     )
 
 
 @kernel
-def borders(start: IntArray, parent: IntArray, indptr: IntArray, indices: IntArray, order: IntArray, place: IntArray):
-    """Border nodes of every front, in order of elimination: where they begin (f + 1,) and which they are; and the
-    most numbers that updates waiting for their fronts take.
+def _multiply(
+    trans: int,
+    sizes: tuple[int, int, int],
+    alpha: float,
+    a: FloatArray,
+    lda: int,
+    b: FloatArray,
+    ldb: int,
+    beta: float,
+    product: FloatArray,
+    ldc: int,
+) -> None:
+    """product = alpha a b + beta product, a (m, k), b (k, n) or its transpose; ``sizes`` m, n, k."""
+    c: Any = _letters()
+    i: Any = np.array([sizes[0], sizes[1], sizes[2], lda, ldb, ldc], dtype=np.int32)
+    factor: Any = np.array([alpha, beta])
+    dgemm(
+        *(c[PLAIN:].ctypes, c[trans:].ctypes, i.ctypes, i[1:].ctypes, i[2:].ctypes, factor.ctypes),
+        *(a.ctypes, i[3:].ctypes, b.ctypes, i[4:].ctypes, factor[1:].ctypes, product.ctypes, i[5:].ctypes),
+    )
+
+
+@kernel
+def borders(
+    start: IntArray, parent: IntArray, indptr: IntArray, indices: IntArray, order: IntArray, place: IntArray
+) -> tuple[IntArray, IntArray, int]:
+    """Border nodes of every front, in order of elimination: where they begin (f + 1,) and which they are; and
+    the most numbers that updates waiting for their fronts take.
 
     ``indptr`` and ``indices`` are the graph of the nodes, ``order`` (n,) tells which is eliminated when and
     ``place`` (n,) when each one is.
     """
     fronts = len(parent)
     begin = np.zeros(fronts + 1, dtype=np.int64)
-    nodes = np.empty(max(64 * fronts, 1), dtype=np.int64)
+    nodes = np.empty(64 * fronts, dtype=np.int64)
     mark = np.full(len(order), -1, dtype=np.int64)
-    last_child = np.full(fronts, -1, dtype=np.int64)
+    child = np.full(fronts, -1, dtype=np.int64)
     sibling = np.full(fronts, -1, dtype=np.int64)
-    count, top, most = 0, 0, 0
+    count, waiting, most = 0, 0, 0
     for f in range(fronts):
         end = start[f + 1]
         for position in range(start[f], end):
             node = order[position]
             for entry in range(indptr[node], indptr[node + 1]):
-                other = place[indices[entry]]
-                if other >= end:
-                    mark[other] = f
-        child = last_child[f]
-        while child >= 0:
-            for entry in range(begin[child], begin[child + 1]):
-                if nodes[entry] >= end:
-                    mark[nodes[entry]] = f
-            child = sibling[child]
+                mark[place[indices[entry]]] = f
+        below, handed = child[f], 0
+        while below >= 0:
+            for entry in range(begin[below], begin[below + 1]):
+                mark[nodes[entry]] = f
+            handed += 4 * (begin[below + 1] - begin[below]) ** 2
+            below = sibling[below]
+        # The ancestors eliminate all that a front touches, so that their nodes need no sorting.
         above = parent[f]
         while above >= 0:
-            room = start[above + 1] - start[above]
-            if count + room > len(nodes):
-                longer = np.empty(2 * (count + room), dtype=np.int64)
+            room = count + start[above + 1] - start[above]
+            if room > len(nodes):
+                longer = np.empty(2 * room, dtype=np.int64)
                 longer[:count] = nodes[:count]
                 nodes = longer
             for position in range(start[above], start[above + 1]):
@@ -90,229 +107,251 @@ def borders(start: IntArray, parent: IntArray, indptr: IntArray, indices: IntArr
             above = parent[above]
         begin[f + 1] = count
         area = 4 * (count - begin[f]) ** 2
-        most = max(most, top + area)
-        child = last_child[f]
-        while child >= 0:
-            top -= 4 * (begin[child + 1] - begin[child]) ** 2
-            child = sibling[child]
-        top += area
+        most = max(most, waiting + area)
+        waiting += area - handed
         if parent[f] >= 0:
-            sibling[f] = last_child[parent[f]]
-            last_child[parent[f]] = f
+            sibling[f] = child[parent[f]]
+            child[parent[f]] = f
     return begin, nodes[:count].copy(), most
 
 
 @kernel
+def _locate(f: int, start: IntArray, begin: IntArray, border: IntArray, local: IntArray) -> None:
+    """Set ``local`` (n,) to the row of every node of a front in its panel."""
+    for position in range(start[f], start[f + 1]):
+        local[position] = 2 * (position - start[f])
+    for j in range(begin[f], begin[f + 1]):
+        local[border[j]] = 2 * (start[f + 1] - start[f] + j - begin[f])
+
+
+@kernel
+def _extend_add(
+    nodes: IntArray,
+    handed: FloatArray,
+    local: IntArray,
+    pivots: int,
+    front: FloatArray,
+    update: FloatArray,
+    edge: int,
+) -> None:
+    """Add what a child with border ``nodes`` (b,) has ``handed`` up to its parent's panel and update."""
+    width = 2 * len(nodes)
+    for j in range(len(nodes)):
+        for column in range(2 * j, 2 * j + 2):
+            source = handed[width * column : width * (column + 1)]
+            to = local[nodes[j]] + column - 2 * j
+            if to < pivots:
+                target, shift = front[(pivots + edge) * to : (pivots + edge) * (to + 1)], 0
+            else:
+                target, shift = update[edge * (to - pivots) : edge * (to - pivots + 1)], pivots
+            for i in range(j, len(nodes)):
+                row = local[nodes[i]] - shift
+                target[row] += source[2 * i]
+                target[row + 1] += source[2 * i + 1]
+
+
+@kernel
+def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int) -> bool:
+    """Factorise a panel in place and take its product from ``update``; whether all pivots are positive."""
+    c: Any = _letters()
+    i: Any = np.array([pivots, pivots + edge, edge, 0], dtype=np.int32)
+    factor: Any = np.array([-1.0, 1.0])
+    whole: Any = front
+    dpotrf(c[LOWER:].ctypes, i.ctypes, whole.ctypes, i[1:].ctypes, i[3:].ctypes)
+    if i[3] != 0:
+        return False
+    if edge > 0:
+        below: Any = front[pivots:]
+        change: Any = update
+        _solve_right(TRANSPOSED, edge, pivots, front, pivots + edge, below, pivots + edge)
+        dsyrk(
+            *(c[LOWER:].ctypes, c[PLAIN:].ctypes, i[2:].ctypes, i.ctypes, factor.ctypes, below.ctypes),
+            *(i[1:].ctypes, factor[1:].ctypes, change.ctypes, i[2:].ctypes),
+        )
+    return True
+
+
+@kernel
 def factorise(
-    start: IntArray, parent: IntArray, begin: IntArray, border: IntArray, panel: IntArray, stack: int,
-    indptr: IntArray, indices: IntArray, data: FloatArray, order: IntArray, place: IntArray,
-):
-    """Panels of the Cholesky factor, one after the other from ``panel`` (f + 1,), and the first front with a pivot
+    start: IntArray,
+    parent: IntArray,
+    begin: IntArray,
+    border: IntArray,
+    panel: IntArray,
+    most: int,
+    indptr: IntArray,
+    indices: IntArray,
+    blocks: FloatArray,
+    order: IntArray,
+    place: IntArray,
+) -> tuple[FloatArray, int]:
+    """Panels of the factor one after the other, from ``panel`` (f + 1,) on, and the first front with a pivot
     that is not positive, or -1.
 
-    ``indptr``, ``indices``, ``data`` (e, 2, 2) are the matrix in blocks, node by node; ``stack`` is the most that the updates
-    which wait for their fronts can take.
+    ``begin``, ``border`` and ``most`` are from :func:`borders`; ``indptr``, ``indices``, ``blocks`` (e, 2, 2)
+    the symmetric matrix, node by node.
     """
-    fronts = len(parent)
-    values = np.zeros(panel[fronts])
-    waiting = np.empty(stack)
-    top = 0
-    owner = np.empty(fronts, dtype=np.int64)
-    depth = 0
+    values, waiting = np.zeros(panel[-1]), np.empty(most)
     local = np.zeros(len(order), dtype=np.int64)
-    c = characters()
-    one = np.array([-1.0, 1.0])
-    info = np.zeros(1, dtype=np.int32)
-    for f in range(fronts):
-        first, pivots = start[f], 2 * (start[f + 1] - start[f])
-        edge = 2 * (begin[f + 1] - begin[f])
-        size = pivots + edge
-        for position in range(start[f], start[f + 1]):
-            local[position] = 2 * (position - first)
-        for j in range(begin[f + 1] - begin[f]):
-            local[border[begin[f] + j]] = pivots + 2 * j
+    owner = np.empty(len(parent), dtype=np.int64)
+    top, depth = 0, 0
+    for f in range(len(parent)):
+        pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
+        _locate(f, start, begin, border, local)
         front = values[panel[f] : panel[f + 1]]
         for position in range(start[f], start[f + 1]):
-            base = size * 2 * (position - first)
             for entry in range(indptr[order[position]], indptr[order[position] + 1]):
                 at = place[indices[entry]]
                 if at >= position:
                     for side in range(2):
-                        for other in range(2):
-                            front[base + side * size + local[at] + other] = data[entry, side, other]
-        update = waiting[top : top + edge * edge]
+                        column = (pivots + edge) * (local[position] + side) + local[at]
+                        front[column] = blocks[entry, side, 0]
+                        front[column + 1] = blocks[entry, side, 1]
+        update = waiting[top : top + edge**2]
         update[:] = 0.0
         low = top
         while depth > 0 and parent[owner[depth - 1]] == f:
             depth -= 1
-            child = owner[depth]
-            count = begin[child + 1] - begin[child]
-            width = 2 * count
-            low -= width * width
-            for j in range(count):
-                to = local[border[begin[child] + j]]
-                for side in range(2):
-                    source = waiting[low + width * (2 * j + side) : low + width * (2 * j + side + 1)]
-                    if to < pivots:
-                        target = front[size * (to + side) : size * (to + side + 1)]
-                        shift = 0
-                    else:
-                        target = update[edge * (to + side - pivots) : edge * (to + side - pivots + 1)]
-                        shift = pivots
-                    for i in range(j, count):
-                        row = local[border[begin[child] + i]] - shift
-                        target[row] += source[2 * i]
-                        target[row + 1] += source[2 * i + 1]
-        if pivots > 0:
-            i32 = np.array([pivots, size, edge], dtype=np.int32)
-            dpotrf(c[0:].ctypes, i32[0:].ctypes, front.ctypes, i32[1:].ctypes, info.ctypes)
-            if info[0] != 0:
-                return values, f
-            if edge > 0:
-                _trsm(1, 3, edge, pivots, front, size, front[pivots:], size)
-                dsyrk(
-                    c[0:].ctypes, c[2:].ctypes, i32[2:].ctypes, i32[0:].ctypes, one[0:].ctypes,
-                    front[pivots:].ctypes, i32[1:].ctypes, one[1:].ctypes, update.ctypes, i32[2:].ctypes,
-                )
-        for i in range(edge * edge):
+            nodes = border[begin[owner[depth]] : begin[owner[depth] + 1]]
+            low -= 4 * len(nodes) ** 2
+            _extend_add(nodes, waiting[low:top], local, pivots, front, update, edge)
+        if pivots > 0 and not _eliminate(front, update, pivots, edge):
+            return values, f
+        for i in range(edge**2):
             waiting[low + i] = update[i]
-        top = low + edge * edge
+        top = low + edge**2
         owner[depth] = f
         depth += 1
     return values, -1
 
 
 @kernel
-def solve_forward(
-    start: IntArray, begin: IntArray, border: IntArray, panel: IntArray, values: FloatArray, x: FloatArray, c: int
+def solve(
+    start: IntArray,
+    begin: IntArray,
+    border: IntArray,
+    panel: IntArray,
+    values: FloatArray,
+    x: FloatArray,
+    c: int,
 ) -> None:
-    """Solve with the factor, in place; ``x`` holds c right-hand sides (2n, c) in order of elimination, flat."""
+    """Solve in place for c right-hand sides ``x`` (2n, c), flat, in order of elimination."""
+    fronts = len(begin) - 1
     widest = 0
-    for f in range(len(begin) - 1):
+    for f in range(fronts):
         widest = max(widest, begin[f + 1] - begin[f])
     carried = np.empty(2 * widest * c)
-    for f in range(len(begin) - 1):
-        pivots = 2 * (start[f + 1] - start[f])
-        count = begin[f + 1] - begin[f]
-        size = pivots + 2 * count
+    for step in range(2 * fronts):
+        forward = step < fronts
+        f = step if forward else 2 * fronts - 1 - step
+        pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
         if pivots == 0:
             continue
-        front = values[panel[f] : panel[f + 1]]
-        own = x[2 * start[f] * c : 2 * start[f + 1] * c]
-        _trsm(1, 3, c, pivots, front, size, own, c)
-        if count > 0:
-            _gemm(2, 3, c, 2 * count, pivots, 1.0, own, c, front[pivots:], size, 0.0, carried, c)
-            for j in range(count):
-                at = 2 * border[begin[f] + j] * c
-                for i in range(2 * c):
-                    x[at + i] -= carried[2 * j * c + i]
+        front, own = values[panel[f] : panel[f + 1]], x[2 * start[f] * c : 2 * start[f + 1] * c]
+        if forward:
+            _solve_right(TRANSPOSED, c, pivots, front, pivots + edge, own, c)
+            if edge > 0:
+                sizes = (c, edge, pivots)
+                _multiply(TRANSPOSED, sizes, 1.0, own, c, front[pivots:], pivots + edge, 0.0, carried, c)
+                for j in range(begin[f], begin[f + 1]):
+                    for i in range(2 * c):
+                        x[2 * border[j] * c + i] -= carried[2 * (j - begin[f]) * c + i]
+        else:
+            if edge > 0:
+                for j in range(begin[f], begin[f + 1]):
+                    for i in range(2 * c):
+                        carried[2 * (j - begin[f]) * c + i] = x[2 * border[j] * c + i]
+                sizes = (c, pivots, edge)
+                _multiply(PLAIN, sizes, -1.0, carried, c, front[pivots:], pivots + edge, 1.0, own, c)
+            _solve_right(PLAIN, c, pivots, front, pivots + edge, own, c)
 
 
 @kernel
-def solve_backward(
-    start: IntArray, begin: IntArray, border: IntArray, panel: IntArray, values: FloatArray, x: FloatArray, c: int
-) -> None:
-    """Solve with the transposed factor, in place; ``x`` as for the other half."""
-    widest = 0
-    for f in range(len(begin) - 1):
-        widest = max(widest, begin[f + 1] - begin[f])
-    carried = np.empty(2 * widest * c)
-    for back in range(1, len(begin)):
-        f = len(begin) - 1 - back
-        pivots = 2 * (start[f + 1] - start[f])
-        count = begin[f + 1] - begin[f]
-        size = pivots + 2 * count
-        if pivots == 0:
-            continue
-        front = values[panel[f] : panel[f + 1]]
-        own = x[2 * start[f] * c : 2 * start[f + 1] * c]
-        if count > 0:
-            for j in range(count):
-                at = 2 * border[begin[f] + j] * c
-                for i in range(2 * c):
-                    carried[2 * j * c + i] = x[at + i]
-            _gemm(2, 2, c, pivots, 2 * count, -1.0, carried, c, front[pivots:], size, 1.0, own, c)
-        _trsm(1, 2, c, pivots, front, size, own, c)
+def _marked(mark: IntArray, f: int, at: IntArray) -> IntArray:
+    """The columns marked with f; ``at`` gets the place of each among them."""
+    active = np.empty(len(mark), dtype=np.int64)
+    c = 0
+    for column in range(len(mark)):
+        if mark[column] == f:
+            active[c] = column
+            at[column] = c
+            c += 1
+    return active[:c].copy()
+
+
+@kernel
+def _add_product(x: FloatArray, pivots: int, columns: IntArray, left: int, result: FloatArray) -> None:
+    """Add the products of the ``columns`` (c,) of a front's x (pivots, c) to the ``result``."""
+    c, split = len(columns), 0
+    while split < c and columns[split] < left:
+        split += 1
+    rest = c - split
+    if split > 0 and rest > 0:
+        part = np.empty(split * rest)
+        _multiply(TRANSPOSED, (rest, split, pivots), 1.0, x[split:], c, x, c, 0.0, part, rest)
+        for i in range(split):
+            for j in range(rest):
+                result[columns[i], columns[split + j] - left] += part[i * rest + j]
 
 
 @kernel
 def products(
-    start: IntArray, parent: IntArray, begin: IntArray, border: IntArray, panel: IntArray, values: FloatArray,
-    indptr: IntArray, indices: IntArray, data: FloatArray, left: int, total: int,
+    start: IntArray,
+    parent: IntArray,
+    begin: IntArray,
+    border: IntArray,
+    panel: IntArray,
+    values: FloatArray,
+    indptr: IntArray,
+    indices: IntArray,
+    data: FloatArray,
+    left: int,
+    total: int,
 ) -> FloatArray:
-    """Products (left, total - left) of the forward solutions of the first ``left`` sparse columns with the others.
+    """With b sparse columns and L the factor: (L^-1 b_i)^T (L^-1 b_j) for i < ``left`` <= j < ``total``.
 
-    ``indptr``, ``indices``, ``data`` are the columns by rows (2n,), in order of elimination. A front solves for the
-    columns that have an entry in it or below it only.
+    ``indptr``, ``indices``, ``data`` are the columns by rows (2n,), in order of elimination. A front solves
+    only for columns that have an entry in it or below.
     """
-    fronts = len(parent)
     result = np.zeros((left, total - left))
-    kept = [np.empty(0)]
-    lists = [np.empty(0, dtype=np.int64)]
-    owner = np.empty(fronts, dtype=np.int64)
+    handed, active = [np.empty(0)], [np.empty(0, dtype=np.int64)]
+    owner = np.empty(len(parent), dtype=np.int64)
+    local = np.zeros(start[-1], dtype=np.int64)
+    mark, at = np.full(total, -1, dtype=np.int64), np.zeros(total, dtype=np.int64)
     depth = 0
-    local = np.zeros(start[fronts], dtype=np.int64)
-    mark = np.full(total, -1, dtype=np.int64)
-    at = np.zeros(total, dtype=np.int64)
-    for f in range(fronts):
-        first, pivots = start[f], 2 * (start[f + 1] - start[f])
-        count = begin[f + 1] - begin[f]
-        size = pivots + 2 * count
+    for f in range(len(parent)):
+        pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
         bottom = depth
         while bottom > 0 and parent[owner[bottom - 1]] == f:
+            mark[active[bottom]] = f
             bottom -= 1
-            for column in lists[bottom + 1]:
-                mark[column] = f
-        for entry in range(indptr[2 * first], indptr[2 * start[f + 1]]):
-            mark[indices[entry]] = f
-        c = 0
-        active = np.empty(total, dtype=np.int64)
-        for column in range(total):
-            if mark[column] == f:
-                active[c] = column
-                at[column] = c
-                c += 1
-        active = active[:c].copy()
-        x = np.zeros(size * c)
-        for row in range(2 * first, 2 * start[f + 1]):
+        mark[indices[indptr[2 * start[f]] : indptr[2 * start[f + 1]]]] = f
+        columns = _marked(mark, f, at)
+        c = len(columns)
+        x = np.zeros((pivots + edge) * c)
+        for row in range(2 * start[f], 2 * start[f + 1]):
             for entry in range(indptr[row], indptr[row + 1]):
-                x[(row - 2 * first) * c + at[indices[entry]]] += data[entry]
-        for position in range(start[f], start[f + 1]):
-            local[position] = 2 * (position - first)
-        for j in range(count):
-            local[border[begin[f] + j]] = pivots + 2 * j
+                x[(row - 2 * start[f]) * c + at[indices[entry]]] = data[entry]
+        _locate(f, start, begin, border, local)
         while depth > bottom:
-            child = owner[depth - 1]
-            columns = lists[depth]
-            update = kept[depth]
-            width = len(columns)
-            for j in range(begin[child + 1] - begin[child]):
-                to = local[border[begin[child] + j]]
-                for side in range(2):
-                    for i in range(width):
-                        x[(to + side) * c + at[columns[i]]] += update[(2 * j + side) * width + i]
+            child, width = owner[depth - 1], len(active[depth])
+            for j in range(2 * (begin[child + 1] - begin[child])):
+                to = local[border[begin[child] + j // 2]] + j % 2
+                for i in range(width):
+                    x[to * c + at[active[depth][i]]] += handed[depth][j * width + i]
             depth -= 1
-        split = 0
-        while split < c and active[split] < left:
-            split += 1
         if c > 0 and pivots > 0:
             front = values[panel[f] : panel[f + 1]]
-            _trsm(1, 3, c, pivots, front, size, x, c)
-            if count > 0:
-                _gemm(2, 3, c, 2 * count, pivots, -1.0, x, c, front[pivots:], size, 1.0, x[pivots * c :], c)
-            if 0 < split < c:
-                # Column-major (right, left), which is (left, right) by rows.
-                part = np.empty(split * (c - split))
-                _gemm(2, 3, c - split, split, pivots, 1.0, x[split:], c, x, c, 0.0, part, c - split)
-                for i in range(split):
-                    for j in range(c - split):
-                        result[active[i], active[split + j] - left] += part[i * (c - split) + j]
-        if depth + 1 == len(kept):
-            kept.append(x[pivots * c :].copy())
-            lists.append(active)
-        else:
-            kept[depth + 1] = x[pivots * c :].copy()
-            lists[depth + 1] = active
-        owner[depth] = f
+            _solve_right(TRANSPOSED, c, pivots, front, pivots + edge, x, c)
+            if edge > 0:
+                sizes = (c, edge, pivots)
+                _multiply(
+                    TRANSPOSED, sizes, -1.0, x, c, front[pivots:], pivots + edge, 1.0, x[pivots * c :], c
+                )
+            _add_product(x, pivots, columns, left, result)
+        if depth + 1 == len(handed):
+            handed.append(x[:0])
+            active.append(columns[:0])
         depth += 1
+        handed[depth], active[depth], owner[depth - 1] = x[pivots * c :].copy(), columns, f
     return result
