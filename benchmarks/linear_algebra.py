@@ -2,12 +2,12 @@
 
     python benchmarks/linear_algebra.py [--scale 1.0 0.7 0.43 0.17] [--repeat 5] [--out benchmarks/results]
 
-The block of cases/hertz.toml with all spacings multiplied by each scale, with friction and without. CPU seconds,
-medians, all in one process with one thread:
+The block of cases/hertz.toml with all spacings multiplied by each scale, with friction and without. CPU
+seconds, medians, all in one process with one thread:
 
-- ``factor`` and ``superlu``: normal equations to factor, nested dissection and our check of the factor included;
-- ``condense``: all functionals of all contact columns, ``blocks`` the same by solutions refined in blocks of 64
-  with our factor, ``superlu_solves`` a single back-substitution by SuperLU for every column, without refinement;
+- ``factor`` and ``superlu``: normal equations to factor, nested dissection and our check included;
+- ``condense``: all functionals of all contact columns; ``blocks`` the same by solutions refined 64 at a time
+  with our factor; ``superlu_solves`` one back-substitution by SuperLU for every column, without refinement;
 - ``error`` and ``blocks_error``: of a few columns against refinement in extended precision, relatively.
 
 Writes linear_algebra.json.

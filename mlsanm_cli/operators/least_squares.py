@@ -65,7 +65,7 @@ class LeastSquares:
 
         start = self.factor.products(observed, sparse.csc_array(self.rows.T @ weighted))
         if isinstance(self.factor, UpdatedFactor):
-            start += observed @ self.factor.solve_images(summed)
+            start += self.factor.image_products(observed, summed)
         return corrected(start, of_columns, of_rows)
 
     def _refined(
@@ -168,14 +168,14 @@ class UpdatedFactor:
         first = self.factor.solve(rhs, transposed)
         return np.asarray(first - self.solved @ linalg.cho_solve(self.small, self.images @ first))
 
-    def solve_images(self, rhs: FloatArray) -> FloatArray:
-        """Solution (n, c) for the right-hand sides B^T ``rhs`` (k, c)."""
-        return np.asarray(self.solved @ linalg.cho_solve(self.small, rhs))
+    def image_products(self, left: sparse.csr_array, rhs: FloatArray) -> FloatArray:
+        """``left`` (g, n) times the solutions for B^T ``rhs`` (k, c)."""
+        return np.asarray(left @ self.solved) @ linalg.cho_solve(self.small, rhs)
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
         """``left`` (g, n) times the solutions for ``right`` (n, c)."""
         first = self.factor.products(left, right)
-        return np.asarray(first - left @ self.solve_images(np.asarray(self.solved.T @ right)))
+        return first - self.image_products(left, np.asarray(right.T @ self.solved).T)
 
 
 def _strength(small: FloatArray) -> float:
