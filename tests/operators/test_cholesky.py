@@ -162,6 +162,17 @@ def test_a_matrix_that_nothing_can_factorise_is_refused(value: float) -> None:
         CholeskySolver().factor_definite(sparse.csc_array(matrix), points)
 
 
+def test_a_factor_of_superlu_that_does_not_solve_is_refused() -> None:
+    points = scattered(20)
+    matrix = normal_equations(points).tolil()
+    matrix[6:8, :] = 0.0
+    matrix[:, 6:8] = 0.0
+    # Indefinite, and useless as pivots.
+    matrix[6:8, 6:8] = np.array([[1e-20, 1.0], [1.0, 1e-20]])
+    with pytest.raises(NumericalError, match="singular to working"):
+        CholeskySolver().factor_definite(sparse.csc_array(matrix), points)
+
+
 @dataclass
 class Recorder(CholeskySolver):
     """Keeps every matrix and its factor."""

@@ -180,6 +180,9 @@ def test_functionals_are_those_of_the_solutions(apart: float, summed: bool) -> N
     # Solutions that rows reproduce exactly, so that no reference's own error counts.
     exact = rng.normal(size=(120, 70))
     observed = sparse.csr_array(sparse.random_array((80, 120), density=0.05, rng=rng))
+    rhs = sparse.csc_array(sparse.random_array((120, 9), density=0.1, rng=rng))
+    halves = system.factor.products(observed, rhs)
+    assert np.abs(halves - np.asarray(observed @ system.factor.solve(rhs.toarray()))).max() <= 1e-7 / apart
     found = system.functionals(observed, sparse.csc_array(rows @ exact))
     assert np.abs(found - np.asarray(observed @ exact)).max() <= 1e-9
     # Where the rows contradict each other the sums make a difference.

@@ -40,6 +40,10 @@ class DirectSolver(Protocol):
         """Elimination order (2n,) of the unknowns of a ``matrix`` (2n, 2n) with a symmetric pattern."""
         ...
 
+    def factor(self, matrix: sparse.csc_array, order: IntArray) -> Factor:
+        """Factorise a positive definite matrix in a given order; NumericalError for a singular one."""
+        ...
+
     def factor_unsymmetric(self, matrix: sparse.csc_array, order: IntArray) -> Factor:
         """Factorise any square matrix, rows exchanged where needed; NumericalError for a singular one."""
         ...
