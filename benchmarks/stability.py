@@ -42,7 +42,7 @@ from mlsanm_cli.errors import NumericalError  # noqa: E402
 from mlsanm_cli.mechanics.body import BodyModel, assemble  # noqa: E402
 from mlsanm_cli.mechanics.material import isotropic  # noqa: E402
 from mlsanm_cli.mechanics.stability import bulk_stability  # noqa: E402
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
+from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
 from mlsanm_cli.operators.settings import MlsSettings  # noqa: E402
 from tests.mechanics.bodies import boundary_values, with_body_force  # noqa: E402
 from tests.mechanics.waves import Wave  # noqa: E402
@@ -137,7 +137,7 @@ def bulk_error(scene: Scene, cloud: Cloud, degree: int, scheme: Any) -> tuple[fl
         across = int(abs(away[last, 0]) > abs(away[last, 1]))
         nodes = [(first, 0), (first, 1), (last, across)]
     model = BodyModel.build("body", cloud, material, MlsSettings(degree, scheme=scheme), list(held))
-    body = assemble(model, held, nodes, SuperLUSolver())
+    body = assemble(model, held, nodes, CholeskySolver())
     rng = np.random.default_rng(scene.waves)
     measure = cloud.spacing[:, None]
     errors = []

@@ -27,8 +27,11 @@ from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import CACHE_NOTE, is_warm
 from mlsanm_cli.kernels.warm import load_all
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
+LINEAR = {"auto": CholeskySolver, "superlu": SuperLUSolver}
+"""Direct solvers by ``solver.linear``."""
 WIDER = 1.5
 WIDENINGS = 6
 FIRST_PARTS = (0.5, 0.1, 0.01)
@@ -93,7 +96,7 @@ def complete(case: Case, prepared: Prepared, clock: Clock, console: Console) -> 
     """Factorise, condense, and find the reach of every contact."""
     with clock.phase("factorization"):
         console.phase("factorising")
-        scene = factorise(case, prepared, SuperLUSolver())
+        scene = factorise(case, prepared, LINEAR[case.solver.linear]())
     stages = stage_factors(case)
     condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console)
     with clock.phase("condensation"):

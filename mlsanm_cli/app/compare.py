@@ -86,6 +86,7 @@ def compare(
     for method, case in zip(methods, cases, strict=True):
         console.phase(f"following the path: {method.name}")
         rows.append(measure(built, method, case, wishes.repeat))
+    warnings += [f"body {name}: {b.system.note}" for name, b in built.scene.bodies.items() if b.system.note]
     warnings += _judged(built, rows[0])
     result = _result(built, loaded, rows, wishes, clock) | {
         "provenance": attributes(loaded, argv, threads),

@@ -13,8 +13,10 @@ from mlsanm_cli.case import Case
 
 START = 1.0
 PER_NODE = 1.0e-5
-FACTOR = 2.0e-6
-COLUMN = 1.1e-7
+FACTOR = 7.0e-7
+COLUMN = 3.7e-8
+REFINED = 60
+SUPERLU = 3.0
 STAGE = 0.06
 STAGE_NODE = 5.0e-4
 STEPS = 70
@@ -27,19 +29,24 @@ def cpu_seconds(case: Case, prepared: Prepared) -> float:
     """Estimated CPU seconds of ``mlsanm run``.
 
     Clouds and operators grow like the nodes n, the factorisation like n^1.5 (nested dissection in the
-    plane), the condensation like n log n for each of the m contact nodes, the path like m^3 for each step.
+    plane), the condensation like n log n for each solution it takes: one per contact node where SuperLU is at
+    work, few otherwise. The path grows like m^3 for each step, m the contact nodes.
     """
     sizes = [len(model.cloud.points) for model in prepared.models.values()]
     touching = {
         name: sum(int(p.candidate.sum()) for p in prepared.pairings if name in p.bodies)
         for name in prepared.models
     }
-    stencil = mls_settings(case).stencil_size / REFERENCE_STENCIL
+    settings = mls_settings(case)
+    stencil = settings.stencil_size / REFERENCE_STENCIL
+    slow = SUPERLU if settings.square or case.solver.linear == "superlu" else 1.0
     columns = [count + len(case.load) for count in touching.values()]
+    if slow == 1.0:
+        columns = [min(count, REFINED) for count in columns]
     unknown = sum(int(pairing.candidate.sum()) for pairing in prepared.pairings)
-    bulk = PER_NODE * stencil * sum(sizes) + FACTOR * stencil**1.2 * sum(n**1.5 for n in sizes)
+    bulk = PER_NODE * stencil * sum(sizes) + slow * FACTOR * stencil**1.2 * sum(n**1.5 for n in sizes)
     condensing = (
-        COLUMN * stencil**0.6 * sum(m * n * math.log2(n) for m, n in zip(columns, sizes, strict=True))
+        slow * COLUMN * stencil**0.6 * sum(m * n * math.log2(n) for m, n in zip(columns, sizes, strict=True))
     )
     path: float = (
         len(case.stage) * (STAGE + STAGE_NODE * unknown + STEPS * DENSE * unknown**3) if unknown else 0.0

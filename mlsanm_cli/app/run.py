@@ -89,6 +89,9 @@ def carry_out(
             for warning in quality.warnings:
                 if warning not in told:
                     recorder.warn(warning)
+        for name, body in built.scene.bodies.items():
+            if body.system.note:
+                recorder.warn(f"body {name}: {body.system.note}")
         stopper.gentle = True
         stopper.check()
         recorder.start(built)

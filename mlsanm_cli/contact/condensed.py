@@ -9,7 +9,7 @@ friction, and the unknown rigid motions q of platens, obstacles and loose bodies
 
 p acts on the slave along the master's outward normal, t along the tangent, the normal turned by -90 degrees;
 s is the slip of the slave relative to the master along it. The matrices A are the compliance. Each body is
-factorised once; every column costs one block solve, of which only the functionals needed are kept.
+factorised once; of the solutions to its columns only the functionals needed are found.
 """
 
 from __future__ import annotations
@@ -30,8 +30,6 @@ from mlsanm_cli.contact.short_waves import resolved_slip
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.probes import ROWS, Probe, probe_rows, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.operators.refinement import PRECISE, QUICK
-from mlsanm_cli.operators.system import solve_blocks
 
 EVEN = 1e-9
 """Gaps that differ by less than this part of the spacing are equal."""
@@ -163,14 +161,12 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         expansion = rows[from_stress] @ body.model.free_expansion.ravel()
         observed[from_stress, : columns.loads] -= np.outer(expansion, scene.degrees(name))
         used = np.flatnonzero(np.diff(sources[name].indptr))
-        kept = np.zeros((rows.shape[1], columns.total if not pairings else 0))
-        tolerance = QUICK if pairings else PRECISE
-        for block, solution in solve_blocks(body.system, sources[name][:, used], tolerance):
-            observed[:, used[block]] += rows @ solution
-            if not pairings:
-                kept[:, used[block]] = solution
-        if not pairings:
-            solutions[name] = kept
+        if pairings:
+            observed[:, used] += body.system.functionals(rows, sources[name][:, used])
+        else:
+            solutions[name] = np.zeros((rows.shape[1], columns.total))
+            solutions[name][:, used] = body.system.solve(sources[name][:, used])
+            observed += rows @ solutions[name]
         observed[:, columns.motion_places] += rows @ scene.loose_patterns(name)
         solves += len(used)
 

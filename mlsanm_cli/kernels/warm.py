@@ -6,6 +6,7 @@ import numpy as np
 
 from mlsanm_cli.kernels.fill import advance_front, spacing_at
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
+from mlsanm_cli.kernels.multifrontal import borders, factorise, products, solve
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.kernels.stencils import mls_weights
 
@@ -27,3 +28,11 @@ def load_all() -> None:
     slope, series, factors = np.ones(2), np.ones((3, 2)), np.ones(3)
     shape = (slope, slope, 1.0, one, first, one, 1, 1.0, 1.0, none, slope[:0], none)
     hyperbola_orders(series, factors, *shape)
+    first, start, alone = np.zeros(1, dtype=np.int64), np.array([0, 1], dtype=np.int64), np.array([-1])
+    begin, border, most = borders(start, alone, start, first, first, first)
+    panel = np.array([0, 4], dtype=np.int64)
+    tree = (start, alone, begin, border, panel)
+    values, _ = factorise(*tree, most, start, first, np.eye(2)[None], first, first)
+    solve(start, begin, border, panel, values, np.ones(2), 1)
+    both = np.array([0, 1, 2], dtype=np.int64)
+    products(*tree, values, both, indices[:2].copy(), np.ones(2), 1, 2)

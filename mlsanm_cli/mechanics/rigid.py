@@ -129,10 +129,21 @@ class FreeSystem:
         solution = self.system.solve(self._balanced(sources), tolerance)
         return np.asarray(solution - self.patterns @ (self.mean @ solution))
 
+    def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
+        """What the rows ``observed`` (g, n) make of these solutions, as a matrix (g, c)."""
+        rows = sparse.csr_array(sparse.vstack([observed, sparse.csr_array(self.mean)], format="csr"))
+        pinned, mean = np.split(self.system.functionals(rows, self._balanced(sources)), [observed.shape[0]])
+        return np.asarray(pinned - (observed @ self.patterns) @ mean)
+
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
         """What one more refinement would change of a ``solution`` (n, 1), relatively."""
         moved = np.linalg.solve(self.patterns[self.pinned], solution[self.pinned])
         return self.system.residual(self._balanced(source), solution - self.patterns @ moved)
+
+    @property
+    def note(self) -> str:
+        """That of the pinned body's equations."""
+        return self.system.note
 
     @property
     def plain(self) -> FreeSystem:

@@ -19,8 +19,9 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-from mlsanm_cli.operators.refinement import MOST, PRECISE, Progress
+from mlsanm_cli.operators.refinement import MOST, PRECISE, QUICK, Progress
 from mlsanm_cli.operators.system import Equations
 
 TINY = np.finfo(float).tiny
@@ -46,30 +47,65 @@ class LeastSquares:
     def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
         lack = self.scaled(sources)
-        solution = self.factor.solve(self._gather(lack))
-        lack -= self._apply(solution)
+        return self._refined(np.zeros((self.rows.shape[1], 1)), lack, tolerance)[0]
+
+    def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
+        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, c): (g, c)."""
+        weighted, summed = self._weighted(sources)
+
+        def of_columns(chosen: FloatArray) -> FloatArray:
+            lack = np.concatenate([weighted @ chosen, summed @ chosen])
+            return np.asarray(observed @ self._refined(np.zeros((self.rows.shape[1], 1)), lack, QUICK)[0])
+
+        def of_rows(chosen: FloatArray) -> FloatArray:
+            lack = np.zeros((len(self.sums) + self.rows.shape[0], chosen.shape[1]))
+            images = -self._refined(np.asarray(observed.T @ chosen), lack, QUICK)[1]
+            count = self.rows.shape[0]
+            return np.asarray((weighted.T @ images[:count] + summed.T @ images[count:]).T)
+
+        start = self.factor.products(observed, sparse.csc_array(self.rows.T @ weighted))
+        if isinstance(self.factor, UpdatedFactor):
+            start += self.factor.image_products(observed, summed)
+        return corrected(start, of_columns, of_rows)
+
+    def _refined(
+        self, force: FloatArray, lack: FloatArray, tolerance: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Solutions (n, c) of N x = ``force`` + what ``lack`` (r + k, c) of the rows gathers to, and the lack
+        that is left.
+
+        ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem.
+        """
+        solution = self.factor.solve(force + self._gather(lack))
+        lack = lack - self._apply(solution)
         progress = Progress.of(solution, tolerance)
         step, before = np.zeros_like(solution), np.ones(solution.shape[1])
         for _ in range(MOST):
-            gradient = self._gather(lack)
+            gradient = force + self._gather(lack)
             wanted = self.factor.solve(gradient)
             now = (gradient * wanted).sum(axis=0)
             step = wanted + now / before * step
             image = self._apply(step)
-            length = now / np.maximum((image**2).sum(axis=0), TINY)
+            # More steps than needed would only add round-off.
+            length = np.where(progress.done, 0.0, now / np.maximum((image**2).sum(axis=0), TINY))
             solution += length * step
             lack -= length * image
             before = np.where(now > 0.0, now, np.inf)
             progress = progress.after(length * step, solution)
             if progress.finished:
                 break
-        return solution
+        return solution, lack
 
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
         """What one more corrected semi-normal step would change of a ``solution`` (n, 1), relatively."""
         change = self.factor.solve(self._gather(self.scaled(source) - self._apply(solution)))
         size = float(np.linalg.norm(solution))
         return float(np.linalg.norm(change)) / (size if size > 0.0 else 1.0)
+
+    @property
+    def note(self) -> str:
+        """What users should know of how the equations were factorised, usually nothing."""
+        return self.factor.note
 
     @property
     def plain(self) -> LeastSquares:
@@ -84,8 +120,12 @@ class LeastSquares:
 
     def scaled(self, sources: sparse.csc_array) -> FloatArray:
         """Right-hand sides (r, c) multiplied by the weights, and below them their sums (k, c)."""
-        weighted = (sources * self.weight[:, None]).toarray()
-        return np.concatenate([weighted, np.asarray(self.sums @ sources)])
+        weighted, summed = self._weighted(sources)
+        return np.concatenate([weighted.toarray(), summed])
+
+    def _weighted(self, sources: sparse.csc_array) -> tuple[sparse.csc_array, FloatArray]:
+        """Right-hand sides (r, c) multiplied by the weights, and their sums (k, c)."""
+        return sparse.csc_array(sources * self.weight[:, None]), np.asarray(self.sums @ sources)
 
     def equations(self, sources: sparse.csc_array) -> Equations:
         """The normal equations, bordered by the sums of rows."""
@@ -118,10 +158,24 @@ class UpdatedFactor:
     solved: FloatArray
     small: tuple[FloatArray, bool]
 
+    @property
+    def note(self) -> str:
+        """That of the factor without the update."""
+        return self.factor.note
+
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides."""
         first = self.factor.solve(rhs, transposed)
         return np.asarray(first - self.solved @ linalg.cho_solve(self.small, self.images @ first))
+
+    def image_products(self, left: sparse.csr_array, rhs: FloatArray) -> FloatArray:
+        """``left`` (g, n) times the solutions for B^T ``rhs`` (k, c)."""
+        return np.asarray(left @ self.solved) @ linalg.cho_solve(self.small, rhs)
+
+    def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
+        """``left`` (g, n) times the solutions for ``right`` (n, c)."""
+        first = self.factor.products(left, right)
+        return first - self.image_products(left, np.asarray(right.T @ self.solved).T)
 
 
 def _strength(small: FloatArray) -> float:
@@ -150,7 +204,7 @@ def factorise(
     """
     weighted = sparse.csr_array(rows.multiply(weight[:, None]))
     normal = sparse.csc_array(weighted.T @ weighted)
-    factor: Factor = solver.factor(normal, solver.analyse(normal, points))
+    factor: Factor = solver.factor_definite(normal, points)
     if sums is None:
         sums = np.zeros((0, rows.shape[0]))
     if images is None:

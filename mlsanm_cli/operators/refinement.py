@@ -16,6 +16,8 @@ QUICK = 1e-8
 
 On graded clouds round-off in the residual moves solutions by 1e-9 to 2e-8 in every update, for ever.
 """
+BLOCK = 64
+"""Solutions refined together: enough for dense products, few enough to keep them all."""
 MOST = 15
 STALLED = 0.5
 """An update this large a part of the one before it brings nothing any more."""

@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-from mlsanm_cli.operators.refinement import PRECISE, refine
+from mlsanm_cli.operators.refinement import BLOCK, PRECISE, QUICK, refine
 from mlsanm_cli.operators.system import Equations
 
 
@@ -27,6 +27,17 @@ class Square:
         rhs = self.scaled(sources)
         return refine(self.factor.solve(rhs), self._update(rhs), tolerance)
 
+    def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
+        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, c), as a matrix (g, c).
+
+        They are solved for a block of columns at a time, so that no dense (n, c) array is kept.
+        """
+        result = np.empty((observed.shape[0], sources.shape[1]))
+        for first in range(0, sources.shape[1], BLOCK):
+            columns = slice(first, first + BLOCK)
+            result[:, columns] = observed @ self.solve(sources[:, columns], QUICK)
+        return result
+
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
         """What one more step of refinement would change of a ``solution`` (n, 1), relatively."""
         size = float(np.linalg.norm(solution))
@@ -35,6 +46,11 @@ class Square:
 
     def _update(self, rhs: FloatArray) -> Callable[[FloatArray], FloatArray]:
         return lambda solution: self.factor.solve(rhs - self.matrix @ solution)
+
+    @property
+    def note(self) -> str:
+        """What users should know of how the equations were factorised, usually nothing."""
+        return self.factor.note
 
     @property
     def plain(self) -> Square:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.refinement import PRECISE, QUICK
-
-BLOCK = 64
+from mlsanm_cli.operators.refinement import PRECISE
 
 
 @dataclass(frozen=True)
@@ -39,12 +36,24 @@ class LinearSystem(Protocol):
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
         ...
 
+    def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
+        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, c), as a matrix (g, c).
+
+        Much less work than the solutions themselves.
+        """
+        ...
+
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
         """What one more refinement would change of a ``solution`` (n, 1), relatively.
 
         The residual itself tells little: nearly incompressible materials have rows so large that a useless
         solution leaves one at round-off.
         """
+        ...
+
+    @property
+    def note(self) -> str:
+        """What users should know of how the equations were factorised, usually nothing."""
         ...
 
     @property
@@ -68,12 +77,3 @@ class LinearSystem(Protocol):
         """What ``solution`` (n,) has too much in each equation (n,) for a right-hand side ``source`` (r,),
         to more digits than the matrix of :meth:`equations` would tell."""
         ...
-
-
-def solve_blocks(
-    system: LinearSystem, sources: sparse.csc_array, tolerance: float = QUICK
-) -> Iterator[tuple[slice, FloatArray]]:
-    """Solutions a block of columns at a time, so that no dense (n, c) array is kept."""
-    for first in range(0, sources.shape[1], BLOCK):
-        columns = slice(first, min(first + BLOCK, sources.shape[1]))
-        yield columns, system.solve(sources[:, columns], tolerance)

@@ -20,7 +20,7 @@ from mlsanm_cli.contact.active_set import solve_exact
 from mlsanm_cli.contact.condensed import condense
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from tests.app.scenes import Quiet, solve
 
 DISK = """
@@ -121,7 +121,7 @@ def test_both_contacts_of_a_mirrored_disk_are_alike() -> None:
     case = parse_case(DISK, Path("case.toml")).case
     placed = clouds(case)
     prepared = prepare(case, {"disk": mirrored(placed["disk"])})
-    condensed = condense(factorise(case, prepared, SuperLUSolver()), prepared.pairings)
+    condensed = condense(factorise(case, prepared, CholeskySolver()), prepared.pairings)
     pressure = solve_exact(condensed, stage_factors(case)[-1]).pressure
     bottom, top = (pressure[condensed.spans[name]] for name in ("bottom", "top"))
     # Both run counter-clockwise: one from left to right, the other from right to left.

@@ -19,7 +19,7 @@ from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.stability import contact_stability
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 
 
 def synthetic(
@@ -216,7 +216,7 @@ def build(text: str, *overrides: str) -> Small:
     """Clouds, operators, factors and compliance of a case."""
     case = parse_case(text, Path("case.toml"), overrides).case
     prepared = prepare(case, clouds(case))
-    scene = factorise(case, prepared, SuperLUSolver())
+    scene = factorise(case, prepared, CholeskySolver())
     return Small(scene, condense(scene, prepared.pairings), stage_factors(case)[-1])
 
 

@@ -334,3 +334,14 @@ def test_linear_maps() -> None:
     assert columns.of_loads(np.array([[2.0, 0.5]]))(f, q, p) == pytest.approx([3.0])
     alone: LinearMap = columns.of_pressures(slice(1, 3), np.array([[1.0, -1.0]]))
     assert alone(f, q, p) == pytest.approx([-1.0])
+
+
+def test_all_functionals_at_once_are_those_of_solution_after_solution(pushed: Small) -> None:
+    for name, body in pushed.scene.bodies.items():
+        sources = pushed.condensed.sources[name]
+        observed = gap_rows(body, name, pushed.condensed.pairings)
+        expected = observed @ body.system.solve(sources)
+        size = np.linalg.norm(expected, axis=0)
+        assert (
+            np.linalg.norm(body.system.functionals(observed, sources) - expected, axis=0) <= 1e-8 * size
+        ).all()

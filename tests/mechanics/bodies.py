@@ -11,7 +11,7 @@ from mlsanm_cli.cloud.cloud import Cloud, Surface
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, assemble
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings, Scheme
 
 STEEL = isotropic(210.0, 0.3, "strain")
@@ -47,7 +47,7 @@ def build(
     """A factorised body on ``cloud``."""
     clamped = [surface for surface, components in held.items() if all(components)]
     model = BodyModel.build("body", cloud, material, MlsSettings(degree, scheme=scheme), clamped)
-    return assemble(model, held, held_nodes, SuperLUSolver())
+    return assemble(model, held, held_nodes, CholeskySolver())
 
 
 def boundary_values(body: ElasticBody, displacement: Field, stress: Field) -> FloatArray:

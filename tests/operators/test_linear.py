@@ -16,9 +16,9 @@ from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.least_squares import LeastSquares, factorise
+from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.dissection import LEAF, nested_dissection
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
-from mlsanm_cli.operators.system import BLOCK, solve_blocks
 
 
 def neighbour_graph(points: FloatArray, count: int) -> sparse.csr_array:
@@ -37,17 +37,29 @@ def positive_definite(points: FloatArray) -> sparse.csc_array:
 
 
 @given(count=st.integers(1, 400), seed=st.integers(0, 1000), stretch=st.sampled_from([1.0, 100.0]))
-def test_dissection_is_a_permutation(count: int, seed: int, stretch: float) -> None:
+def test_dissection_is_a_permutation_with_its_tree(count: int, seed: int, stretch: float) -> None:
     points = np.random.default_rng(seed).uniform(0.0, 1.0, (count, 2)) * np.array([stretch, 1.0])
-    order = nested_dissection(points, neighbour_graph(points, min(6, count)))
-    assert np.array_equal(np.sort(order), np.arange(count))
+    graph = neighbour_graph(points, min(6, count))
+    tree = nested_dissection(points, graph)
+    assert np.array_equal(np.sort(tree.order), np.arange(count))
+    # What a front touches beyond itself, its ancestors eliminate; its descendants come right before it.
+    front = np.empty(count, dtype=np.int64)
+    front[tree.order] = np.repeat(np.arange(len(tree.parent)), np.diff(tree.start))
+    for f, parent in enumerate(tree.parent):
+        assert parent == -1 if f == len(tree.parent) - 1 else parent > f
+        ancestors = [f]
+        while tree.parent[ancestors[-1]] >= 0:
+            ancestors.append(int(tree.parent[ancestors[-1]]))
+        for node in tree.order[tree.start[f] : tree.start[f + 1]]:
+            later = front[graph.indices[graph.indptr[node] : graph.indptr[node + 1]]]
+            assert set(later[later > f]) <= set(ancestors)
 
 
 def test_the_last_nodes_separate_the_others() -> None:
     x = np.arange(30.0)
     points = np.stack(np.meshgrid(x, x[:12]), axis=-1).reshape(-1, 2)
     graph = neighbour_graph(points, 5)
-    order = nested_dissection(points, graph)
+    order = nested_dissection(points, graph).order
     # Without the first separator, one column of 12 nodes, the graph falls apart into two halves.
     rest = order[: len(points) - 12]
     pieces, label = sparse.csgraph.connected_components(graph[rest][:, rest])
@@ -111,7 +123,7 @@ def least_squares(apart: float, seed: int = 0) -> tuple[LeastSquares, FloatArray
         rows[row, columns] = rng.normal(size=12)
         rows[row, columns + 1] = rows[row, columns] + apart * rng.normal(size=12)
     weight = rng.uniform(0.1, 10.0, 300)
-    return factorise(sparse.csr_array(rows), weight, points, SuperLUSolver()), rows, weight
+    return factorise(sparse.csr_array(rows), weight, points, CholeskySolver()), rows, weight
 
 
 @given(seed=st.integers(0, 500))
@@ -146,15 +158,6 @@ def test_refinement_goes_on_where_one_step_is_not_enough() -> None:
     assert system.residual(b, system.solve(b)) <= 1e-8
 
 
-def test_blocks_give_the_same_solutions_one_after_the_other() -> None:
-    system, _, _ = least_squares(1.0)
-    b = sparse.csc_array(np.random.default_rng(6).normal(size=(300, 2 * BLOCK + 3)))
-    blocks = list(solve_blocks(system, b))
-    assert [columns.stop - columns.start for columns, _ in blocks] == [BLOCK, BLOCK, 3]
-    together = np.concatenate([solution for _, solution in blocks], axis=1)
-    assert np.abs(together - system.solve(b)).max() <= 1e-12
-
-
 def test_residual_is_small_at_the_minimum_only() -> None:
     system, _, _ = least_squares(1.0)
     b = sparse.csc_array(np.random.default_rng(7).normal(size=(300, 1)))
@@ -164,3 +167,30 @@ def test_residual_is_small_at_the_minimum_only() -> None:
     worse[11] *= 1.0 + 1e-6
     assert system.residual(b, worse) >= 1e-9
     assert system.residual(sparse.csc_array((300, 1)), np.zeros((120, 1))) == 0.0
+
+
+@pytest.mark.parametrize("summed", [False, True])
+@pytest.mark.parametrize("apart", [1.0, 1e-4])
+def test_functionals_are_those_of_the_solutions(apart: float, summed: bool) -> None:
+    plain, rows, weight = least_squares(apart)
+    rng = np.random.default_rng(8)
+    points = rng.uniform(0.0, 1.0, (60, 2))
+    sums = rng.normal(size=(3, 300)) if summed else None
+    system = factorise(sparse.csr_array(rows), weight, points, CholeskySolver(), sums)
+    # Solutions that rows reproduce exactly, so that no reference's own error counts.
+    exact = rng.normal(size=(120, 70))
+    observed = sparse.csr_array(sparse.random_array((80, 120), density=0.05, rng=rng))
+    rhs = sparse.csc_array(sparse.random_array((120, 9), density=0.1, rng=rng))
+    halves = system.factor.products(observed, rhs)
+    assert np.abs(halves - np.asarray(observed @ system.factor.solve(rhs.toarray()))).max() <= 1e-7 / apart
+    found = system.functionals(observed, sparse.csc_array(rows @ exact))
+    assert np.abs(found - np.asarray(observed @ exact)).max() <= 1e-9
+    # Where the rows contradict each other the sums make a difference.
+    sources = sparse.csc_array(rng.normal(size=(300, 70)))
+    expected = np.asarray(observed @ system.solve(sources))
+    assert np.abs(system.functionals(observed, sources) - expected).max() <= 1e-8 * np.abs(expected).max()
+    if summed:
+        assert (
+            np.abs(np.asarray(observed @ plain.solve(sources)) - expected).max()
+            >= 1e-3 * np.abs(expected).max()
+        )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sparse
 
@@ -11,8 +13,22 @@ LEAF = 32
 DIRECTIONS = 4
 
 
-def nested_dissection(points: FloatArray, graph: sparse.csr_array) -> IntArray:
-    """Elimination order (n,) of the vertices: both halves first, the separator between them last.
+@dataclass(frozen=True)
+class Dissection:
+    """Elimination ``order`` (n,) of the vertices, and the tree of fronts they are eliminated in.
+
+    Front k of f eliminates those from ``start[k]`` to ``start[k + 1]``, and touches of the later ones no
+    others than those of its ancestors: ``parent`` (f,) and on, -1 after the last. Descendants come right
+    before their ancestor.
+    """
+
+    order: IntArray
+    start: IntArray
+    parent: IntArray
+
+
+def nested_dissection(points: FloatArray, graph: sparse.csr_array) -> Dissection:
+    """Both halves of the vertices first, the separator between them last.
 
     ``points`` (n, 2), ``graph`` (n, n) with a symmetric pattern. A part is cut at its median along the one of
     DIRECTIONS directions that leaves the smallest separator: the vertices of one half that touch the other.
@@ -23,11 +39,15 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array) -> IntArray:
     indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
     mark = np.zeros(len(points), dtype=bool)
     order = np.empty(len(points), dtype=np.int64)
-    stack = [(np.arange(len(points), dtype=np.int64), len(points))]
+    # Fronts from the last to the first: where they begin, and what their parent is, counted the same way.
+    begins, parents = [], []
+    stack = [(np.arange(len(points), dtype=np.int64), len(points), -1)]
     while stack:
-        part, end = stack.pop()
+        part, end, parent = stack.pop()
+        parents.append(parent)
         if len(part) <= LEAF:
             order[end - len(part) : end] = part
+            begins.append(end - len(part))
             continue
         smallest = len(part) + 1
         for height in heights.T:
@@ -39,9 +59,15 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array) -> IntArray:
                     smallest = int(touches.sum())
                     kept, separator, rest = half, other[touches], other[~touches]
         order[end - smallest : end] = separator
-        stack.append((rest, end - smallest))
-        stack.append((kept, end - smallest - len(rest)))
-    return order
+        begins.append(end - smallest)
+        stack.append((kept, end - smallest - len(rest), len(parents) - 1))
+        stack.append((rest, end - smallest, len(parents) - 1))
+    last = len(parents) - 1
+    return Dissection(
+        order,
+        np.array([*reversed(begins), len(points)], dtype=np.int64),
+        np.array([last - parent if parent >= 0 else -1 for parent in reversed(parents)], dtype=np.int64),
+    )
 
 
 def _touching(

@@ -1,9 +1,10 @@
-"""The interface every sparse direct solver is used through: analyse once, factor, solve many."""
+"""The interface every sparse direct solver is used through: factor, solve many."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
@@ -12,27 +13,50 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 class Factor(Protocol):
     """A factorised matrix."""
 
+    @property
+    def note(self) -> str:
+        """What users should know of how it came about, usually nothing."""
+        ...
+
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for one right-hand side (n,) or several (n, c), on request with the transposed matrix."""
         ...
 
+    def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
+        """``left`` (g, n) times the solutions for ``right`` (n, c), as a matrix (g, c)."""
+        ...
+
 
 class DirectSolver(Protocol):
-    """A sparse direct method."""
+    """A sparse direct method for two unknowns at each of the nodes ``points`` (n, 2)."""
 
     name: str
 
-    def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
-        """Elimination order (2n,) of the unknowns, two to each of the nodes ``points`` (n, 2).
+    def factor_definite(self, matrix: sparse.csc_array, points: FloatArray) -> Factor:
+        """Factorise a symmetric positive definite matrix (2n, 2n); NumericalError for a singular one."""
+        ...
 
-        ``matrix`` (2n, 2n) has a symmetric pattern.
-        """
+    def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
+        """Elimination order (2n,) of the unknowns of a ``matrix`` (2n, 2n) with a symmetric pattern."""
         ...
 
     def factor(self, matrix: sparse.csc_array, order: IntArray) -> Factor:
-        """Factorise a symmetric positive definite matrix; raises NumericalError for a singular one."""
+        """Factorise a positive definite matrix in a given order; NumericalError for a singular one."""
         ...
 
     def factor_unsymmetric(self, matrix: sparse.csc_array, order: IntArray) -> Factor:
         """Factorise any square matrix, rows exchanged where needed; NumericalError for a singular one."""
         ...
+
+
+def backward_error(matrix: sparse.csc_array, factor: Factor) -> float:
+    """What a solution of a symmetric ``matrix`` (n, n) leaves of its right-hand side, relatively.
+
+    With D its diagonal: max_i |b - A x|_i / (|b|_i + sqrt(D_i) sum_j sqrt(D_j) |x_j|), whatever the units of
+    the unknowns. The right-hand side is random, but always the same.
+    """
+    rhs = np.random.default_rng(0).normal(size=matrix.shape[0])
+    solution = factor.solve(rhs)
+    scale = np.sqrt(np.abs(matrix.diagonal()))
+    parts = scale * (scale @ np.abs(solution)) + np.abs(rhs)
+    return float((np.abs(rhs - matrix @ solution) / parts).max())

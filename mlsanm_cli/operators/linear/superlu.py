@@ -11,7 +11,10 @@ import scipy.sparse.linalg as sparse_linalg
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.dissection import nested_dissection
+from mlsanm_cli.operators.linear.interface import Factor
 
+BLOCK = 64
+"""Columns solved together."""
 THRESHOLD = 0.1
 """A diagonal entry is kept as pivot unless another in its column is 1/THRESHOLD times larger."""
 
@@ -22,6 +25,7 @@ class SuperLUFactor:
 
     factor: sparse_linalg.SuperLU
     order: IntArray
+    note: str = ""
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides."""
@@ -33,16 +37,28 @@ class SuperLUFactor:
             solution[self.order] = self.factor.solve(rhs[self.order])
         return solution
 
+    def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
+        """``left`` (g, n) times the solutions for ``right`` (n, c), a block of columns at a time."""
+        result = np.empty((left.shape[0], right.shape[1]))
+        for first in range(0, right.shape[1], BLOCK):
+            columns = slice(first, first + BLOCK)
+            result[:, columns] = left @ self.solve(right[:, columns].toarray())
+        return result
+
 
 class SuperLUSolver:
-    """Default direct solver: scipy's SuperLU."""
+    """Scipy's SuperLU, for every system without a better method."""
 
     name = "superlu"
 
     def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
         """Nested dissection of the nodes; both unknowns of a node stay together."""
-        nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2]))
+        nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2])).order
         return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
+
+    def factor_definite(self, matrix: sparse.csc_array, points: FloatArray) -> Factor:
+        """Order and factorise."""
+        return self.factor(matrix, self.analyse(matrix, points))
 
     def factor(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
         """Factorise without pivoting, which a positive definite matrix does not need."""

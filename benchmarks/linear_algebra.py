@@ -1,0 +1,156 @@
+"""Factorisation and condensation of one body, against SuperLU under the same nested dissection.
+
+    python benchmarks/linear_algebra.py [--scale 1.0 0.7 0.43 0.17] [--repeat 5] [--out benchmarks/results]
+
+The block of cases/hertz.toml with all spacings multiplied by each scale, with friction and without. CPU
+seconds, medians, all in one process with one thread:
+
+- ``factor`` and ``superlu``: normal equations to factor, nested dissection and our check included;
+- ``condense``: all functionals of all contact columns; ``blocks`` the same by solutions refined 64 at a time
+  with our factor; ``superlu_solves`` one back-substitution by SuperLU for every column, without refinement;
+- ``error`` and ``blocks_error``: of a few columns against refinement in extended precision, relatively.
+
+Writes linear_algebra.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_name] = "1"
+
+import numpy as np  # noqa: E402
+import scipy.sparse as sparse  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from mlsanm_cli.app.clouds import clouds  # noqa: E402
+from mlsanm_cli.app.scene import factorise, prepare  # noqa: E402
+from mlsanm_cli.arrays import FloatArray  # noqa: E402
+from mlsanm_cli.case import load_case  # noqa: E402
+from mlsanm_cli.contact.linear_map import Columns  # noqa: E402
+from mlsanm_cli.contact.observers import gap_rows, slip_rows  # noqa: E402
+from mlsanm_cli.contact.sources import body_sources  # noqa: E402
+from mlsanm_cli.operators.least_squares import LeastSquares  # noqa: E402
+from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
+from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
+from mlsanm_cli.operators.refinement import BLOCK, QUICK  # noqa: E402
+
+CASE, BODY = ROOT / "cases" / "hertz.toml", "block"
+JUDGED = 12
+UPDATES = 8
+
+
+def cpu_of(work: Callable[[], Any], repeat: int) -> float:
+    """Median CPU seconds."""
+    taken = []
+    for _ in range(repeat):
+        start = time.process_time()
+        work()
+        taken.append(time.process_time() - start)
+    return statistics.median(taken)
+
+
+def exactly(system: LeastSquares, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
+    """Functionals of solutions whose residuals are summed in extended precision."""
+    rows, images = system.rows.astype(np.longdouble), system.images.astype(np.longdouble)
+    wanted = system.scaled(sources).astype(np.longdouble)
+    solution = np.zeros((rows.shape[1], sources.shape[1]), dtype=np.longdouble)
+    for _ in range(UPDATES):
+        lack = wanted - np.concatenate([rows @ solution, images @ solution])
+        gradient = rows.T @ lack[: rows.shape[0]] + images.T @ lack[rows.shape[0] :]
+        solution += system.factor.solve(np.asarray(gradient, dtype=float))
+    return np.asarray(observed @ solution, dtype=float)
+
+
+def measure(scale: float, friction: float, repeat: int) -> dict[str, float]:
+    """One line of the table."""
+    sizes = [f"body.{name}.spacing={0.1 * scale}" for name in ("cylinder", "block")]
+    sizes += [
+        f"body.{name}.refine.{number}.spacing={value * scale}"
+        for name in ("cylinder", "block")
+        for number, value in enumerate((0.004, 0.0005, 0.0005))
+    ]
+    case = load_case(CASE, (*sizes, f"contact.interface.friction={friction}")).case
+    prepared = prepare(case, clouds(case))
+    scene = factorise(case, prepared, CholeskySolver())
+    pairings = prepared.pairings
+    count = sum(int(pairing.candidate.sum()) for pairing in pairings)
+    rough = tuple(pairing for pairing in pairings if pairing.friction)
+    columns = Columns(len(scene.loads), len(scene.unknown_motions), count, count if rough else 0)
+    body = scene.bodies[BODY]
+    sources = body_sources(scene, BODY, pairings, columns)
+    sources = sources[:, np.flatnonzero(np.diff(sources.indptr))]
+    relative = [gap_rows(body, BODY, pairings), slip_rows(body, BODY, rough)]
+    observed = sparse.csr_array(sparse.vstack(relative, format="csr"))
+    system = body.system
+    assert isinstance(system, LeastSquares)
+    matrix = sparse.csc_array(system.rows.T @ system.rows)
+    ours, other = CholeskySolver(), SuperLUSolver()
+    factor = other.factor_definite(matrix, body.model.nodes)
+    block = np.random.default_rng(0).normal(size=(matrix.shape[0], BLOCK))
+
+    def blocks() -> FloatArray:
+        parts = [
+            observed @ system.solve(sources[:, first : first + BLOCK], QUICK)
+            for first in range(0, sources.shape[1], BLOCK)
+        ]
+        return np.concatenate(parts, axis=1)
+
+    judged = np.linspace(0, sources.shape[1] - 1, JUDGED).astype(int)
+    exact = exactly(system, observed, sources[:, judged])
+    size = np.linalg.norm(exact, axis=0)
+    errors = [
+        float((np.linalg.norm(found[:, judged] - exact, axis=0) / size).max())
+        for found in (system.functionals(observed, sources), blocks())
+    ]
+    return {
+        "nodes": len(body.model.nodes),
+        "columns": sources.shape[1],
+        "functionals": observed.shape[0],
+        "factor": cpu_of(lambda: ours.factor_definite(matrix, body.model.nodes), repeat),
+        "superlu": cpu_of(lambda: other.factor_definite(matrix, body.model.nodes), repeat),
+        "condense": cpu_of(lambda: system.functionals(observed, sources), repeat),
+        "blocks": cpu_of(blocks, repeat),
+        "superlu_solves": cpu_of(lambda: factor.solve(block), repeat) / BLOCK * sources.shape[1],
+        "error": errors[0],
+        "blocks_error": errors[1],
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--scale", type=float, nargs="+", default=[1.0, 0.7, 0.43, 0.17])
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
+    wishes = parser.parse_args()
+    lines = []
+    for scale in wishes.scale:
+        for friction in (0.0, 0.3):
+            line = measure(scale, friction, wishes.repeat)
+            lines.append(line)
+            print(
+                f"{line['nodes']:6} nodes {line['columns']:4} columns: "
+                f"factor {line['factor']:.3f}, SuperLU {line['superlu'] / line['factor']:.2f} times; "
+                f"condense {line['condense'] / line['factor']:.2f} of the factor, "
+                f"SuperLU's solves {line['superlu_solves'] / line['condense']:.1f} times, "
+                f"blocks {line['blocks'] / line['condense']:.1f} times; "
+                f"error {line['error']:.0e}, blocks {line['blocks_error']:.0e}",
+                flush=True,
+            )
+    wishes.out.mkdir(parents=True, exist_ok=True)
+    (wishes.out / "linear_algebra.json").write_text(json.dumps(lines, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

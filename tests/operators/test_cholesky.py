@@ -1,0 +1,197 @@
+"""Our own Cholesky factorisation, against dense algebra and SuperLU, on easy and on hard matrices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.app.clouds import clouds
+from mlsanm_cli.app.scene import factorise, prepare
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import load_case
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.kernels import multifrontal
+from mlsanm_cli.kernels.multifrontal import borders
+from mlsanm_cli.operators.linear import cholesky
+from mlsanm_cli.operators.linear.cholesky import SOUND, CholeskyFactor, CholeskySolver
+from mlsanm_cli.operators.linear.dissection import nested_dissection
+from mlsanm_cli.operators.linear.interface import Factor, backward_error
+from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
+
+CASES = sorted((Path(__file__).parents[2] / "cases").glob("*.toml"))
+
+
+def normal_equations(points: FloatArray, seed: int = 0, apart: float = 1.0) -> sparse.csc_array:
+    """Those (2n, 2n) of random rows over the neighbours of every node.
+
+    Both unknowns of a node differ by ``apart`` only in what they do: the smaller, the worse conditioned.
+    """
+    rng = np.random.default_rng(seed)
+    count = len(points)
+    near = np.asarray(cKDTree(points).query(points, k=min(9, count))[1]).reshape(count, -1)
+    at = np.repeat(np.arange(3 * count), near.shape[1])
+    columns = 2 * np.tile(near, (3, 1)).ravel()
+    first = rng.normal(size=len(at))
+    second = first + apart * rng.normal(size=len(at))
+    entries = (np.concatenate([at, at]), np.concatenate([columns, columns + 1]))
+    rows = sparse.csr_array((np.concatenate([first, second]), entries), shape=(3 * count, 2 * count))
+    return sparse.csc_array(rows.T @ rows)
+
+
+def scattered(count: int, seed: int = 0) -> FloatArray:
+    return np.random.default_rng(seed).uniform(0.0, 1.0, (count, 2))
+
+
+@settings(max_examples=25)
+@given(count=st.integers(1, 120), seed=st.integers(0, 1000), apiece=st.integers(1, 3))
+def test_solutions_against_dense_ones(count: int, seed: int, apiece: int) -> None:
+    # Several pieces, far apart: parts without a separator.
+    matrices = [normal_equations(scattered(count, seed + piece), seed + piece) for piece in range(apiece)]
+    points = np.concatenate([scattered(count, seed + piece) + 10.0 * piece for piece in range(apiece)])
+    matrix = sparse.csc_array(sparse.block_diag(matrices))
+    factor = CholeskySolver().factor_definite(matrix, points)
+    assert isinstance(factor, CholeskyFactor)
+    for shape in ((len(points) * 2,), (len(points) * 2, 5)):
+        rhs = np.random.default_rng(seed).normal(size=shape)
+        expected = np.linalg.solve(matrix.toarray(), rhs)
+        size = np.linalg.cond(matrix.toarray()) * np.abs(expected).max()
+        assert np.abs(factor.solve(rhs) - expected).max() <= 1e-14 * size
+        assert np.array_equal(factor.solve(rhs), factor.solve(rhs, transposed=True))
+
+
+@settings(max_examples=25)
+@given(count=st.integers(2, 150), seed=st.integers(0, 1000))
+def test_borders_are_those_of_elimination(count: int, seed: int) -> None:
+    points = scattered(count, seed)
+    graph = sparse.csr_array(normal_equations(points)[::2, ::2])
+    tree = nested_dissection(points, graph)
+    place = np.empty(count, dtype=np.int64)
+    place[tree.order] = np.arange(count)
+    indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+    begin, border, _ = borders(tree.start, tree.parent, indptr, indices, tree.order, place)
+    # One elimination after the other: the neighbours of what goes become neighbours of each other.
+    joined = graph.toarray()[tree.order][:, tree.order] != 0.0
+    for f in range(len(tree.parent)):
+        touched = np.zeros(count, dtype=bool)
+        for node in range(tree.start[f], tree.start[f + 1]):
+            later = joined[node] & (np.arange(count) > node)
+            joined |= np.outer(later, later)
+            touched |= later
+        touched[: tree.start[f + 1]] = False
+        assert set(np.flatnonzero(touched)) <= set(border[begin[f] : begin[f + 1]])
+        assert (np.diff(border[begin[f] : begin[f + 1]]) > 0).all()
+        assert begin[f] == begin[f + 1] or border[begin[f]] >= tree.start[f + 1]
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 1000), density=st.sampled_from([0.0, 0.01, 0.5]))
+def test_products_against_solutions(seed: int, density: float) -> None:
+    points = scattered(150, seed)
+    factor = CholeskySolver().factor_definite(normal_equations(points, seed), points)
+    rng = np.random.default_rng(seed)
+    left = sparse.csr_array(sparse.random_array((7, 300), density=density, rng=rng))
+    right = sparse.csc_array(sparse.random_array((300, 90), density=density, rng=rng))
+    expected = np.asarray(left @ factor.solve(right.toarray()))
+    found = factor.products(left, right)
+    assert found.shape == (7, 90)
+    assert np.abs(found - expected).max() <= 1e-13 * max(1.0, np.abs(expected).max())
+    other = SuperLUSolver().factor_definite(normal_equations(points, seed), points)
+    assert np.abs(other.products(left, right) - expected).max() <= 1e-9 * max(1.0, np.abs(expected).max())
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e-3, 1e-6])
+@pytest.mark.parametrize("scales", [0.0, 4.0, 8.0])
+def test_hard_matrices_are_solved_as_well_as_by_superlu(apart: float, scales: float) -> None:
+    points = scattered(400)
+    scale = sparse.diags_array(10.0 ** np.random.default_rng(1).uniform(-scales, scales, 800))
+    matrix = sparse.csc_array(scale @ normal_equations(points, apart=apart) @ scale)
+    factor = CholeskySolver().factor_definite(matrix, points)
+    assert isinstance(factor, CholeskyFactor)
+    other = SuperLUSolver().factor_definite(matrix, points)
+    assert backward_error(matrix, factor) <= max(1e-16, 3.0 * backward_error(matrix, other))
+
+
+def test_the_same_matrix_gives_the_same_bits() -> None:
+    points = scattered(300)
+    first, second = (CholeskySolver().factor_definite(normal_equations(points), points) for _ in range(2))
+    assert isinstance(first, CholeskyFactor)
+    assert isinstance(second, CholeskyFactor)
+    assert np.array_equal(first.values, second.values)
+    rhs = np.random.default_rng(0).normal(size=(600, 3))
+    assert np.array_equal(first.solve(rhs), second.solve(rhs))
+
+
+def test_indefinite_matrices_are_left_to_superlu_and_noted() -> None:
+    points = scattered(200)
+    matrix = normal_equations(points) - 5.0 * sparse.eye_array(400)
+    assert np.linalg.eigvalsh(matrix.toarray())[0] < -0.1
+    factor = CholeskySolver().factor_definite(sparse.csc_array(matrix), points)
+    assert isinstance(factor, SuperLUFactor)
+    assert "not positive definite" in factor.note
+    rhs = np.random.default_rng(0).normal(size=400)
+    assert np.abs(factor.solve(rhs) - np.linalg.solve(matrix.toarray(), rhs)).max() <= 1e-9
+
+
+def test_a_factor_that_does_not_solve_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = scattered(200)
+    right = multifrontal.factorise
+
+    def wrong(*arguments: object) -> tuple[FloatArray, int]:
+        values, failed = right(*arguments)  # type: ignore[arg-type]
+        values[0] *= 1.0 + 1e-6
+        return values, failed
+
+    monkeypatch.setattr(cholesky, "factorise", wrong)
+    assert isinstance(CholeskySolver().factor_definite(normal_equations(points), points), SuperLUFactor)
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_a_matrix_that_nothing_can_factorise_is_refused(value: float) -> None:
+    points = scattered(50)
+    matrix = normal_equations(points).tolil()
+    matrix[7, :] = value
+    matrix[:, 7] = value
+    with pytest.raises(NumericalError, match=r"could not be factorised|singular to working"):
+        CholeskySolver().factor_definite(sparse.csc_array(matrix), points)
+
+
+def test_a_factor_of_superlu_that_does_not_solve_is_refused() -> None:
+    points = scattered(20)
+    matrix = normal_equations(points).tolil()
+    matrix[6:8, :] = 0.0
+    matrix[:, 6:8] = 0.0
+    # Indefinite, and useless as pivots.
+    matrix[6:8, 6:8] = np.array([[1e-20, 1.0], [1.0, 1e-20]])
+    with pytest.raises(NumericalError, match="singular to working"):
+        CholeskySolver().factor_definite(sparse.csc_array(matrix), points)
+
+
+@dataclass
+class Recorder(CholeskySolver):
+    """Keeps every matrix and its factor."""
+
+    kept: list[tuple[sparse.csc_array, FloatArray, Factor]] = field(default_factory=list)
+
+    def factor_definite(self, matrix: sparse.csc_array, points: FloatArray) -> Factor:
+        factor = super().factor_definite(matrix, points)
+        self.kept.append((matrix, points, factor))
+        return factor
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_published_cases_are_solved_as_well_as_by_superlu(path: Path) -> None:
+    case, recorder = load_case(path).case, Recorder()
+    factorise(case, prepare(case, clouds(case)), recorder)
+    assert len(recorder.kept) == len(case.body)
+    for matrix, points, factor in recorder.kept:
+        assert isinstance(factor, CholeskyFactor)
+        other = SuperLUSolver().factor_definite(matrix, points)
+        errors = [backward_error(matrix, one) for one in (factor, other)]
+        assert errors[0] <= min(max(1e-16, 3.0 * errors[1]), SOUND)

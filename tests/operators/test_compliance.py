@@ -1,0 +1,90 @@
+"""Functionals of many solutions, corrected where the factor loses digits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.operators.compliance import ENOUGH, PROBES, RANK, corrected
+
+
+@dataclass
+class Matrix:
+    """A matrix (g, c) with the number of columns and rows asked for; ``noise`` is in every answer."""
+
+    values: FloatArray
+    noise: float = 0.0
+    asked: int = 0
+
+    def of_columns(self, chosen: FloatArray) -> FloatArray:
+        self.asked += chosen.shape[1]
+        return self._noisy(self.values @ chosen)
+
+    def of_rows(self, chosen: FloatArray) -> FloatArray:
+        self.asked += chosen.shape[1]
+        return self._noisy(chosen.T @ self.values)
+
+    def _noisy(self, exact: FloatArray) -> FloatArray:
+        random = np.random.default_rng(self.asked).normal(size=exact.shape)
+        return np.asarray(exact + self.noise * np.abs(exact).max(initial=0.0) * random)
+
+    def start(self, rank: int, size: float) -> FloatArray:
+        """The matrix with an error of that rank and relative size."""
+        rng = np.random.default_rng(rank)
+        error = rng.normal(size=(len(self.values), rank)) @ rng.normal(size=(rank, self.values.shape[1]))
+        size *= float(np.linalg.norm(self.values))
+        return np.asarray(self.values + size * error / max(float(np.linalg.norm(error)), 1e-300))
+
+
+def example(seed: int, shape: tuple[int, int] = (120, 90)) -> Matrix:
+    return Matrix(np.random.default_rng(seed).normal(size=shape))
+
+
+def error_of(matrix: Matrix, found: FloatArray) -> float:
+    return float(np.linalg.norm(found - matrix.values) / np.linalg.norm(matrix.values))
+
+
+@given(seed=st.integers(0, 500), rank=st.integers(0, RANK), size=st.sampled_from([1e-6, 1e-2, 10.0]))
+def test_errors_of_low_rank_go_with_few_solutions(seed: int, rank: int, size: float) -> None:
+    matrix = example(seed)
+    assert error_of(matrix, corrected(matrix.start(rank, size), matrix.of_columns, matrix.of_rows)) <= 1e-9
+    assert matrix.asked == 2 * RANK + PROBES
+
+
+@pytest.mark.parametrize(("rank", "most"), [(RANK + 3, 80), (80, 400)])
+def test_errors_of_higher_rank_take_more_solutions(rank: int, most: int) -> None:
+    matrix = example(1)
+    found = corrected(matrix.start(rank, 1e-3), matrix.of_columns, matrix.of_rows)
+    assert error_of(matrix, found) <= 2.0 * ENOUGH
+    assert 2 * RANK + PROBES < matrix.asked <= most
+
+
+def test_nothing_is_asked_for_twice_where_the_answers_are_no_better() -> None:
+    matrix = example(2)
+    matrix.noise = 1e-7
+    found = corrected(matrix.start(3, 1e-3), matrix.of_columns, matrix.of_rows)
+    assert error_of(matrix, found) <= 1e-6
+    assert matrix.asked == 2 * RANK + PROBES
+
+
+def test_rows_and_columns_of_any_size_are_as_good() -> None:
+    matrix = example(3)
+    rng = np.random.default_rng(0)
+    row, column = 10.0 ** rng.uniform(-6.0, 6.0, 120), 10.0 ** rng.uniform(-6.0, 6.0, 90)
+    start = row[:, None] * matrix.start(4, 1e-4) * column
+    scaled = Matrix(row[:, None] * matrix.values * column)
+    found = corrected(start, scaled.of_columns, scaled.of_rows)
+    assert error_of(matrix, found / row[:, None] / column) <= 1e-9
+
+
+@pytest.mark.parametrize("shape", [(5, 90), (120, 3), (0, 90), (120, 0), (6, 5)])
+def test_few_rows_or_columns_are_taken_as_they_come(shape: tuple[int, int]) -> None:
+    matrix = example(4, shape)
+    found = corrected(np.zeros(shape), matrix.of_columns, matrix.of_rows)
+    assert found.shape == shape
+    assert np.array_equal(found, matrix.values @ np.eye(shape[1])) or error_of(matrix, found) <= 1e-15
