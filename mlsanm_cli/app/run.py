@@ -8,8 +8,10 @@ from typing import Any
 
 from mlsanm_cli.app.adapt import Adapted, adapt
 from mlsanm_cli.app.build import Built, build_scene
+from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.finished import finished
 from mlsanm_cli.app.foreign import load_with_files
 from mlsanm_cli.app.judge import (
     force_balance,
@@ -28,6 +30,7 @@ from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.app.summary import Ending, summarise
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.memo import Memo
 
 RESULTS = Path("results")
 
@@ -41,8 +44,15 @@ def run(
     threads: int = 1,
     console: Console,
     argv: tuple[str, ...] = (),
+    cache: bool = False,
+    skip_done: bool = False,
+    memo: Memo | None = None,
 ) -> Mapping[str, Any]:
     """Solve a case and write its run directory.
+
+    With ``cache`` what other runs can use is kept on disk, or it is kept in the ``memo`` given. With
+    ``skip_done`` a directory that already holds this case's run, done, is left as it is, and its summary
+    comes back with ``skipped``.
 
     Returns the mapping of summary.json with the ``directory`` added. A run whose numbers cannot be believed
     comes back with status "failed", one that was interrupted with "stopped"; both keep what was done. Raises
@@ -52,10 +62,14 @@ def run(
     loaded = load_with_files(case_path, overrides)
     check_reference(loaded)
     directory = out or RESULTS / case_path.stem
+    before = finished(directory, loaded.case_hash) if skip_done else None
+    if before is not None:
+        return {**before, "directory": str(directory), "skipped": True}
     run_dir.check(directory, force)
-    prepared = build_scene(loaded, clock, console)
+    memo = memo or shelf(threads, console.warning, on_disk=cache)
+    prepared = build_scene(loaded, clock, console, memo)
     with clock.phase("cloud"):
-        quality = assess(loaded.case, prepared)
+        quality = assess(loaded.case, prepared, memo)
     run_dir.prepare(directory, force)
     built: Built | None = None
     adapted: Adapted | None = None
@@ -67,10 +81,10 @@ def run(
                 console.note(note)
             for warning in (*quality.warnings, *case_warnings(loaded.case)):
                 recorder.warn(warning)
-            adapted = adapt(loaded.case, prepared, clock, console)
+            adapted = adapt(loaded.case, prepared, clock, console, memo)
             built = adapted.built
             if adapted.refined:
-                told, quality = quality.warnings, assess(loaded.case, adapted.prepared)
+                told, quality = quality.warnings, assess(loaded.case, adapted.prepared, memo)
                 for warning in quality.warnings:
                     if warning not in told:
                         recorder.warn(warning)
@@ -87,7 +101,7 @@ def run(
             ending = Ending("stopped", "stopped by a signal")
         if built is not None:
             recorder.interfaces(built)
-        summary = summarise(ending, adapted, quality, recorder, clock)
+        summary = summarise(ending, adapted, quality, recorder, clock) | {"cache": memo.figures}
         recorder.finish(summary)
     return {**summary, "directory": str(directory)}
 

@@ -10,9 +10,11 @@ import click
 
 from mlsanm_cli import __version__
 from mlsanm_cli.cli.authoring import explain, new, schema
+from mlsanm_cli.cli.batch import cache, collect, sweep
 from mlsanm_cli.cli.compare import compare
 from mlsanm_cli.cli.options import (
     FILE,
+    cache_option,
     common,
     console_for,
     pretty_result,
@@ -26,7 +28,7 @@ from mlsanm_cli.cli.settings import Settings, set_threads
 from mlsanm_cli.errors import RunError
 
 # Names that later versions will bring; they are refused by name, not as typing errors.
-LATER = ("cache", "collect", "resume", "sweep")
+LATER = ("resume",)
 _STATUS_CODES = {"failed": 3, "stopped": 75}
 
 
@@ -74,7 +76,7 @@ def cli() -> None:
     """
 
 
-for command in (compare, new, schema, explain, probe):
+for command in (compare, sweep, collect, cache, new, schema, explain, probe):
     cli.add_command(command)
 
 
@@ -83,11 +85,20 @@ for command in (compare, new, schema, explain, probe):
 @set_option
 @click.option("--out", type=FILE, help="Run directory.  [default: results/<case name>]")
 @click.option("--force", is_flag=True, help="Overwrite an existing run.")
+@click.option("--skip-done", is_flag=True, help="Do nothing where this very case's run is done.")
+@cache_option
 @threads_option
 @common
 @click.pass_obj
 def run(
-    settings: Settings, case: Path, overrides: tuple[str, ...], out: Path | None, force: bool, threads: int
+    settings: Settings,
+    case: Path,
+    overrides: tuple[str, ...],
+    out: Path | None,
+    force: bool,
+    skip_done: bool,
+    cache: bool,
+    threads: int,
 ) -> int:
     """Solve CASE and write a run directory."""
     set_threads(threads)
@@ -103,9 +114,14 @@ def run(
             threads=threads,
             console=console,
             argv=tuple(sys.argv),
+            cache=cache,
+            skip_done=skip_done,
         )
     finally:
         console.close()
+    if summary.get("skipped"):
+        print_result(settings, summary, f"{summary['directory']} holds this run, done; nothing to do")
+        return 0
     print_result(settings, summary, run_text(summary, settings.paints(sys.stdout)))
     if not settings.quiet and not settings.json and "directory" in summary:
         click.echo(f"pictures: mlsanm plot {summary['directory']}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import h5py
 import numpy as np
@@ -19,7 +19,7 @@ from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_
 from mlsanm_cli.io.run_dir import RUN_FILE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
 # A reader can catch the writer in the middle of a flush, which takes well below a millisecond.
@@ -28,6 +28,7 @@ _PAUSE = 0.02
 
 MAPS = ("forces", "slip", "probes")
 
+Content = TypeVar("Content")
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -122,19 +123,37 @@ class RunData:
         return str(self.attributes["status"])
 
 
+@dataclass(frozen=True)
+class Head:
+    """Root attributes of a run, and its resolved case as TOML."""
+
+    attributes: Mapping[str, str | int | float]
+    case_resolved: str
+
+
 def read_run(rundir: Path) -> RunData:
     """Read the run in directory ``rundir`` (or from the run.h5 named directly).
 
     A run that is being written gives its finished steps. Raises RunError if there is no run, if run.h5 is
     damaged or is no file of mlsanm, or if a newer version wrote it.
     """
+    return _patiently(rundir, _read)
+
+
+def read_head(rundir: Path) -> Head:
+    """Only what tells one run from others, quickly; raises as `read_run` does."""
+    return _patiently(rundir, _read_head)
+
+
+def _patiently(rundir: Path, read: Callable[[Path], Content]) -> Content:
+    """What ``read`` finds in run.h5, tried a few times while it is being written."""
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     if not file.is_file():
         what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"
         raise RunError(f"{rundir} is not a run: {what}", hint="give the directory that `mlsanm run` wrote")
     for attempt in range(_ATTEMPTS):
         try:
-            return _read(file)
+            return read(file)
         except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
             # TypeError: h5py takes a half-written dataset for one without a shape.
             reason = error
@@ -148,20 +167,31 @@ def read_run(rundir: Path) -> RunData:
     ) from reason
 
 
+def _attributes(file: Path, root: Any) -> Mapping[str, str | int | float]:
+    """Root attributes; RunError for files of others and of later formats."""
+    attributes = {name: _scalar(value) for name, value in root.attrs.items()}
+    if "mlsanm_version" not in attributes or "status" not in attributes:
+        raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
+    if attributes.get("format") != FORMAT:
+        raise RunError(
+            f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
+            hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
+        )
+    return MappingProxyType(attributes)
+
+
+def _read_head(file: Path) -> Head:
+    with h5py.File(file, "r", locking=False) as root:
+        return Head(_attributes(file, root), _text(root, "case/resolved"))
+
+
 def _read(file: Path) -> RunData:
     with h5py.File(file, "r", locking=False) as root:
-        attributes = {name: _scalar(value) for name, value in root.attrs.items()}
-        if "mlsanm_version" not in attributes or "status" not in attributes:
-            raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
-        if attributes.get("format") != FORMAT:
-            raise RunError(
-                f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
-                hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
-            )
+        attributes = _attributes(file, root)
         path, contacts, probes = _history(root)
         return RunData(
             directory=file.parent,
-            attributes=MappingProxyType(attributes),
+            attributes=attributes,
             case_raw=_text(root, "case/raw"),
             case_resolved=_text(root, "case/resolved"),
             bodies=MappingProxyType({name: _body(group) for name, group in _items(root, "bodies")}),

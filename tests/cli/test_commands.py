@@ -86,6 +86,8 @@ def test_run_passes_everything_on(
         "force": True,
         "threads": 2,
         "argv": ("mlsanm", "run", "a.toml"),
+        "cache": True,
+        "skip_done": False,
     }
     assert threads == ["2"] * 4
     out, err = capsys.readouterr()
