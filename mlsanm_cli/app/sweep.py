@@ -148,8 +148,8 @@ def _refuse_other(directory: Path, case_hash: str) -> None:
 
 
 def point_name(values: Sequence[str]) -> str:
-    """A directory's name for one point: its values, the keys by their last two parts."""
-    name = ",".join(run_dir.file_part(value) for value in values).replace("%3D", "=")
+    """A directory's name for one point: its values, in whatever order they were named."""
+    name = ",".join(run_dir.file_part(value) for value in sorted(values)).replace("%3D", "=")
     if len(name) <= LONGEST:
         return name
     return f"{name[:LONGEST]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
