@@ -91,9 +91,9 @@ def _even(text: str, first: str, last: str, number: str) -> tuple[str, ...]:
     steps = max(count - 1, 1)
     if all(isinstance(end, int) for end in ends) and (stop - start) % steps == 0:
         return tuple(str(start + (stop - start) // steps * i) for i in range(count))
-    # The last one is the very number that was given.
-    inner = [float(start) + (float(stop) - float(start)) * i / steps for i in range(count)]
-    return tuple(repr(value) for value in [*inner[: count - 1], float(stop if count > 1 else start)])
+    # Rounded, for a directory is named after it: 0.15 and not 0.15000000000000002.
+    between = [float(f"{start + (stop - start) * i / steps:.12g}") for i in range(1, count - 1)]
+    return tuple(map(repr, [float(start), *between, float(stop)][:count]))
 
 
 def _number(text: str, part: str) -> Any:
