@@ -158,7 +158,7 @@ def point_name(values: Sequence[str]) -> str:
 def geometry(case: Case) -> str:
     """Equal for cases that share their operators; only the order of points depends on it."""
     contacts = [
-        (contact.name, contact.slave, contact.master, contact.friction > 0.0, str(contact.reach))
+        (contact.model_dump(mode="json", exclude={"regularization", "friction"}), contact.friction > 0.0)
         for contact in case.contact
     ]
     whole = case.model_dump(mode="json", include={"model", "material", "body", "support", "mls"})
