@@ -16,6 +16,8 @@ from tests.app.scenes import BAR, PATCH, Quiet, assert_same_bits
 
 ROUGH = PATCH.replace('master = "', 'friction = 0.3\nmaster = "')
 
+STACK = (Path(__file__).parents[2] / "cases" / "stack.toml").read_text()
+
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -38,7 +40,7 @@ def figures(tmp_path: Path, text: str, *overrides: str, name: str = "run", on_di
     return [summary["cache"][key] for key in ("found", "made")] if on_disk else []
 
 
-@pytest.mark.parametrize("text", [ROUGH, BAR], ids=["contact", "bar"])
+@pytest.mark.parametrize("text", [ROUGH, BAR, STACK], ids=["contact", "bar", "loose twins"])
 def test_the_same_bits_without_with_a_new_and_with_a_full_cache(tmp_path: Path, text: str) -> None:
     figures(tmp_path, text, name="without", on_disk=False)
     assert not (tmp_path / "cache" / "operators").exists()
@@ -66,6 +68,18 @@ def test_only_what_has_changed_is_made_again(tmp_path: Path) -> None:
     # Other nodes inside the upper body do nothing to the lower one, other nodes on its surface do.
     assert figures(tmp_path, ROUGH, "body.upper.seed=1") == [2, 2]
     assert figures(tmp_path, ROUGH, "body.upper.spacing=0.24") == [1, 3]
+
+
+def test_what_is_observed_and_the_equations_themselves_count(tmp_path: Path) -> None:
+    figures(tmp_path, ROUGH)
+    probe = '[[probe]]\nname = "tip"\nbody = "upper"\npoint = [1.0, 1.5]\n'
+    assert figures(tmp_path, f"{ROUGH}{probe}") == [2, 2]
+    # Springs so stiff that they hold: they are in the lower body's rows and nowhere else.
+    held = 'boundary = "lower.bottom"\nuy = 0.0'
+    assert held in ROUGH
+    for stiffness, known in (("1e9", [3, 1]), ("2e9", [3, 1]), ("1e9", [4, 0])):
+        sprung = held.replace("uy = 0.0", f"spring = [0.0, {stiffness}]")
+        assert figures(tmp_path, ROUGH.replace(held, sprung)) == known
 
 
 def test_a_load_of_another_magnitude_leaves_the_other_answers(tmp_path: Path) -> None:
