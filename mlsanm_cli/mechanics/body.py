@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -29,6 +28,7 @@ from mlsanm_cli.cloud.cloud import Cloud, Surface
 from mlsanm_cli.cloud.quality import closest_node
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.corners import corner_weight, inward_weight
+from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import (
     XX,
     XY,
@@ -53,9 +53,6 @@ from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from mlsanm_cli.operators.system import LinearSystem
-
-Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
-"""Makes the context in which something that takes time is done."""
 
 MORE_NEIGHBORS = 1.3
 """Nearly incompressible materials get larger stencils: with the usual ones errors scattered by a factor of 13
@@ -206,27 +203,6 @@ def _refuse_coincident(name: str, cloud: Cloud) -> None:
             f"body {name}: two nodes near ({x:.6g}, {y:.6g}) are only {distance:.2g} of the spacing apart",
             "make the spacing smaller there, or leave out the short side, small arc or sharp tip",
         )
-
-
-class Equations:
-    """A body's equations: the ``arrays`` that ``factorise`` makes a system of when it is first asked for."""
-
-    def __init__(self, arrays: Mapping[str, object], factorise: Callable[[], LinearSystem]) -> None:
-        self._arrays = arrays
-        self._factorise = factorise
-        self._system: LinearSystem | None = None
-
-    def factorised(self, timed: Timed) -> LinearSystem:
-        """The system, factorised at most once, within ``timed()``; NumericalError where there is none."""
-        if self._system is None:
-            with timed():
-                self._system = self._factorise()
-        return self._system
-
-    @cached_property
-    def content(self) -> str:
-        """A digest of all that the system is made of."""
-        return digest(self._arrays)
 
 
 @dataclass(frozen=True)
