@@ -36,14 +36,15 @@ class Accuracy:
     ``displacement`` is the root mean square over all nodes, relative. ``from_bulk`` and ``from_contact`` map
     contacts to relative L2 norms of what the bodies' errors and the contact's own spacing do to the pressure.
     None where no estimate can be given. ``defects`` are the bodies' own, none for other degrees than those
-    that an estimate is known for. ``largest`` is the largest displacement.
+    that an estimate is known for. ``largest`` is the largest displacement, looked for where
+    the clouds may be refined or the errors are told.
     """
 
     displacement: float | None
     from_bulk: Mapping[str, float | None]
     from_contact: Mapping[str, float | None]
     state: ExactState
-    largest: float
+    largest: float | None
     defects: Mapping[str, Defect]
 
     def figures(self, built: Built, state: State | None = None) -> dict[str, Any]:
@@ -70,11 +71,13 @@ def assess_accuracy(built: Built) -> Accuracy:
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
     unknowns = (state.factors, state.motion, state.pressure, state.traction)
+    untold: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
+    # What friction has done on the way there would have to be followed again.
+    if len(condensed.rubbing) and not built.case.adapt.passes:
+        return Accuracy(None, untold, untold, state, None, {})
     solved = {name: condensed.displacement(scene, name, *unknowns)[0] for name in scene.bodies}
     largest = max(float(np.hypot(*u.T).max()) for u in solved.values())
-    untold: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
     nothing = Accuracy(None, untold, untold, state, largest, {})
-    # What friction has done on the way there would have to be followed again.
     if len(condensed.rubbing):
         return nothing
     try:

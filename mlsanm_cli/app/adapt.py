@@ -28,6 +28,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.patches import Patch, contact_patches
 from mlsanm_cli.contact.profile import half_width
+from mlsanm_cli.memo import AFRESH, Memo
 
 ACROSS = 20.0
 AT_EDGE = 256.0
@@ -51,7 +52,7 @@ class Pass:
     nodes: int
     peak_pressure: float
     half_width: float
-    largest_displacement: float
+    largest_displacement: float | None
     change: float | None
     error_estimate: Mapping[str, Any]
 
@@ -76,9 +77,9 @@ class Adapted:
         return [asdict(one) for one in self.passes]
 
 
-def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Adapted:
+def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: Memo = AFRESH) -> Adapted:
     """Complete the scene, and refine it as often as the case asks or until nothing changes any more."""
-    built, accuracy = _solved(case, prepared, clock, console)
+    built, accuracy = _solved(case, prepared, clock, console, memo)
     history = [_figures(built, accuracy, None)]
     bulk: tuple[Zone, ...] = ()
     for number in range(1, case.adapt.passes + 1):
@@ -92,8 +93,8 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Ada
             console.note(f"refinement ends before pass {number}: the clouds are fine enough everywhere")
             break
         bulk = (*bulk, *more)
-        prepared = place(case, clock, console, (*zones, *bulk))
-        built, accuracy = _solved(case, prepared, clock, console)
+        prepared = place(case, clock, console, (*zones, *bulk), memo)
+        built, accuracy = _solved(case, prepared, clock, console, memo)
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
         console.note(
@@ -106,8 +107,10 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Ada
     return Adapted(prepared, built, accuracy, tuple(history))
 
 
-def _solved(case: Case, prepared: Prepared, clock: Clock, console: Console) -> tuple[Built, Accuracy]:
-    built = complete(case, prepared, clock, console)
+def _solved(
+    case: Case, prepared: Prepared, clock: Clock, console: Console, memo: Memo
+) -> tuple[Built, Accuracy]:
+    built = complete(case, prepared, clock, console, memo)
     with clock.phase("estimate"):
         console.phase("estimating errors")
         return built, assess_accuracy(built)
@@ -163,6 +166,6 @@ def _figures(built: Built, accuracy: Accuracy, before: Pass | None) -> Pass:
     if before is not None:
         pairs = [(peak, before.peak_pressure), (width, before.half_width)]
         if peak == 0.0:
-            pairs = [(accuracy.largest, before.largest_displacement)]
+            pairs = [(accuracy.largest or 0.0, before.largest_displacement or 0.0)]
         change = max(abs(new - old) / old if old else float(new != old) for new, old in pairs)
     return Pass(nodes, peak, width, accuracy.largest, change, accuracy.figures(built))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from mlsanm_cli.app.clouds import clouds
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.contacts import refuse_overlap
 from mlsanm_cli.app.estimate import refuse_too_large
-from mlsanm_cli.app.scene import Prepared, factorise, prepare
+from mlsanm_cli.app.scene import Prepared, equip, prepare
 from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, LoadedCase
@@ -27,6 +28,7 @@ from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import CACHE_NOTE, is_warm
 from mlsanm_cli.kernels.warm import load_all
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.memo import AFRESH, Memo
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
@@ -66,7 +68,7 @@ def load_kernels(clock: Clock, console: Console) -> None:
         load_all()
 
 
-def build_scene(loaded: LoadedCase, clock: Clock, console: Console) -> Prepared:
+def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo = AFRESH) -> Prepared:
     """All that can show that a case cannot be run as written, on its own clouds.
 
     Raises RunError for a scene that memory cannot hold, CaseError for contacts and platens without sense.
@@ -75,32 +77,40 @@ def build_scene(loaded: LoadedCase, clock: Clock, console: Console) -> Prepared:
     with clock.phase("cloud"):
         refuse_too_large(loaded.case)
     try:
-        prepared = place(loaded.case, clock, console)
+        prepared = place(loaded.case, clock, console, memo=memo)
         refuse_overlap(prepared.pairings)
     except CaseError as error:
         raise loaded.located(error) from error
     return prepared
 
 
-def place(case: Case, clock: Clock, console: Console, zones: tuple[Zone, ...] = ()) -> Prepared:
+def place(
+    case: Case, clock: Clock, console: Console, zones: tuple[Zone, ...] = (), memo: Memo = AFRESH
+) -> Prepared:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body beyond what the case says."""
     with clock.phase("cloud"):
         console.phase("placing nodes")
-        placed = clouds(case, zones)
+        placed = clouds(case, zones, memo)
     with clock.phase("operators"):
         console.phase("building operators")
-        return prepare(case, placed)
+        return prepare(case, placed, memo)
 
 
-def complete(case: Case, prepared: Prepared, clock: Clock, console: Console) -> Built:
-    """Factorise, condense, and find the reach of every contact."""
-    with clock.phase("factorization"):
-        console.phase("factorising")
-        scene = factorise(case, prepared, LINEAR[case.solver.linear]())
+def complete(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: Memo = AFRESH) -> Built:
+    """Set up the bodies' systems, condense, and find the reach of every contact."""
+
+    @contextmanager
+    def factorising() -> Iterator[None]:
+        with clock.phase("factorization"):
+            console.phase("factorising")
+            yield
+
+    with clock.phase("operators"):
+        scene = equip(case, prepared, LINEAR[case.solver.linear](), factorising, memo)
     stages = stage_factors(case)
-    condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console)
+    condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console, memo)
     with clock.phase("condensation"):
-        stability = certify(case, scene, condensed, ends)
+        stability = certify(case, scene, condensed, ends, memo)
     return Built(case, scene, condensed, stages, ends, stability)
 
 
@@ -111,13 +121,14 @@ def _condense(
     stages: FloatArray,
     clock: Clock,
     console: Console,
+    memo: Memo,
 ) -> tuple[Condensed, tuple[ExactState, ...]]:
     """Condense; where a contact's reach is automatic, widen it until no node left out touches."""
     fixed = {contact.name: contact.reach for contact in case.contact}
     for _ in range(WIDENINGS):
         with clock.phase("condensation"):
             console.phase(f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes")
-            condensed = condense(scene, pairings)
+            condensed = condense(scene, pairings, memo)
             if not pairings:
                 return condensed, ()
             ends = _exact_ends(condensed, stages)

@@ -14,8 +14,10 @@ from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.pairing import spacing_ratio
 from mlsanm_cli.contact.stability import contact_stability
 from mlsanm_cli.errors import UnstableError
+from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.mechanics.stability import bulk_stability
+from mlsanm_cli.memo import AFRESH, Memo, digest
 
 BULK_LIMIT = 0.1
 """Smallest certificate of a body that passes. In 300 random scenes least squares stayed above 0.13; of square
@@ -26,7 +28,9 @@ CONTACT_LIMIT = 0.15
 usual error had -0.003 to 0.14, good ones 0.15 to 1.6 but for six below the limit."""
 
 
-def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState]) -> float:
+def certify(
+    case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo = AFRESH
+) -> float:
     """The smallest certificate; UnstableError where one fails, for the results would mean nothing.
 
     Contacts are judged on the nodes that touch in one of the states ``ends``. Bodies that no such contact
@@ -48,7 +52,7 @@ def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[Exact
             )
     spoken_for = {body for pairing in condensed.pairings if pairing.name in judged for body in pairing.bodies}
     bulk = {
-        name: bulk_stability(body)
+        name: _bulk(body, memo)
         for name, body in scene.bodies.items()
         if name not in spoken_for or body.model.settings.square
     }
@@ -61,6 +65,11 @@ def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[Exact
                 value,
             )
     return min(judged.values()) if judged else min(bulk.values())
+
+
+def _bulk(body: ElasticBody, memo: Memo) -> float:
+    key = digest(body.model.content, body.equations.content)
+    return float(memo.arrays("stability", key, lambda: {"value": np.array(bulk_stability(body))})["value"])
 
 
 def _bearing(closed: BoolArray, span: slice) -> BoolArray:

@@ -15,6 +15,7 @@ from mlsanm_cli.case.shapes import Rectangle
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.memo import AFRESH, Memo
 
 
 def outline_of(body: Body) -> Outline:
@@ -58,7 +59,7 @@ def spacing_of(body: Body) -> Spacing:
     return Spacing(body.spacing, tuple(zones))
 
 
-def clouds(case: Case, zones: tuple[Zone, ...] = ()) -> dict[str, Cloud]:
+def clouds(case: Case, zones: tuple[Zone, ...] = (), memo: Memo = AFRESH) -> dict[str, Cloud]:
     """Node clouds of all bodies, refined in ``zones`` beyond what the case says."""
     placed = {}
     for body in case.body:
@@ -66,5 +67,5 @@ def clouds(case: Case, zones: tuple[Zone, ...] = ()) -> dict[str, Cloud]:
             placed[body.name] = foreign(body.shape).cloud
         else:
             spacing = spacing_of(body).with_zones(zones)
-            placed[body.name] = build_cloud(outline_of(body), spacing, body.seed)
+            placed[body.name] = build_cloud(outline_of(body), spacing, body.seed, memo=memo)
     return placed

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import socket
 import subprocess
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -21,9 +22,7 @@ def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[
         "argv": " ".join(argv),
         "case_hash": loaded.case_hash,
         "case_path": str(loaded.path),
-        "versions": " ".join(
-            [f"python {platform.python_version()}", *(f"{name} {version(name)}" for name in PACKAGES)]
-        ),
+        "versions": _versions(),
         "cpu": cpu(),
         "host": socket.gethostname(),
         "threads": threads,
@@ -31,6 +30,7 @@ def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[
     }
 
 
+@lru_cache(maxsize=1)
 def cpu() -> str:
     """The processor's name where the system tells it, else its architecture."""
     try:
@@ -41,6 +41,14 @@ def cpu() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
+@lru_cache(maxsize=1)
+def _versions() -> str:
+    return " ".join(
+        [f"python {platform.python_version()}", *(f"{name} {version(name)}" for name in PACKAGES)]
+    )
+
+
+@lru_cache(maxsize=1)
 def git_state(directory: Path) -> str:
     """Commit of the source tree, "+" behind it if files differ; "" for an installed package."""
     if not (directory / ".git").exists():

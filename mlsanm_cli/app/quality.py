@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -14,6 +15,7 @@ from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.pairing import Pairing, spacing_ratio
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.corners import inward_corners
+from mlsanm_cli.memo import AFRESH, Memo
 
 CLOSEST = 0.5
 """Nodes closer than this part of the local spacing make stencils ill-conditioned."""
@@ -57,10 +59,13 @@ class Quality:
         }
 
 
-def assess(case: Case, prepared: Prepared) -> Quality:
+def assess(case: Case, prepared: Prepared, memo: Memo = AFRESH) -> Quality:
     """Measure the clouds of all bodies and the spacings that face each other in every contact."""
     brought = {body.name for body in case.body if body.brings_nodes}
-    bodies = {name: measure(model.cloud) for name, model in prepared.models.items()}
+    bodies = {
+        name: memo.value("quality", model.cloud.content, partial(measure, model.cloud))
+        for name, model in prepared.models.items()
+    }
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
     warnings = [

@@ -8,8 +8,10 @@ from typing import Any
 
 from mlsanm_cli.app.adapt import Adapted, adapt
 from mlsanm_cli.app.build import Built, build_scene
+from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.finished import finished
 from mlsanm_cli.app.foreign import load_with_files
 from mlsanm_cli.app.judge import (
     force_balance,
@@ -31,6 +33,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
+from mlsanm_cli.memo import AFRESH, Memo
 
 RESULTS = Path("results")
 
@@ -45,8 +48,15 @@ def run(
     max_wall: float | None = None,
     console: Console,
     argv: tuple[str, ...] = (),
+    cache: bool = False,
+    skip_done: bool = False,
+    memo: Memo | None = None,
 ) -> Mapping[str, Any]:
     """Solve a case and write its run directory.
+
+    With ``cache`` what other runs can use is kept on disk, or it is kept in the ``memo`` given. With
+    ``skip_done`` a directory that already holds this case's run, done, is left as it is, and its summary
+    comes back with ``skipped``.
 
     Returns the mapping of summary.json with the ``directory`` added. A run whose numbers cannot be believed
     comes back with status "failed"; one that was interrupted, or is not done after ``max_wall`` seconds, with
@@ -58,40 +68,47 @@ def run(
         loaded = load_with_files(case_path, overrides)
         check_reference(loaded)
         directory = out or RESULTS / case_path.stem
+        before = finished(directory, loaded.case_hash) if skip_done else None
+        if before is not None:
+            return {**before, "directory": str(directory), "skipped": True}
         run_dir.check(directory, force)
-        prepared = build_scene(loaded, clock, console)
+        memo = memo or shelf(threads, console.warning, on_disk=cache)
+        prepared = build_scene(loaded, clock, console, memo)
         with locked(directory):
             run_dir.prepare(directory, force)
             provenance = attributes(loaded, argv, threads)
             with Recorder(directory, loaded, provenance, clock, console) as recorder:
-                summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console)
+                summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console, memo)
     return {**summary, "directory": str(directory)}
 
 
 def carry_out(
-    case: Case, prepared: Prepared, recorder: Recorder, stopper: Stopper, clock: Clock, console: Console
+    case: Case,
+    prepared: Prepared,
+    recorder: Recorder,
+    stopper: Stopper,
+    clock: Clock,
+    console: Console,
+    memo: Memo = AFRESH,
 ) -> Mapping[str, Any]:
     """Refine and follow a scene whose recorder is open, until it is done, failed or stopped; the summary."""
     built: Built | None = None
     adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
     with clock.phase("cloud"):
-        quality = assess(case, prepared)
+        quality = assess(case, prepared, memo)
     try:
         for note in prepared.notes:
             console.note(note)
         for warning in (*quality.warnings, *case_warnings(case)):
             recorder.warn(warning)
-        adapted = adapt(case, prepared, clock, console)
+        adapted = adapt(case, prepared, clock, console, memo)
         built = adapted.built
         if adapted.refined:
-            told, quality = quality.warnings, assess(case, adapted.prepared)
+            told, quality = quality.warnings, assess(case, adapted.prepared, memo)
             for warning in quality.warnings:
                 if warning not in told:
                     recorder.warn(warning)
-        for name, body in built.scene.bodies.items():
-            if body.system.note:
-                recorder.warn(f"body {name}: {body.system.note}")
         stopper.gentle = True
         stopper.check()
         recorder.start(built)
@@ -106,7 +123,10 @@ def carry_out(
         console.note(ending.hint)
     if built is not None:
         recorder.interfaces(built)
-    summary = summarise(ending, adapted, quality, recorder, clock)
+        for name, body in built.scene.bodies.items():
+            if body.equations.note:
+                recorder.warn(f"body {name}: {body.equations.note}")
+    summary = summarise(ending, adapted, quality, recorder, clock) | {"cache": memo.figures}
     recorder.finish(summary)
     return summary
 

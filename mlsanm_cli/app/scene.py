@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,10 +19,12 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, assemble
+from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, assemble, model_key
+from mlsanm_cli.mechanics.deferred import Timed
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.springs import gripped, stiffest_soft
 from mlsanm_cli.mechanics.twins import alike, moved_twin
+from mlsanm_cli.memo import AFRESH, Memo, digest
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
 
@@ -51,7 +55,7 @@ def mls_settings(case: Case) -> MlsSettings:
     return MlsSettings(case.mls.degree, neighbors if isinstance(neighbors, int) else None, case.mls.scheme)
 
 
-def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
+def prepare(case: Case, clouds: Mapping[str, Cloud], memo: Memo = AFRESH) -> Prepared:
     """Stencils, pairs and conditions.
 
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
@@ -61,16 +65,15 @@ def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
     loads = acting(case, clouds)
     settings = mls_settings(case)
     held = {body.name: _held_surfaces(case, body.name) for body in case.body}
-    models = {
-        body.name: BodyModel.build(
-            body.name,
-            clouds[body.name],
-            stiffness[body.material],
-            settings,
-            clamped=[name for name, sides in held[body.name].items() if all(sides)],
+    models = {}
+    for body in case.body:
+        clamped = sorted(name for name, sides in held[body.name].items() if all(sides))
+        name, cloud, material = body.name, clouds[body.name], stiffness[body.material]
+        models[name] = memo.value(
+            "model",
+            model_key(name, cloud, material, settings, clamped),
+            partial(BodyModel.build, name, cloud, material, settings, clamped),
         )
-        for body in case.body
-    }
     pairings = tuple(pair(case, clouds))
     held_nodes = {body.name: _held_nodes(case, body.name, clouds[body.name]) for body in case.body}
     grips = {
@@ -82,8 +85,15 @@ def prepare(case: Case, clouds: Mapping[str, Cloud]) -> Prepared:
     return Prepared(models, pairings, held, held_nodes, loads, _probes(case, clouds), moving, notes)
 
 
-def factorise(case: Case, prepared: Prepared, solver: DirectSolver) -> mechanics.Scene:
-    """Assemble and factorise every body's system, once for bodies that are alike."""
+def equip(
+    case: Case,
+    prepared: Prepared,
+    solver: DirectSolver,
+    timed: Timed = nullcontext,
+    memo: Memo = AFRESH,
+) -> mechanics.Scene:
+    """Set up every body's system, once for bodies that are alike; it is factorised within ``timed()`` when it
+    is first used."""
     bodies: dict[str, ElasticBody] = {}
     conditions = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name])
@@ -97,9 +107,15 @@ def factorise(case: Case, prepared: Prepared, solver: DirectSolver) -> mechanics
             if conditions[other] == conditions[name] and alike(model, body.model)
         )
         twin = next(twins, None)
-        bodies[name] = (
-            assemble(model, held, held_nodes, solver, springs) if twin is None else moved_twin(twin, model)
+        if twin is not None:
+            bodies[name] = moved_twin(twin, model)
+            continue
+        body = memo.value(
+            "body",
+            digest(model.content, *conditions[name], solver.name),
+            partial(assemble, model, held, held_nodes, solver, springs),
         )
+        bodies[name] = replace(body, timed=timed)
     supports = {s.boundary: split_boundary(s.boundary) for s in case.support if s.boundary is not None}
     return mechanics.Scene(
         bodies=bodies,

@@ -10,9 +10,11 @@ import click
 
 from mlsanm_cli import __version__
 from mlsanm_cli.cli.authoring import explain, new, schema
+from mlsanm_cli.cli.batch import cache, collect, sweep
 from mlsanm_cli.cli.compare import compare
 from mlsanm_cli.cli.options import (
     FILE,
+    cache_option,
     common,
     console_for,
     max_wall_option,
@@ -24,18 +26,10 @@ from mlsanm_cli.cli.options import (
 from mlsanm_cli.cli.probe import probe
 from mlsanm_cli.cli.resume import resume, show_run
 from mlsanm_cli.cli.settings import Settings, set_threads
-from mlsanm_cli.errors import RunError
-
-# Names that later versions will bring; they are refused by name, not as typing errors.
-LATER = ("cache", "collect", "sweep")
 
 
 class Commands(click.Group):
-    """The group of commands, with the names of later ones and the nearest name for a misspelt one."""
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of that name, None when there is none."""
-        return _later(cmd_name) if cmd_name in LATER else super().get_command(ctx, cmd_name)
+    """The group of commands, with the nearest name for a misspelt one."""
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -51,20 +45,6 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
 
-def _later(name: str) -> click.Command:
-    def refuse(arguments: tuple[str, ...]) -> None:
-        raise RunError(f'"mlsanm {name}" is not in this version yet', "see mlsanm --help for what there is")
-
-    arguments = click.Argument(["arguments"], nargs=-1, type=click.UNPROCESSED)
-    return click.Command(
-        name,
-        params=[arguments],
-        callback=refuse,
-        add_help_option=False,
-        context_settings={"ignore_unknown_options": True},
-    )
-
-
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="mlsanm")
 def cli() -> None:
@@ -74,7 +54,7 @@ def cli() -> None:
     """
 
 
-for command in (compare, new, schema, explain, probe, resume):
+for command in (compare, sweep, collect, cache, new, schema, explain, probe, resume):
     cli.add_command(command)
 
 
@@ -84,6 +64,8 @@ for command in (compare, new, schema, explain, probe, resume):
 @click.option("--out", type=FILE, help="Run directory.  [default: results/<case name>]")
 @click.option("--force", is_flag=True, help="Overwrite an existing run.")
 @max_wall_option
+@click.option("--skip-done", is_flag=True, help="Do nothing where this very case's run is done.")
+@cache_option
 @threads_option
 @common
 @click.pass_obj
@@ -93,6 +75,8 @@ def run(
     overrides: tuple[str, ...],
     out: Path | None,
     force: bool,
+    skip_done: bool,
+    cache: bool,
     threads: int,
     max_wall: float | None,
 ) -> int:
@@ -111,9 +95,14 @@ def run(
             max_wall=max_wall,
             console=console,
             argv=tuple(sys.argv),
+            cache=cache,
+            skip_done=skip_done,
         )
     finally:
         console.close()
+    if summary.get("skipped"):
+        print_result(settings, summary, f"{summary['directory']} holds this run, done; nothing to do")
+        return 0
     return show_run(settings, summary)
 
 

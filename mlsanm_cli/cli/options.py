@@ -65,6 +65,14 @@ def max_wall_option(function: Function) -> Function:
     return option(function)
 
 
+def cache_option(function: Function) -> Function:
+    """``--no-cache``."""
+    option = click.option(
+        "--cache/--no-cache", default=True, help="Keep operators for later runs.  [default: keep]"
+    )
+    return option(function)
+
+
 def set_option(function: Function) -> Function:
     """``--set``, repeatable."""
     option = click.option(

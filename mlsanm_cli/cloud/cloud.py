@@ -17,6 +17,7 @@ from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import advance_front
+from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
 
 CANDIDATES = 15
 STRIPS = 512
@@ -57,6 +58,12 @@ class Cloud:
     points: FloatArray
     spacing: FloatArray
     surfaces: dict[str, Surface]
+
+    @cached_property
+    def content(self) -> str:
+        """A digest of the nodes and surfaces."""
+        surfaces = {s.name: [s.index, s.arc_length, s.normal] for s in self.surfaces.values()}
+        return digest(self.points, self.spacing, surfaces)
 
     @cached_property
     def boundary_nodes(self) -> IntArray:
@@ -101,7 +108,9 @@ class Cloud:
         return np.asarray(np.bincount(self.triangles.ravel(), shares, len(self.points)), dtype=np.float64)
 
 
-def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_000_000) -> Cloud:
+def build_cloud(
+    outline: Outline, spacing: Spacing, seed: int, limit: int = 50_000_000, memo: Memo = AFRESH
+) -> Cloud:
     """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``.
 
     Raises RunError when more than ``limit`` nodes would be needed.
@@ -110,13 +119,23 @@ def build_cloud(outline: Outline, spacing: Spacing, seed: int, limit: int = 50_0
     boundary = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
     surfaces = _surfaces(outline, steps)
     edges = boundary[_edges(surfaces.values())].reshape(-1, 4)
-    points = advance_front(
-        boundary, edges, *_strips(edges), spacing.far, spacing.table(), CANDIDATES, seed, limit
-    )
-    if len(points) >= limit:
-        raise RunError(f"more than {limit} nodes in one body", "use larger spacings or smaller refinements")
-    points = relax(points, len(boundary), spacing)
-    return Cloud(points, spacing.at(points), surfaces)
+    far, zones = spacing.far, spacing.table()
+
+    def fill() -> Arrays:
+        points = advance_front(boundary, edges, *_strips(edges), far, zones, CANDIDATES, seed, limit)
+        if len(points) >= limit:
+            hint = "use larger spacings or smaller refinements"
+            raise RunError(f"more than {limit} nodes in one body", hint)
+        return {"points": relax(points, len(boundary), spacing)}
+
+    key = digest(boundary, edges, far, zones, seed, limit)
+
+    def made() -> Cloud:
+        points = memo.arrays("clouds", key, fill)["points"]
+        return Cloud(points, spacing.at(points), surfaces)
+
+    # Names of surfaces are no part of what is kept on disk.
+    return memo.value("cloud", digest(key, list(surfaces)), made)
 
 
 def _surfaces(outline: Outline, steps: list[FloatArray]) -> dict[str, Surface]:

@@ -9,7 +9,8 @@ friction, and the unknown rigid motions q of platens, obstacles and loose bodies
 
 p acts on the slave along the master's outward normal, t along the tangent, the normal turned by -90 degrees;
 s is the slip of the slave relative to the master along it. The matrices A are the compliance. Each body is
-factorised once; of the solutions to its columns only the functionals needed are found.
+factorised once; of the solutions to its columns only the functionals needed are found. Both are left out
+where a memo has the functionals already.
 """
 
 from __future__ import annotations
@@ -28,8 +29,10 @@ from mlsanm_cli.contact.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.short_waves import resolved_slip
 from mlsanm_cli.contact.sources import body_sources
+from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, Probe, probe_rows, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
 
 EVEN = 1e-9
 """Gaps that differ by less than this part of the spacing are equal."""
@@ -128,7 +131,7 @@ class Condensed:
         return (solution[:, 0] + scene.loose_patterns(body) @ q).reshape(-1, 2), residual
 
 
-def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
+def condense(scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -> Condensed:
     """Condense the scene on the candidates of ``pairings``."""
     rough = tuple(pairing for pairing in pairings if pairing.friction)
     normal, tangential = _places(pairings), _places(rough)
@@ -161,12 +164,15 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...]) -> Condensed:
         expansion = rows[from_stress] @ body.model.free_expansion.ravel()
         observed[from_stress, : columns.loads] -= np.outer(expansion, scene.degrees(name))
         used = np.flatnonzero(np.diff(sources[name].indptr))
-        if pairings:
-            observed[:, used] += body.system.functionals(rows, sources[name][:, used])
-        else:
-            solutions[name] = np.zeros((rows.shape[1], columns.total))
-            solutions[name][:, used] = body.system.solve(sources[name][:, used])
-            observed += rows @ solutions[name]
+        solved = np.zeros((rows.shape[1], columns.total if not pairings else 0))
+        # Loads by themselves: when their magnitudes change, the others' answers still hold.
+        for some in (used[used < columns.loads], used[used >= columns.loads]):
+            answer = _answer(body, sources[name][:, some], rows, bool(pairings), memo)
+            observed[:, some] += answer["observed"]
+            if not pairings:
+                solved[:, some] = answer["solution"]
+        if not pairings:
+            solutions[name] = solved
         observed[:, columns.motion_places] += rows @ scene.loose_patterns(name)
         solves += len(used)
 
@@ -222,6 +228,23 @@ def _seen(scene: Scene, probe: Probe, columns: Columns, rows: FloatArray) -> Lin
     free = stress_of_expansion(scene.bodies[probe.body].model.material)
     rows[-len(free) :, : columns.loads] -= np.outer(free, scene.degrees(probe.body))
     return columns.split(rows)
+
+
+def _answer(
+    body: ElasticBody, sources: sparse.csc_array, rows: sparse.csr_array, quick: bool, memo: Memo
+) -> Arrays:
+    """What ``rows`` (o, n) observe of the answers to ``sources`` (r, c), (o, c); unless ``quick``, which
+    serves for functionals, also the answers (n, c) themselves."""
+
+    def solve() -> Arrays:
+        if quick:
+            return {"observed": body.system.functionals(rows, sources), "solution": np.zeros((0, 0))}
+        solution = body.system.solve(sources)
+        return {"observed": np.asarray(rows @ solution), "solution": solution}
+
+    if not sources.shape[1]:
+        return {"observed": np.zeros((rows.shape[0], 0)), "solution": np.zeros((rows.shape[1], 0))}
+    return memo.arrays("answers", digest(body.equations.content, sources, rows, quick), solve)
 
 
 def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:

@@ -13,9 +13,10 @@ lowered. The square schemes choose among the rows
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 
 import numpy as np
@@ -27,6 +28,7 @@ from mlsanm_cli.cloud.cloud import Cloud, Surface
 from mlsanm_cli.cloud.quality import closest_node
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.corners import corner_weight, inward_weight
+from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import (
     XX,
     XY,
@@ -44,6 +46,7 @@ from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import Freedom, FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_soft
+from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.rows import nodal_rows
@@ -112,6 +115,11 @@ class BodyModel:
         stencils = build_stencils(nodes, tree, cloud.points, 2, settings, cloud.sight)
         return cls(name, cloud, material, settings, ghosts, nodes, tree, stencils)
 
+    @cached_property
+    def content(self) -> str:
+        """A digest of the nodes, the material and the operators' settings."""
+        return digest(model_key(self.name, self.cloud, self.material, self.settings), self.ghosts)
+
     @property
     def unknowns(self) -> int:
         """Number of displacement unknowns, ghosts' included."""
@@ -173,6 +181,20 @@ def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSetti
     return settings
 
 
+def model_key(
+    name: str,
+    cloud: Cloud,
+    material: PlaneMaterial,
+    settings: MlsSettings,
+    clamped: Collection[str] = (),
+) -> str:
+    """A digest of what :meth:`BodyModel.build` is given."""
+    elastic = [material.stiffness, material.across, material.expansion, material.across_heat]
+    return digest(
+        name, cloud.content, elastic, [settings.degree, settings.neighbors, settings.scheme], sorted(clamped)
+    )
+
+
 def _refuse_coincident(name: str, cloud: Cloud) -> None:
     node, distance = closest_node(cloud)
     if distance < COINCIDENT:
@@ -185,12 +207,13 @@ def _refuse_coincident(name: str, cloud: Cloud) -> None:
 
 @dataclass(frozen=True)
 class ElasticBody:
-    """A body with its conditions chosen and its system factorised.
+    """A body with its conditions chosen, and its system, factorised when it is first used.
 
     ``first_row[surface]`` is where the surface's rows begin: x for its b nodes, then y for its b nodes.
     ``held[surface]`` says for x and y whether these rows hold a displacement, ``springs[surface]`` what
     traction per displacement springs there pull back with, ``free`` which rigid motions nothing holds:
     ``system`` then answers to balanced loads, by displacements without mean motion. ``rows`` counts all rows.
+    ``equations`` are factorised within ``timed()``.
     """
 
     model: BodyModel
@@ -199,7 +222,13 @@ class ElasticBody:
     free: Freedom
     first_row: Mapping[str, int]
     rows: int
-    system: LinearSystem
+    equations: Equations
+    timed: Timed = nullcontext
+
+    @property
+    def system(self) -> LinearSystem:
+        """The factorised system; NumericalError where there is none."""
+        return self.equations.factorised(self.timed)
 
     def condition_rows(self, surface: str, component: int) -> IntArray:
         """Row numbers (b,) of a surface's conditions in x (0) or y (1)."""
@@ -255,12 +284,14 @@ def assemble(
     held_nodes: Sequence[tuple[int, int]],
     solver: DirectSolver,
     springs: Springs = MappingProxyType({}),
+    timed: Timed = nullcontext,
 ) -> ElasticBody:
-    """Choose the conditions of every surface, set up the rows and factorise.
+    """Choose the conditions of every surface and set up the rows.
 
     ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
     Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
     where that holds it, which changes nothing but its rigid motion.
+    The system is factorised within ``timed()``.
     """
     cloud, c = model.cloud, model.material.stiffness
     free = free_motions(cloud, held, held_nodes, springs)
@@ -283,21 +314,30 @@ def assemble(
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
     pulls = _pulls(cloud, table, count)
     rows = sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls)
-    system: LinearSystem
+    arrays: dict[str, object] = {"rows": rows, "points": model.nodes, "solver": solver.name}
+    factorise: Callable[[], LinearSystem]
     if model.settings.square:
-        choice = choose_equations(cloud, held, single, table, model.ghosts)
-        system = square.factorise(rows, choice, model.nodes, solver)
+        arrays["choice"] = choice = choose_equations(cloud, held, single, table, model.ghosts)
+        factorise = partial(square.factorise, rows, choice, model.nodes, solver)
     else:
         limit = stiffest_soft(cloud, model.material)
         weight = _row_weights(cloud, held, single, table, gripped(held, springs, limit))
         sums = force_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
         whole = spring_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
         images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
-        system = least_squares.factorise(
-            rows, weight, model.nodes, solver, np.concatenate([sums, whole]), images
-        )
-    body = ElasticBody(model, held, springs, free, first_row, table.total, system)
-    return replace(body, system=_freed(body, single[len(held_nodes) :])) if free.components else body
+        sums = np.concatenate([sums, whole])
+        arrays |= {"weight": weight, "sums": sums, "images": images}
+        factorise = partial(least_squares.factorise, rows, weight, model.nodes, solver, sums, images)
+    body = ElasticBody(
+        model, held, springs, free, first_row, table.total, Equations(arrays, factorise), timed
+    )
+    if not free.components:
+        return body
+    # What the pins are taken back with comes from the cloud and the free motions.
+    whole_content = {**arrays, "model": model.content, "free": free.patterns(model.nodes)}
+    pinned = replace(body, timed=nullcontext)
+    freed = Equations(whole_content, partial(_freed, pinned, single[len(held_nodes) :]))
+    return replace(body, equations=freed)
 
 
 def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:

@@ -6,6 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
+import numpy as np
+
 from mlsanm_cli.app.run import run
 
 HERTZ = """
@@ -265,3 +268,24 @@ def solve(text: str, directory: Path, *overrides: str, console: Quiet | None = N
     case = directory.with_suffix(".toml")
     case.write_text(text)
     return run(case, overrides=overrides, out=directory, console=console or Quiet())
+
+
+def stored(directory: Path) -> dict[str, Any]:
+    """Every dataset of a run but its times."""
+    found: dict[str, Any] = {}
+
+    def keep(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and name not in ("path/seconds", "case/raw"):
+            found[name] = item[()]
+
+    with h5py.File(directory / "run.h5", "r") as root:
+        root.visititems(keep)
+    return found
+
+
+def assert_same_bits(one: Path, other: Path) -> None:
+    """Two runs hold the same numbers to the last bit."""
+    first, second = stored(one), stored(other)
+    assert first.keys() == second.keys()
+    for name, values in first.items():
+        np.testing.assert_array_equal(values, second[name], err_msg=name)

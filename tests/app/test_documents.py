@@ -19,7 +19,7 @@ from mlsanm_cli.case.loads import LOADS
 from mlsanm_cli.case.model import Adapt, Mls, Refine, Regularization, Solver, Support
 from mlsanm_cli.case.shapes import SHAPES
 from mlsanm_cli.cli import main
-from mlsanm_cli.cli.commands import LATER, cli
+from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.main import BUG, STOPPED, USAGE
 from tests.app.scenes import PATCH, Quiet
 from tests.app.test_run_directory import summary_of
@@ -122,8 +122,6 @@ def test_the_case_of_the_readme_shows_the_defaults(tmp_path: Path) -> None:
 def test_commands_and_exit_codes() -> None:
     for name in cli.commands:
         assert f"`mlsanm {name}" in README
-    missing = README[README.index("## What is not there yet") :]
-    assert all(f"`{name}`" in missing for name in LATER if name not in ("cache", "sweep"))
     for code in (0, USAGE, 3, BUG, STOPPED):
         assert re.search(rf"^\| {code} \|", README, flags=re.MULTILINE)
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.clouds import clouds
-from mlsanm_cli.app.scene import factorise, prepare
+from mlsanm_cli.app.scene import equip, prepare
 from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
@@ -121,7 +121,7 @@ def test_both_contacts_of_a_mirrored_disk_are_alike() -> None:
     case = parse_case(DISK, Path("case.toml")).case
     placed = clouds(case)
     prepared = prepare(case, {"disk": mirrored(placed["disk"])})
-    condensed = condense(factorise(case, prepared, CholeskySolver()), prepared.pairings)
+    condensed = condense(equip(case, prepared, CholeskySolver()), prepared.pairings)
     pressure = solve_exact(condensed, stage_factors(case)[-1]).pressure
     bottom, top = (pressure[condensed.spans[name]] for name in ("bottom", "top"))
     # Both run counter-clockwise: one from left to right, the other from right to left.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import sys
 from collections.abc import Iterator
@@ -15,7 +14,6 @@ import pytest
 
 from mlsanm_cli import __version__
 from mlsanm_cli.cli import main
-from mlsanm_cli.cli.commands import LATER
 from mlsanm_cli.cli.settings import THREAD_VARIABLES
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, NumericalError, RunError
 from tests.cli.fakes import SUMMARY, install
@@ -87,6 +85,8 @@ def test_run_passes_everything_on(
         "threads": 2,
         "max_wall": 90.0,
         "argv": ("mlsanm", "run", "a.toml"),
+        "cache": True,
+        "skip_done": False,
     }
     assert threads == ["2"] * 4
     out, err = capsys.readouterr()
@@ -228,15 +228,6 @@ def test_bad_usage(arguments: list[str], words: str, capsys: pytest.CaptureFixtu
     out, err = capsys.readouterr()
     assert out == ""
     assert words in err
-
-
-@pytest.mark.parametrize("name", LATER)
-def test_names_of_later_versions(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    for rest in ([], ["x", "--newton"], ["--help"]):
-        assert main([name, *rest]) == 2
-        assert "not in this version yet" in capsys.readouterr().err
-    main(["--help"])
-    assert not re.search(rf"^  {name}\b", capsys.readouterr().out, re.MULTILINE)
 
 
 def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:

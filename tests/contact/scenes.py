@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.app.clouds import clouds
-from mlsanm_cli.app.scene import factorise, prepare
+from mlsanm_cli.app.scene import equip, prepare
 from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
@@ -216,7 +216,7 @@ def build(text: str, *overrides: str) -> Small:
     """Clouds, operators, factors and compliance of a case."""
     case = parse_case(text, Path("case.toml"), overrides).case
     prepared = prepare(case, clouds(case))
-    scene = factorise(case, prepared, CholeskySolver())
+    scene = equip(case, prepared, CholeskySolver())
     return Small(scene, condense(scene, prepared.pairings), stage_factors(case)[-1])
 
 

@@ -1,0 +1,79 @@
+"""``mlsanm collect``: one row per run, with what differs between their cases and what came out."""
+
+from __future__ import annotations
+
+import csv
+import io
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mlsanm_cli.case.vary import flat
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.atomic import write_text
+from mlsanm_cli.io.run_reader import read_origin
+from mlsanm_cli.io.summary import read_json
+
+FIGURES = (
+    *("position", "steps", "factorizations", "solves", "nodes", "contact_unknowns"),
+    *("contacts", "forces", "residual", "linear_residual", "force_balance", "stability"),
+    *("seconds", "peak_memory_mb"),
+)
+"""What of a summary becomes columns."""
+
+Row = dict[str, Any]
+
+
+def collect(rundirs: Sequence[Path]) -> list[Row]:
+    """One row per run: directory, status, the case's keys that are not alike everywhere, figures.
+
+    Runs that failed, were stopped or still go on have rows too, with the figures they have; so do directories
+    that hold no readable run, with status "unreadable".
+    """
+    heads, cases, results = zip(*map(_run, rundirs), strict=True) if rundirs else ((), (), ())
+    keys = dict.fromkeys(key for case in cases for key in case)
+    readable = [case for case in cases if case]
+    varied = [key for key in keys if any(case.get(key) != readable[0].get(key) for case in readable)]
+    columns = dict.fromkeys(name for found in results for name in found)
+    return [
+        {**head, **{key: case.get(key) for key in varied}, **{name: found.get(name) for name in columns}}
+        for head, case, found in zip(heads, cases, results, strict=True)
+    ]
+
+
+def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The rows as CSV with a header; lists in one cell, nothing where a run has no such figure."""
+    stream = io.StringIO()
+    if rows:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return stream.getvalue()
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write the rows as a CSV file, whole or not at all; RunError if it cannot be written."""
+    write_text(path, as_csv(rows))
+
+
+def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
+    """A run's place and status, its case and its figures."""
+    row: Row = {"directory": str(directory), "status": "unreadable", "stop_reason": None}
+    try:
+        head = read_origin(directory)
+    except RunError as error:
+        return {**row, "stop_reason": error.message}, {}, {}
+    case = flat(tomllib.loads(head.case_resolved))
+    row["status"] = head.attributes["status"]
+    summary = directory / run_dir.SUMMARY_FILE
+    if not summary.is_file():
+        return {**row, "stop_reason": "no summary: still going on or killed"}, case, {}
+    try:
+        known = read_json(summary)
+    except RunError as error:
+        return {**row, "stop_reason": error.message}, case, {}
+    row |= {"status": known.get("status"), "stop_reason": known.get("stop_reason")}
+    chosen = flat({name: known[name] for name in FIGURES if name in known})
+    return row, case, {name: value for name, value in chosen.items() if not isinstance(value, Mapping)}

@@ -1,0 +1,97 @@
+"""One point of a sweep, as a process solves it that solves others before and after."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from mlsanm_cli.app.cache import shelf
+from mlsanm_cli.app.run import run
+from mlsanm_cli.errors import MlsanmError
+from mlsanm_cli.memo import Memo
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Workers of a cluster may have several threads; CPU times and signals belong to the process."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A run still to be made: the case, its changes, where it goes, and how; ``memory`` is how many results
+    its process keeps. ``done`` tells that it need not be made."""
+
+    case: Path
+    overrides: tuple[str, ...]
+    directory: Path
+    name: str
+    threads: int
+    cache: bool
+    memory: int
+    argv: tuple[str, ...]
+    done: bool
+
+
+def solve_point(point: Point) -> Mapping[str, Any]:
+    """Run one point; its name, status and stop reason, whatever happens to it."""
+    with _ONE_AT_A_TIME:
+        try:
+            summary = run(
+                point.case,
+                overrides=point.overrides,
+                out=point.directory,
+                # What lies there is a run of the same case that did not end well.
+                force=True,
+                threads=point.threads,
+                console=Silent(),
+                argv=point.argv,
+                memo=_memo(point.threads, point.cache, point.memory),
+            )
+        except MlsanmError as error:
+            return outcome(point, "failed", error.message)
+        except KeyboardInterrupt:
+            return outcome(point, "stopped", "stopped by a signal")
+        return outcome(point, str(summary["status"]), str(summary["stop_reason"]))
+
+
+def outcome(point: Point, status: str, reason: str) -> Mapping[str, Any]:
+    """How a point ended."""
+    return {
+        "name": point.name,
+        "directory": str(point.directory),
+        "status": status,
+        "stop_reason": reason,
+    }
+
+
+@lru_cache(maxsize=1)
+def _memo(threads: int, cache: bool, memory: int) -> Memo:
+    """The process's memo. What it has to say about the disk is said once per process."""
+    return shelf(threads, _warn, on_disk=cache, values=memory)
+
+
+def _warn(text: str) -> None:
+    import sys
+
+    print(f"warning: {text}", file=sys.stderr)
+
+
+class Silent:
+    """A console for runs whose results speak for themselves: warnings are in their summaries."""
+
+    def phase(self, text: str) -> None:
+        """Says nothing."""
+
+    def step(self, index: int, position: float, residual: float, text: str) -> None:
+        """Says nothing."""
+
+    def note(self, text: str) -> None:
+        """Says nothing."""
+
+    def warning(self, text: str) -> None:
+        """Says nothing."""
+
+    def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
+        """Says nothing."""

@@ -1,0 +1,131 @@
+"""``--vary KEY=VALUES`` of a sweep: values by comma, or evenly spaced ones as START:STOP:COUNT."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+from mlsanm_cli.errors import RunError
+
+MOST = 100_000
+"""A sweep of more points is a typing error."""
+_RANGE = re.compile(r"([^:,\[\]\"']+):([^:,\[\]\"']+):([^:,\[\]\"']+)")
+
+
+@dataclass(frozen=True)
+class Vary:
+    """A key as ``--set`` takes it, and its values as TOML."""
+
+    key: str
+    values: tuple[str, ...]
+
+
+def parse_vary(text: str) -> Vary:
+    """A key and its values; RunError where they cannot be read.
+
+    >>> parse_vary("contact.c.friction=0.1,0.2").values
+    ('0.1', '0.2')
+    >>> parse_vary("solver.order=10:20:3").values
+    ('10', '15', '20')
+    """
+    key, sign, listed = (part.strip() for part in text.partition("="))
+    if not key or not sign or not listed:
+        raise RunError(f"--vary {text}: expected KEY=VALUES", "as in --vary solver.order=10,15,20")
+    found = _RANGE.fullmatch(listed)
+    values = _even(text, *found.groups()) if found else _listed(text, listed)
+    if len(set(values)) < len(values):
+        raise RunError(f"--vary {text}: a value is given twice")
+    return Vary(key, values)
+
+
+def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
+    """Every combination of values as ``KEY=VALUE`` texts, the last key changing fastest.
+
+    Raises RunError for a key that is varied twice, and for far too many points.
+    """
+    keys = [vary.key for vary in varied]
+    if len(set(keys)) < len(keys):
+        raise RunError("a key is varied twice", "give all its values in one --vary")
+    count = 1
+    for vary in varied:
+        count *= len(vary.values)
+    if count > MOST:
+        raise RunError(f"these are {count} points", f"a sweep takes up to {MOST}")
+    return [
+        tuple(f"{key}={value}" for key, value in zip(keys, values, strict=True))
+        for values in product(*(vary.values for vary in varied))
+    ]
+
+
+def flat(content: Mapping[str, Any]) -> dict[str, Any]:
+    """A case's content by dotted keys, as ``--set`` takes them: items of lists by name or number.
+
+    >>> flat({"body": [{"name": "a", "seed": 1}], "mls": {"degree": 2}})
+    {'body.a.name': 'a', 'body.a.seed': 1, 'mls.degree': 2}
+    """
+    return dict(_leaves("", content))
+
+
+def _leaves(key: str, value: Any) -> list[tuple[str, Any]]:
+    items: list[tuple[str, Any]] = []
+    if isinstance(value, Mapping):
+        items = [(str(name), inner) for name, inner in value.items()]
+    elif isinstance(value, list | tuple) and value and all(isinstance(item, Mapping) for item in value):
+        items = [(str(item.get("name", number)), item) for number, item in enumerate(value)]
+    else:
+        return [(key, value)]
+    return [leaf for name, inner in items for leaf in _leaves(f"{key}.{name}" if key else name, inner)]
+
+
+def _even(text: str, first: str, last: str, number: str) -> tuple[str, ...]:
+    ends = [_number(text, end) for end in (first, last)]
+    count = _number(text, number)
+    if not isinstance(count, int) or not 1 <= count <= MOST:
+        raise RunError(f"--vary {text}: {number} is no count of values", "as in 0.0:0.5:11")
+    start, stop = ends
+    steps = max(count - 1, 1)
+    if all(isinstance(end, int) for end in ends) and (stop - start) % steps == 0:
+        return tuple(str(start + (stop - start) // steps * i) for i in range(count))
+    # Rounded, for a directory is named after it: 0.15 and not 0.15000000000000002.
+    between = [float(f"{start + (stop - start) * i / steps:.12g}") for i in range(1, count - 1)]
+    return tuple(map(repr, [float(start), *between, float(stop)][:count]))
+
+
+def _number(text: str, part: str) -> Any:
+    value = _toml(text, part)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise RunError(f"--vary {text}: {part.strip()} is no number", "as in 0.0:0.5:11")
+    return value
+
+
+def _listed(text: str, listed: str) -> tuple[str, ...]:
+    return tuple(_text(value) for value in _toml(text, f"[{listed}]"))
+
+
+def _toml(text: str, value: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+    except (ValueError, RecursionError):
+        parsed = {}
+    if parsed.keys() != {"value"}:
+        hint = """text needs quotes, as in --vary 'solver.method="anm","newton"'"""
+        raise RunError(f"--vary {text}: the values are no TOML", hint)
+    return parsed["value"]
+
+
+def _text(value: Any) -> str:
+    """A value as TOML, on one line."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{json.dumps(key)} = {_text(inner)}' for key, inner in value.items())}}}"
+    return repr(value) if isinstance(value, int | float) else str(value)

@@ -1,0 +1,129 @@
+"""Commands for many runs: ``sweep``, ``collect`` and ``cache``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from mlsanm_cli.cli.options import (
+    FILE,
+    cache_option,
+    common,
+    console_for,
+    pretty_result,
+    print_result,
+    set_option,
+    threads_option,
+)
+from mlsanm_cli.cli.settings import Settings, set_threads
+from mlsanm_cli.cli.text import as_json
+
+
+@click.command()
+@click.argument("case", type=FILE)
+@click.option(
+    "--vary",
+    "varied",
+    metavar="KEY=VALUES",
+    multiple=True,
+    help="Values by comma, or START:STOP:COUNT; repeatable, every combination is solved.",
+)
+@set_option
+@click.option("--out", type=FILE, help="Directory of the runs.  [default: results/<case name>-sweep]")
+@click.option("--force", is_flag=True, help="Solve points again that are done; replace other cases' runs.")
+@click.option(
+    "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes on this machine."
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Solve on the Dask cluster of this scheduler.")
+@cache_option
+@threads_option
+@common
+@click.pass_obj
+def sweep(
+    settings: Settings,
+    case: Path,
+    varied: tuple[str, ...],
+    overrides: tuple[str, ...],
+    out: Path | None,
+    force: bool,
+    jobs: int,
+    scheduler: str | None,
+    cache: bool,
+    threads: int,
+) -> int:
+    """Solve CASE for every combination of values, as in --vary contact.interface.friction=0:0.5:11.
+
+    Points that are done already are left out, so the same command goes on where it was stopped.
+    """
+    set_threads(threads)
+    from mlsanm_cli.app.sweep import Wishes
+    from mlsanm_cli.app.sweep import sweep as run_sweep
+
+    console = console_for(settings)
+    try:
+        result = run_sweep(
+            case,
+            varied,
+            Wishes(jobs, threads, scheduler, cache, force),
+            overrides=overrides,
+            out=out,
+            console=console,
+            argv=tuple(sys.argv),
+        )
+    finally:
+        console.close()
+    shown = {key: value for key, value in result.items() if key != "trouble"}
+    print_result(settings, result, pretty_result(settings, shown))
+    return 3 if result["failed"] else 75 if result["stopped"] else 0
+
+
+@click.command()
+@click.argument("rundirs", type=FILE, nargs=-1, required=True)
+@click.option("--out", type=FILE, help="Write the CSV to this file.  [default: to stdout]")
+@common
+@click.pass_obj
+def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
+    """Write one CSV row per run: what differs between the cases, status, figures."""
+    set_threads(1)
+    from mlsanm_cli.app.collect import as_csv, write_rows
+    from mlsanm_cli.app.collect import collect as collect_runs
+
+    rows = collect_runs(rundirs)
+    if out is not None:
+        write_rows(out, rows)
+    if settings.json:
+        click.echo(as_json({"runs": rows}))
+    elif out is None:
+        click.echo(as_csv(rows), nl=False)
+    return 0
+
+
+@click.group()
+def cache() -> None:
+    """What is kept between runs: clouds and operators, by the content they were made from."""
+
+
+@cache.command(name="info")
+@common
+@click.pass_obj
+def cache_info(settings: Settings) -> int:
+    """Tell where the cache is and how large."""
+    from mlsanm_cli.app.cache import info
+
+    result = info()
+    print_result(settings, result, pretty_result(settings, result))
+    return 0
+
+
+@cache.command(name="clear")
+@common
+@click.pass_obj
+def cache_clear(settings: Settings) -> int:
+    """Remove everything in it; compiled kernels stay."""
+    from mlsanm_cli.app.cache import clear
+
+    result = clear()
+    print_result(settings, result, pretty_result(settings, result))
+    return 0

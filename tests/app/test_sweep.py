@@ -1,0 +1,235 @@
+"""Sweeps: every point the same as a run of its own, nothing done twice, failures told and survived."""
+
+from __future__ import annotations
+
+import csv
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mlsanm_cli.app import engines, point
+from mlsanm_cli.app.collect import collect
+from mlsanm_cli.app.point import Point
+from mlsanm_cli.app.run import run
+from mlsanm_cli.app.sweep import Wishes, point_name, sweep
+from mlsanm_cli.cli import main
+from mlsanm_cli.errors import CaseError, RunError
+from mlsanm_cli.kernels.jit import CACHE_DIRECTORY
+from tests.app.scenes import PATCH, Quiet, assert_same_bits
+
+ETA = "contact.interface.regularization.eta"
+HYPERBOLIC = PATCH.replace('law = "exact"', 'law = "hyperbolic"')
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MLSANM_CACHE_DIR", str(tmp_path / "cache"))
+    if CACHE_DIRECTORY is not None:
+        # New processes need not compile the kernels again.
+        (tmp_path / "cache").mkdir()
+        (tmp_path / "cache" / "kernels").symlink_to(CACHE_DIRECTORY.parent)
+    point._memo.cache_clear()
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    path = tmp_path / "patch.toml"
+    path.write_text(HYPERBOLIC)
+    return path
+
+
+def swept(case: Path, out: Path, *varied: str, console: Quiet | None = None, **wishes: Any) -> Any:
+    """What a sweep returns."""
+    return sweep(case, varied, Wishes(**wishes), out=out, console=console or Quiet())
+
+
+def assert_same_points(directory: Path, result: Mapping[str, Any]) -> None:
+    """The runs of a sweep are those of another one, to the last bit."""
+    runs = [path.parent for path in Path(result["directory"]).glob("*/run.h5")]
+    assert len(runs) == result["points"]
+    for one in runs:
+        assert_same_bits(one, directory / one.name)
+
+
+def counts(result: Mapping[str, Any]) -> list[int]:
+    """Done, skipped, failed, stopped."""
+    return [result[key] for key in ("done", "skipped", "failed", "stopped")]
+
+
+def test_points_are_the_runs_that_they_stand_for(tmp_path: Path, case: Path) -> None:
+    result = swept(case, tmp_path / "all", f"{ETA}=1e-4,1e-3", "body.upper.spacing=0.25,0.2")
+    assert counts(result) == [4, 0, 0, 0]
+    for eta in ("0.0001", "0.001"):
+        for spacing in ("0.25", "0.2"):
+            values = (f"{ETA}={eta}", f"body.upper.spacing={spacing}")
+            run(case, overrides=values, out=tmp_path / "one", force=True, console=Quiet())
+            assert_same_bits(tmp_path / "one", tmp_path / "all" / point_name(values))
+    with (tmp_path / "all" / "sweep.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    # Points of one geometry stand together.
+    assert [row["body.upper.spacing"] for row in rows] == ["0.25", "0.25", "0.2", "0.2"]
+    assert {row["status"] for row in rows} == {"done"}
+    assert all(float(row["contacts.interface.peak_pressure"]) == pytest.approx(100.0) for row in rows)
+
+
+def test_operators_are_made_once_per_geometry(
+    tmp_path: Path, case: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mlsanm_cli.mechanics import body
+
+    made: list[str] = []
+    build = body.BodyModel.build
+
+    def counted(name: str, *arguments: Any) -> body.BodyModel:
+        made.append(name)
+        return build(name, *arguments)
+
+    monkeypatch.setattr(body.BodyModel, "build", counted)
+    swept(case, tmp_path / "all", f"{ETA}=1e-4,2e-4,1e-3", "body.upper.spacing=0.25,0.2", cache=False)
+    assert sorted(made) == ["lower", "upper", "upper"]
+
+
+def test_what_is_done_is_not_done_again(tmp_path: Path, case: Path) -> None:
+    out = tmp_path / "all"
+    assert counts(swept(case, out, f"{ETA}=1e-4,1e-3")) == [2, 0, 0, 0]
+    before = (out / point_name([f"{ETA}=0.001"]) / "run.h5").stat().st_mtime_ns
+    assert counts(swept(case, out, f"{ETA}=1e-3,1e-2")) == [1, 1, 0, 0]
+    assert (out / point_name([f"{ETA}=0.001"]) / "run.h5").stat().st_mtime_ns == before
+    assert counts(swept(case, out, f"{ETA}=1e-3,1e-2", force=True)) == [2, 0, 0, 0]
+    # A run that was cut short is done again, whatever is left of it.
+    (out / point_name([f"{ETA}=0.001"]) / "summary.json").unlink()
+    assert counts(swept(case, out, f"{ETA}=1e-3,1e-2")) == [1, 1, 0, 0]
+    case.write_text(HYPERBOLIC.replace("-200.0", "-100.0"))
+    with pytest.raises(RunError, match="another case"):
+        swept(case, out, f"{ETA}=1e-3")
+
+
+def test_a_point_that_fails_is_told_and_the_others_go_on(
+    tmp_path: Path, case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # So short a reach leaves nodes out that come into contact when the block tilts over a gap.
+    case.write_text(HYPERBOLIC.replace("[0.0, 2.0], y = [0.0, 1.0]", "[0.0, 2.0], y = [0.0, 0.999]"))
+    arguments = ["sweep", str(case), "--vary", "solver.max_steps=1,2000", "--out", str(tmp_path / "all")]
+    assert main([*arguments, "--quiet"]) == 3
+    rows = collect([tmp_path / "all" / f"solver.max_steps={n}" for n in (1, 2000)])
+    assert [row["status"] for row in rows] == ["failed", "done"]
+    assert [row["solver.max_steps"] for row in rows] == [1, 2000]
+    assert rows[0]["stop_reason"]
+
+
+def test_everything_wrong_is_told_before_anything_is_run(tmp_path: Path, case: Path) -> None:
+    with pytest.raises(CaseError) as error:
+        swept(case, tmp_path / "all", f"{ETA}=1e-4,-1.0", "solver.order=1,20")
+    assert {problem.key for problem in error.value.problems} == {ETA, "solver.order"}
+    assert not (tmp_path / "all").exists()
+    with pytest.raises(RunError, match="nothing varies"):
+        swept(case, tmp_path / "all")
+
+
+class Killer(Quiet):
+    """Kills a process of the sweep when the first point is told of."""
+
+    killed = 0
+
+    def note(self, text: str) -> None:
+        """Kill once."""
+        if not self.killed:
+            child = multiprocessing.active_children()[0]
+            assert child.pid is not None
+            self.killed = child.pid
+            os.kill(child.pid, signal.SIGKILL)
+
+
+def test_a_process_lost_is_a_point_repeated(tmp_path: Path, case: Path) -> None:
+    console = Killer()
+    varied = (f"{ETA}=1e-4,1e-3", "body.upper.spacing=0.25,0.2")
+    result = swept(case, tmp_path / "there", *varied, jobs=2, console=console)
+    assert console.killed
+    assert counts(result) == [4, 0, 0, 0]
+    assert_same_points(tmp_path / "there", swept(case, tmp_path / "here", *varied))
+
+
+def _dies(one: Point) -> Mapping[str, Any]:
+    os.kill(os.getpid(), signal.SIGKILL)
+    raise AssertionError
+
+
+def test_a_point_that_kills_its_process_is_given_up(
+    tmp_path: Path, case: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engines, "solve_point", _dies)
+    monkeypatch.setattr(engines, "ATTEMPTS", 2)
+    deadly = Point(case, (), tmp_path / "x", "x", 1, False, 0, (), False)
+    with engines.PoolEngine(1) as engine:
+        engine.submit(deadly)
+        (row,) = engine.results()
+    assert row["status"] == "failed"
+    assert row["stop_reason"] == "its process died 2 times"
+
+
+def test_run_skips_what_is_done(tmp_path: Path, case: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["run", str(case), "--out", str(tmp_path / "one"), "--quiet", "--no-cache"]
+    assert main([*arguments, "--skip-done"]) == 0
+    before = (tmp_path / "one" / "run.h5").stat().st_mtime_ns
+    assert main([*arguments, "--skip-done", "--force"]) == 0
+    assert (tmp_path / "one" / "run.h5").stat().st_mtime_ns == before
+    # Another case, and without the option, the old rules hold.
+    assert main([*arguments, "--skip-done", "--set", "solver.order=12"]) == 2
+    assert main(arguments) == 2
+    assert main([*arguments, "--skip-done", "--force", "--set", "solver.order=12"]) == 0
+    assert (tmp_path / "one" / "run.h5").stat().st_mtime_ns != before
+
+
+def test_collect_has_a_row_for_every_directory(
+    tmp_path: Path, case: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swept(case, tmp_path / "all", "solver.order=12,20")
+    (tmp_path / "empty").mkdir()
+    going = tmp_path / "all" / "solver.order=20"
+    (going / "summary.json").unlink()
+    places = [str(tmp_path / "all" / "solver.order=12"), str(going), str(tmp_path / "empty")]
+    assert main(["collect", *places, "--out", str(tmp_path / "t.csv")]) == 0
+    assert capsys.readouterr().out == ""
+    with (tmp_path / "t.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["status"] for row in rows] == ["done", "done", "unreadable"]
+    assert [row["solver.order"] for row in rows] == ["12", "20", ""]
+    assert "title" not in rows[0]
+    assert "killed" in rows[1]["stop_reason"]
+    assert "run.h5" in rows[2]["stop_reason"]
+    assert main(["collect", *places]) == 0
+    assert capsys.readouterr().out == (tmp_path / "t.csv").read_text()
+
+
+@contextmanager
+def cluster() -> Iterator[Any]:
+    """Two worker processes."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as local:
+        yield local
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_dask_cluster_that_loses_a_worker_finds_the_same(tmp_path: Path, case: Path) -> None:
+    values = f"{ETA}=1e-5:1e-3:6"
+    with cluster() as local:
+
+        class Hunter(Quiet):
+            def note(self, text: str) -> None:
+                if len(self.notes) == 1:
+                    os.kill(next(iter(local.workers.values())).pid, signal.SIGKILL)
+                super().note(text)
+
+        console = Hunter()
+        result = swept(case, tmp_path / "dask", values, console=console, scheduler=local.scheduler_address)
+    assert len(console.notes) == 6
+    assert counts(result) == [6, 0, 0, 0]
+    assert_same_points(tmp_path / "dask", swept(case, tmp_path / "here", values))
