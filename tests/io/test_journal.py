@@ -175,6 +175,15 @@ def test_a_journal_cut_short_or_damaged_is_none(tmp_path: Path) -> None:
 
 
 def test_signals_wait_until_the_block_is_done() -> None:
+    # A process in a shell's background is born deaf to SIGINT.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        _interrupted_in_a_block()
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _interrupted_in_a_block() -> None:
     with pytest.raises(KeyboardInterrupt):  # noqa: PT012
         with shielded():
             os.kill(os.getpid(), signal.SIGINT)
