@@ -33,7 +33,8 @@ import scipy.sparse as sparse
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from mlsanm_cli.mechanics.body import BodyModel, assemble  # noqa: E402
+from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
+from mlsanm_cli.mechanics.body import BodyModel  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
 from mlsanm_cli.operators.settings import MlsSettings, Scheme  # noqa: E402
 from tests.mechanics.bodies import (  # noqa: E402

@@ -39,7 +39,8 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud  # noqa: E402
 from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle, sector  # noqa: E402
 from mlsanm_cli.cloud.spacing import Spacing, Zone  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
-from mlsanm_cli.mechanics.body import BodyModel, assemble  # noqa: E402
+from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
+from mlsanm_cli.mechanics.body import BodyModel  # noqa: E402
 from mlsanm_cli.mechanics.material import isotropic  # noqa: E402
 from mlsanm_cli.mechanics.stability import bulk_stability  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402

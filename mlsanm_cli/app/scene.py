@@ -19,7 +19,8 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, assemble, model_key
+from mlsanm_cli.mechanics.assembly import assemble
+from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, model_key
 from mlsanm_cli.mechanics.deferred import Timed
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.springs import gripped, stiffest_soft

@@ -16,7 +16,7 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.rubbing import RubbingContact
-from mlsanm_cli.mechanics import body as mechanics
+from mlsanm_cli.mechanics import assembly, body
 from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.springs import Held
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
@@ -34,7 +34,7 @@ def outcome(name: str, directory: Path, *overrides: str) -> Mapping[str, Any]:
 
 def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., FloatArray]:
     """The body's row weights with those of the traction rows multiplied by ``factor`` of the modulus."""
-    proper = mechanics._row_weights
+    proper = assembly._row_weights
 
     def faulty(
         cloud: Cloud,
@@ -68,7 +68,7 @@ def test_dropped_weights_of_tractions(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(mechanics, "_row_weights", traction_weights_times(factor))
+    monkeypatch.setattr(assembly, "_row_weights", traction_weights_times(factor))
     summary = outcome(case, tmp_path / "run", *overrides)
     assert summary["status"] == "failed"
     assert summary["stop_reason"] != "end of the last stage"
@@ -89,7 +89,7 @@ def test_stencils_across_bodies(
         taken = build_stencils(first, cKDTree(first), targets, order, *rest)
         return replace(taken, indices=taken.indices % len(points), nodes=len(points))
 
-    monkeypatch.setattr(mechanics, "build_stencils", faulty)
+    monkeypatch.setattr(body, "build_stencils", faulty)
     summary = outcome(case, tmp_path / "run", *overrides)
     assert len({len(points) for points in seen}) == 2
     # No certificate knows of it, but ten times the published bar does.

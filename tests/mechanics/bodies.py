@@ -9,7 +9,8 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, Surface
 from mlsanm_cli.cloud.curves import rectangle
-from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, assemble
+from mlsanm_cli.mechanics.assembly import assemble
+from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings, Scheme

@@ -1,0 +1,160 @@
+"""A body's equations from the conditions on its surfaces: rows, their weights, sums of them.
+
+Least squares takes all rows. Weights: equilibrium h/E, traction 1/E, displacement ``HOLD``/h, which makes all
+rows strains; towards singular corners, notches and holes they are lowered. The square schemes choose among
+the rows (:mod:`mlsanm_cli.mechanics.equations`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from functools import partial
+from types import MappingProxyType
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.corners import corner_weight, inward_weight
+from mlsanm_cli.mechanics.deferred import Equations, Timed
+from mlsanm_cli.mechanics.elasticity import (
+    traction_rows,
+)
+from mlsanm_cli.mechanics.equations import RowTable, choose_equations
+from mlsanm_cli.mechanics.force_sums import force_sums, spring_sums
+from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
+from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
+from mlsanm_cli.operators import least_squares, square
+from mlsanm_cli.operators.linear.interface import DirectSolver
+from mlsanm_cli.operators.rows import nodal_rows
+from mlsanm_cli.operators.system import LinearSystem
+
+HOLD = 5.0
+"""Weight of held displacements, measured: between 3 and 10 the bulk error no longer depends on it."""
+
+
+def assemble(
+    model: BodyModel,
+    held: Mapping[str, tuple[bool, bool]],
+    held_nodes: Sequence[tuple[int, int]],
+    solver: DirectSolver,
+    springs: Springs = MappingProxyType({}),
+    timed: Timed = nullcontext,
+) -> ElasticBody:
+    """Choose the conditions of every surface and set up the rows.
+
+    ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
+    Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
+    where that holds it, which changes nothing but its rigid motion.
+    The system is factorised within ``timed()``.
+    """
+    cloud, c = model.cloud, model.material.stiffness
+    free = free_motions(cloud, held, held_nodes, springs)
+    single = [*held_nodes, *pins(cloud.points, free)]
+    count = len(model.nodes)
+    blocks = [model.equilibrium(component) for component in (0, 1)]
+    first_row = {}
+    total = 2 * len(cloud.points)
+    for name, surface in cloud.surfaces.items():
+        first_row[name] = total
+        stencils = model.stencils.take(surface.index)
+        for component in (0, 1):
+            if held.get(name, (False, False))[component]:
+                blocks.append(nodal_rows(surface.index, component, count))
+            else:
+                blocks.append(traction_rows(stencils, c, surface.normal, component))
+        total += 2 * len(surface.index)
+    table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
+    for node, component in single:
+        blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
+    pulls = _pulls(cloud, table, count)
+    rows = sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls)
+    arrays: dict[str, object] = {"rows": rows, "points": model.nodes, "solver": solver.name}
+    factorise: Callable[[], LinearSystem]
+    if model.settings.square:
+        arrays["choice"] = choice = choose_equations(cloud, held, single, table, model.ghosts)
+        factorise = partial(square.factorise, rows, choice, model.nodes, solver)
+    else:
+        limit = stiffest_soft(cloud, model.material)
+        weight = _row_weights(cloud, held, single, table, gripped(held, springs, limit))
+        sums = force_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
+        whole = spring_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
+        images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
+        sums = np.concatenate([sums, whole])
+        arrays |= {"weight": weight, "sums": sums, "images": images}
+        factorise = partial(least_squares.factorise, rows, weight, model.nodes, solver, sums, images)
+    body = ElasticBody(
+        model, held, springs, free, first_row, table.total, Equations(arrays, factorise), timed
+    )
+    if not free.components:
+        return body
+    # What the pins are taken back with comes from the cloud and the free motions.
+    whole_content = {**arrays, "model": model.content, "free": free.patterns(model.nodes)}
+    pinned = replace(body, timed=nullcontext)
+    freed = Equations(whole_content, partial(_freed, pinned, single[len(held_nodes) :]))
+    return replace(body, equations=freed)
+
+
+def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
+    """What springs add to the rows (r, 2N)."""
+    pulls = sparse.csr_array((table.total, 2 * nodes))
+    for name, stiffness in table.springs.items():
+        index = cloud.surfaces[name].index
+        for component, spring in enumerate(stiffness):
+            at = table.surfaces[name] + component * len(index) + np.arange(len(index))
+            entries = (np.full(len(index), spring), (at, 2 * index + component))
+            pulls = pulls + sparse.csr_array(entries, shape=pulls.shape)
+    return pulls
+
+
+def _freed(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
+    """The body's system without its pins."""
+    model, cloud = body.model, body.model.cloud
+    count = len(cloud.points)
+    patterns = body.free.patterns(model.nodes)
+    # Ghosts carry no displacement of the body.
+    share = np.zeros(model.unknowns)
+    share[: 2 * count] = np.repeat(cloud.areas, 2)
+    inertia = patterns.T @ (share[:, None] * patterns)
+    mean = np.asarray(np.linalg.solve(inertia, patterns.T * share), dtype=np.float64)
+    work = np.zeros((len(inertia), body.rows))
+    balance: FloatArray = np.zeros((body.rows, len(inertia)))
+    for row, pattern in enumerate(patterns[: 2 * count].T):
+        motion = pattern.reshape(-1, 2)
+        for component in (0, 1):
+            equilibrium = slice(component * count, (component + 1) * count)
+            # Right-hand sides of equilibrium are minus a body force.
+            work[row, equilibrium] = -cloud.areas * motion[:, component]
+            balance[equilibrium, row] = motion[:, component]
+        for name, surface in cloud.surfaces.items():
+            work[row] += body.source(name, surface.weight[:, None] * motion[surface.index], held=False)
+    balance = balance @ np.linalg.inv(inertia)
+    places = np.array([2 * node + component for node, component in pinned])
+    return FreeSystem(body.system, patterns, mean, places, work, balance)
+
+
+def _row_weights(
+    cloud: Cloud,
+    held: Mapping[str, tuple[bool, bool]],
+    held_nodes: Sequence[tuple[int, int]],
+    table: RowTable,
+    grips: Held,
+) -> FloatArray:
+    """Weights (r,) of the rows in the least-squares sum; stresses are singular beside ``grips``."""
+    factor = corner_weight(cloud, grips) * inward_weight(cloud)
+    weights = [factor * cloud.spacing / table.modulus] * 2
+    for name, surface in cloud.surfaces.items():
+        spacing = cloud.spacing[surface.index]
+        # A node at the end of a surface stands for half a spacing of it.
+        traction = factor[surface.index] * np.sqrt(surface.weight / spacing)
+        for component, holds in enumerate(held.get(name, (False, False))):
+            # A spring so stiff that it holds counts as such.
+            weights.append(
+                HOLD / spacing if holds else traction / table.moduli(name, component, spacing / HOLD)
+            )
+    single = np.array([node for node, _ in held_nodes], dtype=np.int64)
+    return np.concatenate([*weights, HOLD / cloud.spacing[single]])
