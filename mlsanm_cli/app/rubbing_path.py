@@ -118,6 +118,7 @@ class _Walk:
         self.point = point
         self._stage, self._wanted, self._options = stage, wanted, options
         self._standing = 0
+        self._held: Sets | None = None
         self._previous: Branch | None = None
 
     def steps(self) -> Iterator[PathStep]:
@@ -128,7 +129,7 @@ class _Walk:
         self._go_on(self.point, Hits.none(self.point.problem.n))
         levels = levels_in(self._wanted, self._stage)
         while self.point.lam < 1.0:
-            if slides_freely(self.point.problem.condensed, self.point.problem.sets):
+            if self._loosened() and slides_freely(self.point.problem.condensed, self.point.problem.sets):
                 raise _slides(self._stage, self.point.lam)
             begin, barrier = self.point, Barrier(self.point.problem)
             follower = follow(
@@ -145,6 +146,13 @@ class _Walk:
             self._standing = self._standing + 1 if self.point.lam - begin.lam < STANDSTILL else 0
             if self._standing > 4 * begin.problem.n + 50:
                 raise NoStateError(sliding=False)
+
+    def _loosened(self) -> bool:
+        """Whether some node has ceased to stick or to touch: nothing else lets a body go that was held."""
+        before, self._held = self._held, self.point.problem.sets
+        if before is None:
+            return True
+        return bool((before.stuck & ~self._held.stuck).any() or (before.closed & ~self._held.closed).any())
 
     def _go_on(self, point: _Point, hits: Hits) -> None:
         """Put the path on the sets that hold beyond a point."""

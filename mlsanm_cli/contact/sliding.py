@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
@@ -44,10 +43,12 @@ def slides_freely(condensed: Condensed, sets: Sets) -> bool:
     if not motions.size:
         return False
     both = np.vstack([across, tangential[slipping]]) @ motions
-    left, values, _ = linalg.svd(both, full_matrices=False)
+    left, values, _ = np.linalg.svd(both, full_matrices=False)
     moving = left[: len(across), values > ROUND_OFF]
     # The singular values are the parts of orthonormal motions that go across.
-    return bool(moving.shape[1] and (linalg.svdvals(moving).min() if len(moving) else 0.0) < TILT)
+    return bool(
+        moving.shape[1] and (np.linalg.svd(moving, compute_uv=False).min() if len(moving) else 0.0) < TILT
+    )
 
 
 def _unmoved(rows: FloatArray) -> FloatArray:
@@ -55,7 +56,7 @@ def _unmoved(rows: FloatArray) -> FloatArray:
     if not len(rows):
         return np.eye(rows.shape[1])
     # Their triangle has the same singular values, and is much smaller.
-    _, values, right = linalg.svd(np.linalg.qr(rows, mode="r"))
+    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
     seen = int((values > ROUND_OFF).sum())
     basis: FloatArray = right[seen:].T
     return basis
