@@ -21,7 +21,7 @@ from mlsanm_cli.app.measure import Measured, measure
 from mlsanm_cli.app.methods import Method, chosen_methods
 from mlsanm_cli.app.precision import draw_precision, precision_curves
 from mlsanm_cli.app.provenance import attributes
-from mlsanm_cli.app.quality import assess, case_warnings
+from mlsanm_cli.app.quality import assess, case_warnings, factor_warnings
 from mlsanm_cli.app.references import check_reference, reference_profile
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.case import Case, LoadedCase
@@ -86,8 +86,7 @@ def compare(
     for method, case in zip(methods, cases, strict=True):
         console.phase(f"following the path: {method.name}")
         rows.append(measure(built, method, case, wishes.repeat))
-    warnings += [f"body {name}: {b.system.note}" for name, b in built.scene.bodies.items() if b.system.note]
-    warnings += _judged(built, rows[0])
+    warnings += [*factor_warnings(built.scene), *_judged(built, rows[0])]
     result = _result(built, loaded, rows, wishes, clock) | {
         "provenance": attributes(loaded, argv, threads),
         "warnings": warnings,

@@ -15,6 +15,7 @@ from mlsanm_cli.cloud.quality import CloudQuality, measure
 from mlsanm_cli.contact.pairing import Pairing, spacing_ratio
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.corners import inward_corners
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo
 
 CLOSEST = 0.5
@@ -136,6 +137,13 @@ def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool) -> Iterator[s
     for message, hint in found:
         remedy = f"make the nodes in body.{name}.shape.file more even" if brought else hint
         yield f"body {name}: {message}; {remedy}"
+
+
+def factor_warnings(scene: Scene) -> Iterator[str]:
+    """How bodies were factorised otherwise than meant, of those whose factors were needed."""
+    for name, body in scene.bodies.items():
+        if body.equations.note:
+            yield f"body {name}: {body.equations.note}"
 
 
 def case_warnings(case: Case) -> Iterator[str]:

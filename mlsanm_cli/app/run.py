@@ -23,7 +23,7 @@ from mlsanm_cli.app.judge import (
 )
 from mlsanm_cli.app.polish import load_path
 from mlsanm_cli.app.provenance import attributes
-from mlsanm_cli.app.quality import assess, case_warnings
+from mlsanm_cli.app.quality import assess, case_warnings, factor_warnings
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import check_reference
 from mlsanm_cli.app.scene import Prepared
@@ -123,9 +123,8 @@ def carry_out(
         console.note(ending.hint)
     if built is not None:
         recorder.interfaces(built)
-        for name, body in built.scene.bodies.items():
-            if body.equations.note:
-                recorder.warn(f"body {name}: {body.equations.note}")
+        for warning in factor_warnings(built.scene):
+            recorder.warn(warning)
     summary = summarise(ending, adapted, quality, recorder, clock) | {"cache": memo.figures}
     recorder.finish(summary)
     return summary

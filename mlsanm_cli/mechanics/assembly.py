@@ -21,9 +21,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.corners import corner_weight, inward_weight
 from mlsanm_cli.mechanics.deferred import Equations, Timed
-from mlsanm_cli.mechanics.elasticity import (
-    traction_rows,
-)
+from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.force_sums import force_sums, spring_sums
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
