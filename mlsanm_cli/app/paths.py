@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.rubbing_path import rubbing_path
-from mlsanm_cli.app.series_path import is_holonomic, smooth_path
+from mlsanm_cli.app.marks import BEGINNING, Start
+from mlsanm_cli.app.rubbing_path import RubbingMark, rubbing_path
+from mlsanm_cli.app.series_path import SmoothMark, is_holonomic, smooth_path
 from mlsanm_cli.app.states import PathStep, State, factors_at, stops, wanted_positions
-from mlsanm_cli.arrays import BoolArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.coulomb import CoulombState, residual
-from mlsanm_cli.contact.history import Event, follow, start
+from mlsanm_cli.contact.history import Event, follow
+from mlsanm_cli.contact.history import start as begin
 from mlsanm_cli.contact.sets import OPEN, SLIP
 from mlsanm_cli.contact.sliding import SlidingError
 from mlsanm_cli.errors import NumericalError
@@ -23,31 +25,62 @@ ROWS = 40
 """Of the events of a stage with friction so many are stored as steps, evenly along it."""
 
 
-def path_of(built: Built) -> Iterator[PathStep]:
-    """The path of the scene by the method its contact law asks for."""
+@dataclass(frozen=True)
+class LinearMark:
+    """Where a path without contact is: its states do not depend on each other."""
+
+    position: float
+
+
+@dataclass(frozen=True, eq=False)
+class ExactMark:
+    """Where a path without friction is, and its closed nodes (m,), with which the next search begins."""
+
+    position: float
+    active: BoolArray | None
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionMark:
+    """Where a path with exact friction is: the ``fraction`` of a stage that began at load factors (L,)."""
+
+    stage: int
+    begin: FloatArray
+    fraction: float
+    state: CoulombState
+
+
+def path_of(built: Built, start: Start = BEGINNING) -> Iterator[PathStep]:
+    """The path of the scene, or what of it is left, by the method its contact law asks for."""
     if not built.case.contact:
-        return linear_path(built)
+        return linear_path(built, start.mark(LinearMark))
     smooth, rough = built.case.contact[0].regularization.law != "exact", bool(len(built.condensed.rubbing))
+    if smooth and rough and not is_holonomic(built):
+        return _limited(built, start, rubbing_path(built, start.mark(RubbingMark)))
     if smooth:
-        path = rubbing_path(built) if rough and not is_holonomic(built) else smooth_path(built)
-        return _limited(path, built.case.solver.max_steps)
-    return friction_path(built) if rough else exact_path(built)
+        return _limited(built, start, smooth_path(built, start.mark(SmoothMark)))
+    return (
+        friction_path(built, start.mark(FrictionMark)) if rough else exact_path(built, start.mark(ExactMark))
+    )
 
 
-def _limited(path: Iterator[PathStep], most: int) -> Iterator[PathStep]:
-    """The path as long as it takes no more steps than ``most``, whatever pieces it is made of."""
-    for count, step in enumerate(path):
+def _limited(built: Built, start: Start, path: Iterator[PathStep]) -> Iterator[PathStep]:
+    """The path as long as it takes no more steps than it may, whatever pieces it is made of."""
+    most = built.case.solver.max_steps
+    for count, step in enumerate(path, start.steps):
         if count > most:
             where = f"before position {step.state.position:.9g}"
             raise NumericalError(f"the path takes more than {most} steps {where}", "raise solver.max_steps")
         yield step
 
 
-def linear_path(built: Built) -> Iterator[PathStep]:
+def linear_path(built: Built, mark: LinearMark | None = None) -> Iterator[PathStep]:
     """A scene without contact: every state is a combination of the loads' own solutions."""
     wanted = wanted_positions(built)
     condensed = built.condensed
     for position in stops(built):
+        if mark is not None and position <= mark.position:
+            continue
         factors = factors_at(built.stages, position)
         nothing = np.zeros(0)
         motion = np.zeros(len(condensed.balance.constant))
@@ -59,21 +92,25 @@ def linear_path(built: Built) -> Iterator[PathStep]:
             position, factors, nothing, nothing, motion, nothing, nothing, nothing, status, residual=0.0
         )
         yield PathStep(
-            state, (state,) if position in wanted else (), solves=0 if position else condensed.solves
+            state,
+            (state,) if position in wanted else (),
+            solves=0 if position else condensed.solves,
+            mark=LinearMark(position),
         )
 
 
-def exact_path(built: Built) -> Iterator[PathStep]:
+def exact_path(built: Built, mark: ExactMark | None = None) -> Iterator[PathStep]:
     """Exact contact at the stages' ends and wherever fields are wanted, each from the set before."""
     wanted = wanted_positions(built)
-    first = unloaded_state(built)
-    yield PathStep(first, (first,) if 0.0 in wanted else ())
-    active: BoolArray | None = None
-    for position in stops(built)[1:]:
-        exact = solve_exact(built.condensed, factors_at(built.stages, position), active)
-        active = exact.active
-        step = exact_step(exact, position)
-        yield replace(step, saved=(step.state,) if position in wanted else ())
+    if mark is None:
+        first, mark = unloaded_state(built), ExactMark(0.0, None)
+        yield PathStep(first, (first,) if 0.0 in wanted else (), mark=mark)
+    for position in stops(built):
+        if position <= mark.position:
+            continue
+        exact = solve_exact(built.condensed, factors_at(built.stages, position), mark.active)
+        mark, step = ExactMark(position, exact.active), exact_step(exact, position)
+        yield replace(step, saved=(step.state,) if position in wanted else (), mark=mark)
 
 
 def exact_step(exact: ExactState, position: float) -> PathStep:
@@ -114,18 +151,25 @@ def _exact_state(exact: ExactState, position: float) -> State:
     )
 
 
-def friction_path(built: Built) -> Iterator[PathStep]:
+def friction_path(built: Built, mark: FrictionMark | None = None) -> Iterator[PathStep]:
     """Exact contact with Coulomb friction, followed from event to event."""
     wanted, condensed = wanted_positions(built), built.condensed
-    event = start(condensed, built.stages[0])
-    state = coulomb_state(built, event.state, 0.0)
-    yield PathStep(state, (state,) if 0.0 in wanted else (), factorizations=event.solves)
+    if mark is None:
+        event = begin(condensed, built.stages[0])
+        mark = FrictionMark(0, event.state.factors, 0.0, event.state)
+        first = coulomb_state(built, event.state, 0.0)
+        yield PathStep(first, (first,) if 0.0 in wanted else (), factorizations=event.solves, mark=mark)
+    state = mark.state
     for stage, end in enumerate(built.stages[1:]):
-        halts = sorted({position - stage for position in stops(built) if stage < position <= stage + 1})
-        rows, reached = _Rows(built, stage, set(halts), wanted), 0.0
+        if stage < mark.stage:
+            continue
+        within = mark if stage == mark.stage else FrictionMark(stage, state.factors, 0.0, state)
+        places = {position - stage for position in stops(built) if stage < position <= stage + 1}
+        halts = sorted(place for place in places if place > within.fraction)
+        rows, reached = _Rows(built, within, places, wanted), within.fraction
         try:
-            for ahead in follow(condensed, event.state, end, halts):
-                event, reached = ahead, ahead.fraction
+            for event in follow(condensed, state, end, halts, within.begin, within.fraction):
+                state, reached = event.state, event.fraction
                 yield from rows.add(event)
         except SlidingError as error:
             yield from rows.last()
@@ -141,9 +185,11 @@ def friction_path(built: Built) -> Iterator[PathStep]:
 class _Rows:
     """Makes steps of one stage's events: all wanted ones, and of the others as many as are worth storing."""
 
-    def __init__(self, built: Built, stage: int, halts: set[float], wanted: tuple[float, ...]) -> None:
-        self._built, self._stage, self._halts, self._wanted = built, stage, halts, wanted
-        self._solves, self._before = 0, 0.0
+    def __init__(
+        self, built: Built, within: FrictionMark, halts: set[float], wanted: tuple[float, ...]
+    ) -> None:
+        self._built, self._stage, self._halts, self._wanted = built, within.stage, halts, wanted
+        self._begin, self._before, self._solves = within.begin, within.fraction, 0
         self._jump: str = ""
         self._pending: Event | None = None
 
@@ -172,6 +218,7 @@ class _Rows:
             factorizations=self._solves,
             solves=4 * self._solves,
             warning=self._jump,
+            mark=FrictionMark(self._stage, self._begin, self._pending.fraction, self._pending.state),
         )
         self._before, self._solves, self._jump, self._pending = self._pending.fraction, 0, "", None
 

@@ -10,11 +10,13 @@ event.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.marks import BEGINNING, Start
 from mlsanm_cli.app.paths import coulomb_state, exact_step, friction_path, path_of, unloaded_state
 from mlsanm_cli.app.series_path import is_holonomic
 from mlsanm_cli.app.states import PathStep, Polish, State
@@ -22,32 +24,49 @@ from mlsanm_cli.contact.active_set import solve_exact
 from mlsanm_cli.contact.coulomb import increment, unloaded
 from mlsanm_cli.contact.sets import STICK, Sets
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.packing import packed
 
 Polisher = Callable[[State], PathStep]
 """The exact state at a smooth one's position as a row of its own, with what it cost."""
 
 
-def load_path(built: Built) -> Iterator[PathStep]:
-    """The path of the scene, polished where the case asks for it."""
-    return _polished(built) if built.case.solver.polish else path_of(built)
+@dataclass(frozen=True, eq=False)
+class PolishMark:
+    """The ``position`` of the last row, that of the last ``polished`` one, how many steps of the smooth path
+    are behind it, and the packed mark of the last of these."""
+
+    position: float
+    polished: float | None
+    steps: int
+    path: NDArray[np.uint8]
 
 
-def _polished(built: Built) -> Iterator[PathStep]:
+def load_path(built: Built, start: Start = BEGINNING) -> Iterator[PathStep]:
+    """The path of the scene, or what of it is left, polished where the case asks for it."""
+    return _polished(built, start.mark(PolishMark)) if built.case.solver.polish else path_of(built, start)
+
+
+def _polished(built: Built, mark: PolishMark | None) -> Iterator[PathStep]:
     """Every saved state and the last one as the exact laws have them, each in a row of its own.
 
     A saved level inside a step gets the step's series too, for the part of the path before it.
     """
-    polish, end = _polisher(built), float(len(built.case.stage))
-    for step in path_of(built):
+    mark = mark or PolishMark(-1.0, None, 0, np.zeros(0, dtype=np.uint8))
+    polish, end, done = _polisher(built, mark.polished), float(len(built.case.stage)), mark.position
+    for step in path_of(built, Start(mark.steps, mark.path.tobytes())):
         for state in step.saved:
-            if state.position != step.state.position:
+            if done < state.position != step.state.position:
                 better = _improved(built, polish, state)
-                yield replace(better, series=step.series, series_attributes=step.series_attributes)
+                mark = replace(mark, position=state.position, polished=state.position)
+                yield replace(better, series=step.series, series_attributes=step.series_attributes, mark=mark)
+        packed_mark = np.frombuffer(packed(step.mark), np.uint8)
+        mark = PolishMark(step.state.position, mark.polished, mark.steps + 1, packed_mark)
         saved = any(state.position == step.state.position for state in step.saved)
         if not saved and step.state.position != end:
-            yield replace(step, saved=())
+            yield replace(step, saved=(), mark=mark)
             continue
         better = _improved(built, polish, step.state)
+        mark = replace(mark, polished=step.state.position)
         yield replace(
             step,
             state=better.state,
@@ -56,6 +75,7 @@ def _polished(built: Built) -> Iterator[PathStep]:
             solves=step.solves + better.solves,
             warning="; ".join(text for text in (step.warning, better.warning) if text),
             polish=better.polish,
+            mark=mark,
         )
 
 
@@ -78,10 +98,10 @@ def _improved(built: Built, polish: Polisher, state: State) -> PathStep:
     return replace(row, saved=(row.state,), polish=changed)
 
 
-def _polisher(built: Built) -> Polisher:
+def _polisher(built: Built, before: float | None) -> Polisher:
     if not len(built.condensed.rubbing):
         return _frictionless(built)
-    return _holonomic(built) if is_holonomic(built) else _alongside(built)
+    return _holonomic(built) if is_holonomic(built) else _alongside(built, before)
 
 
 def _frictionless(built: Built) -> Polisher:
@@ -110,9 +130,11 @@ def _holonomic(built: Built) -> Polisher:
     return polish
 
 
-def _alongside(built: Built) -> Polisher:
-    """The exact history, followed from one level asked for to the next."""
+def _alongside(built: Built, before: float | None) -> Polisher:
+    """The exact history, followed from one level asked for to the next; the last one ``before`` is behind."""
     exact = friction_path(built)
+    while before is not None and next(exact).state.position != before:
+        pass
 
     def polish(state: State) -> PathStep:
         passed: list[PathStep] = []

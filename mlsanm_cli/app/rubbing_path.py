@@ -12,6 +12,7 @@ from mlsanm_cli.app.rubbing_events import Barrier, Hits, continued
 from mlsanm_cli.app.series_path import (
     at,
     at_target,
+    behind,
     coupling_of,
     drawn,
     levels_in,
@@ -51,19 +52,57 @@ class _Point:
     work: FloatArray
 
 
-def rubbing_path(built: Built) -> Iterator[PathStep]:
+@dataclass(frozen=True, eq=False)
+class RubbingMark:
+    """Where a path is: what makes up its :class:`_Point`, and what the walk along the stage knows besides.
+
+    ``tangent`` are the unknowns at which the tangent was made that nearby points share; ``held`` the sets of
+    the piece of path behind, which ``began`` at a fraction of the stage and is over if an ``event`` ended it.
+    Before the first step of a stage there is no ``piece``.
+    """
+
+    stage: int
+    lam: float
+    x: FloatArray
+    work: FloatArray
+    sets: Sets
+    anchor: FloatArray
+    threshold: FloatArray
+    tangent: FloatArray | None = None
+    event: bool = False
+    held: Sets | None = None
+    began: float = 0.0
+    standing: int = 0
+    piece: Branch | None = None
+
+    @property
+    def within(self) -> bool:
+        """Whether the stage is under way."""
+        return self.piece is not None and self.lam < 1.0
+
+
+def rubbing_path(built: Built, mark: RubbingMark | None = None) -> Iterator[PathStep]:
     """States of the regularised contact with friction; wanted ones come from the series of their step."""
     wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
-    point = _first(built, options)
-    start = _state(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
-    saved = (start,) if 0.0 in wanted else ()
-    yield PathStep(start, saved, factorizations=point.problem.tally.taken())
+    if mark is None:
+        point = _first(built, options)
+        state = _state(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
+        saved = (state,) if 0.0 in wanted else ()
+        yield PathStep(state, saved, factorizations=point.problem.tally.taken(), mark=_mark(point, 0))
+    else:
+        point = _marked(built, mark)
     for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
-        problem = point.problem
-        staged = RubbingContact(problem.base, begin, end, problem.sets, problem.anchor, problem.tally)
-        walk = _Walk(replace(point, problem=staged, lam=0.0), stage, wanted, options)
+        if mark is not None and (stage < mark.stage or (stage == mark.stage and mark.lam == 1.0)):
+            continue
+        walk = _Walk(stage, wanted, options)
+        if mark is not None and mark.within and stage == mark.stage:
+            steps = walk.go_on(point, mark)
+        else:
+            problem = point.problem
+            staged = RubbingContact(problem.base, begin, end, problem.sets, problem.anchor, problem.tally)
+            steps = walk.steps(replace(point, problem=staged, lam=0.0))
         try:
-            yield from walk.steps()
+            yield from steps
         except NoStateError as error:
             where = f"beyond position {stage + walk.point.lam:.9g}"
             if error.sliding:
@@ -72,6 +111,26 @@ def rubbing_path(built: Built) -> Iterator[PathStep]:
                 f"{error.message} {where}", 'use contact.regularization.law = "exact", which can jump'
             ) from error
         point = walk.point
+
+
+def _mark(point: _Point, stage: int) -> RubbingMark:
+    """The mark of a point with no stage under way."""
+    problem = point.problem
+    return RubbingMark(
+        stage, point.lam, point.x, point.work, problem.sets, problem.anchor, problem.law.threshold
+    )
+
+
+def _marked(built: Built, mark: RubbingMark) -> _Point:
+    """The point where a mark was made."""
+    coupling = coupling_of(built, regularization(built)).softened()
+    base = replace(coupling, law=replace(coupling.law, threshold=mark.threshold))
+    begin, end = built.stages[mark.stage], built.stages[mark.stage + 1]
+    problem = RubbingContact(base, begin, end, mark.sets, mark.anchor)
+    if mark.tangent is not None:
+        problem.tangent(mark.tangent, mark.lam)
+        problem.tally.taken()
+    return _Point(problem, mark.x, mark.lam, mark.work)
 
 
 def _slides(stage: int, lam: float) -> NumericalError:
@@ -112,40 +171,83 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
 class _Walk:
     """One stage: pieces of path between events."""
 
-    def __init__(
-        self, point: _Point, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions
-    ) -> None:
-        self.point = point
+    def __init__(self, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions) -> None:
+        self.point: _Point
         self._stage, self._wanted, self._options = stage, wanted, options
-        self._standing = 0
+        self._levels = levels_in(wanted, stage)
+        self._began, self._standing = 0.0, 0
         self._held: Sets | None = None
         self._previous: Branch | None = None
 
-    def steps(self) -> Iterator[PathStep]:
-        """Steps to the end of the stage. Raises NoStateError, NumericalError."""
-        if not self.point.problem.change.any():
+    def steps(self, point: _Point) -> Iterator[PathStep]:
+        """Steps from the start of the stage to its end. Raises NoStateError, NumericalError."""
+        self.point = point
+        if not point.problem.change.any():
             yield from self._waiting()
             return
-        self._go_on(self.point, Hits.none(self.point.problem.n))
-        levels = levels_in(self._wanted, self._stage)
+        self._put_on(point, Hits.none(point.problem.n))
+        yield from self._pieces()
+
+    def go_on(self, point: _Point, mark: RubbingMark) -> Iterator[PathStep]:
+        """Steps from a point within the stage to its end. Raises as `steps` does."""
+        self.point = point
+        self._began, self._standing = mark.began, mark.standing
+        self._held, self._previous = mark.held, mark.piece
+        if mark.event:
+            self._count()
+        else:
+            yield from self._piece(resumed=True)
+        yield from self._pieces()
+
+    def _pieces(self) -> Iterator[PathStep]:
         while self.point.lam < 1.0:
             if self._loosened() and slides_freely(self.point.problem.condensed, self.point.problem.sets):
                 raise _slides(self._stage, self.point.lam)
-            begin, barrier = self.point, Barrier(self.point.problem)
-            follower = follow(
-                begin.problem, begin.x, begin.lam, 1.0, self._options, self._previous, barrier, levels
-            )
-            for step in follower.steps():
-                if barrier.reached:
-                    yield from self._event(step, barrier.hits)
-                else:
-                    yield self._step(at_target(begin.problem, step) if step.lam == 1.0 else step)
-            if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
-                raise stopped(self._stage, follower.outcome)
-            self._previous = follower.outcome.piece
-            self._standing = self._standing + 1 if self.point.lam - begin.lam < STANDSTILL else 0
-            if self._standing > 4 * begin.problem.n + 50:
-                raise NoStateError(sliding=False)
+            self._began = self.point.lam
+            yield from self._piece()
+
+    def _piece(self, *, resumed: bool = False) -> Iterator[PathStep]:
+        """Steps to the next event, or to the end of the stage."""
+        begin, barrier = self.point, Barrier(self.point.problem)
+        follower = follow(
+            begin.problem,
+            begin.x,
+            begin.lam,
+            1.0,
+            self._options,
+            self._previous,
+            barrier,
+            self._levels,
+            resumed=resumed,
+        )
+        for step in follower.steps():
+            if barrier.reached:
+                yield from self._event(step, barrier.hits, behind(follower))
+            else:
+                step = at_target(begin.problem, step) if step.lam == 1.0 else step
+                yield self._step(step, behind(follower))
+        if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
+            raise stopped(self._stage, follower.outcome)
+        self._previous = follower.outcome.piece
+        self._count()
+
+    def _count(self) -> None:
+        """See that the path moves on from event to event. Raises NoStateError."""
+        self._standing = self._standing + 1 if self.point.lam - self._began < STANDSTILL else 0
+        if self._standing > 4 * self.point.problem.n + 50:
+            raise NoStateError(sliding=False)
+
+    def _mark(self, *, event: bool, piece: Branch | None) -> RubbingMark:
+        problem = self.point.problem
+        return replace(
+            _mark(self.point, self._stage),
+            tangent=problem.expanded_at,
+            event=event,
+            held=self._held,
+            began=self._began,
+            standing=self._standing,
+            piece=piece,
+        )
 
     def _loosened(self) -> bool:
         """Whether some node has ceased to stick or to touch: nothing else lets a body go that was held."""
@@ -154,7 +256,7 @@ class _Walk:
             return True
         return bool((before.stuck & ~self._held.stuck).any() or (before.closed & ~self._held.closed).any())
 
-    def _go_on(self, point: _Point, hits: Hits) -> None:
+    def _put_on(self, point: _Point, hits: Hits) -> None:
         """Put the path on the sets that hold beyond a point."""
         problem, x = continued(point.problem, point.x, point.lam, hits)
         # What the event's place, known to the series' tolerance, and the new sets disagree by.
@@ -165,26 +267,26 @@ class _Walk:
             x = x - problem.tangent(x, point.lam).solve(lack)
         self.point = _inside(replace(point, problem=problem, x=x))
 
-    def _event(self, step: Step, hits: Hits) -> Iterator[PathStep]:
+    def _event(self, step: Step, hits: Hits, piece: Branch | None) -> Iterator[PathStep]:
         """A step that ends at an event, its end already as the path goes on from it."""
         before = self.point
         point, failure = _moved(before, step.x, step.lam), None
         try:
-            self._go_on(point, hits)
+            self._put_on(point, hits)
         except NoStateError as error:
             failure = error
             self.point = _inside(point)
         problem = self.point.problem
         residual = float(np.abs(problem.residual(self.point.x, step.lam)).max())
         step = replace(step, residual=residual)
-        yield self._told(before, step)
+        yield replace(self._told(before, step), mark=self._mark(event=True, piece=piece))
         if failure is not None:
             raise failure
 
-    def _step(self, step: Step) -> PathStep:
+    def _step(self, step: Step, piece: Branch | None) -> PathStep:
         before = self.point
         self.point = _moved(before, step.x, step.lam)
-        return self._told(before, step)
+        return replace(self._told(before, step), mark=self._mark(event=False, piece=piece))
 
     def _told(self, before: _Point, step: Step) -> PathStep:
         """The step from ``before`` to where the path is now."""
@@ -207,7 +309,8 @@ class _Walk:
         self.point = replace(self.point, lam=1.0)
         state = _state(self.point, self._stage, residual)
         places = [p for p in self._wanted if self._stage < p <= self._stage + 1]
-        yield PathStep(state, tuple(replace(state, position=position) for position in places))
+        saved = tuple(replace(state, position=position) for position in places)
+        yield PathStep(state, saved, mark=_mark(self.point, self._stage))
 
 
 def _inside(point: _Point) -> _Point:

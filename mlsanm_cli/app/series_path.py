@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from mlsanm_cli.contact.sets import OPEN, SLIP, STICK
 from mlsanm_cli.continuation import (
     AnmOptions,
     Branch,
+    Follower,
     NewtonOptions,
     Outcome,
     Problem,
@@ -37,13 +38,29 @@ BRANCH_HINT = (
 )
 
 
-def smooth_path(built: Built) -> Iterator[PathStep]:
+@dataclass(frozen=True, eq=False)
+class SmoothMark:
+    """Where a path without memory is: its unknowns at a fraction of a stage, and the piece behind it (None
+    before the stage's first step)."""
+
+    stage: int
+    lam: float
+    x: FloatArray
+    piece: Branch | None
+
+
+def smooth_path(built: Built, mark: SmoothMark | None = None) -> Iterator[PathStep]:
     """Laws without memory; wanted states come from the series of their step, or end one of Newton's."""
     wanted = wanted_positions(built)
     coupling, options = coupling_of(built, regularization(built)), path_options(built)
     for stage in range(len(built.case.stage)):
+        before, piece = 0.0, None
+        if mark is not None and stage <= mark.stage:
+            x, before, piece = mark.x, mark.lam, mark.piece
+            if stage < mark.stage or before == 1.0:
+                continue
         problem = problem_of(built, coupling, stage)
-        if stage == 0:
+        if mark is None and stage == 0:
             x = start_point(built, problem)
             corrected = correct(problem, x, 0.0, options)
             x = corrected.x
@@ -54,13 +71,18 @@ def smooth_path(built: Built) -> Iterator[PathStep]:
                 iterations=corrected.updates,
                 factorizations=corrected.factorizations,
                 solves=corrected.solves,
+                mark=SmoothMark(stage, 0.0, x, None),
             )
         if not problem.change.any():
             state = _regularized_state(problem, x, 1.0, stage, float(np.abs(problem.residual(x, 1.0)).max()))
-            yield PathStep(state, tuple(replace(state, position=p) for p in wanted if stage < p <= stage + 1))
+            yield PathStep(
+                state,
+                tuple(replace(state, position=p) for p in wanted if stage < p <= stage + 1),
+                mark=SmoothMark(stage, 1.0, x, None),
+            )
             continue
-        follower = follow(problem, x, 0.0, 1.0, options, levels=levels_in(wanted, stage))
-        before = 0.0
+        levels = levels_in(wanted, stage)
+        follower = follow(problem, x, before, 1.0, options, piece, levels=levels, resumed=piece is not None)
         for step in follower.steps():
             if step.lam == 1.0:
                 step = at_target(problem, step)
@@ -69,13 +91,20 @@ def smooth_path(built: Built) -> Iterator[PathStep]:
             places = [p for p in wanted if stage + before < p <= stage + step.lam]
             step, states = states_in(problem, step, stage, places)
             saved = [_regularized_state(problem, *one[:2], stage, one[2]) for one in states]
-            yield path_step(step, end, stage, at(places, saved, end), _series(problem, step.branch, stage))
+            told = path_step(step, end, stage, at(places, saved, end), _series(problem, step.branch, stage))
+            yield replace(told, mark=SmoothMark(stage, step.lam, x, behind(follower)))
             before = step.lam
         if not follower.outcome.reached:
             raise stopped(stage, follower.outcome)
 
 
 Memoryless = HyperbolicContact | HolonomicContact
+
+
+def behind(follower: Follower) -> Branch | None:
+    """What a path that is taken up again has to know of the step before."""
+    piece = follower.outcome.piece
+    return None if piece is None else piece.tangent
 
 
 def is_holonomic(built: Built) -> bool:

@@ -66,7 +66,8 @@ class PathStep:
 
     ``series`` holds the arrays from which any state of the step can be had again (ANM only), ``order`` is the
     series' and 0 without one; ``iterations`` are updates of the nonlinear solution; ``warning`` is what the
-    user should know about the step, ``polish`` what the exact laws changed at its end.
+    user should know about the step, ``polish`` what the exact laws changed at its end. ``mark``, a dataclass
+    of the method's own, is what the path goes on from behind this step.
     """
 
     state: State
@@ -80,6 +81,7 @@ class PathStep:
     series_attributes: Mapping[str, float | str] = field(default_factory=dict)
     warning: str = ""
     polish: Polish | None = None
+    mark: object = None
 
 
 def wanted_positions(built: Built) -> tuple[float, ...]:

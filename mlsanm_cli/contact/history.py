@@ -62,14 +62,21 @@ def start(condensed: Condensed, factors: FloatArray) -> Event:
 
 
 def follow(
-    condensed: Condensed, state: CoulombState, end: FloatArray, stops: Sequence[float]
+    condensed: Condensed,
+    state: CoulombState,
+    end: FloatArray,
+    stops: Sequence[float],
+    begin: FloatArray | None = None,
+    fraction: float = 0.0,
 ) -> Iterator[Event]:
     """Every event of a stage from ``state`` to the load factors ``end`` (L,), and the states at ``stops``.
 
-    ``stops`` are fractions in (0, 1], increasing, the last one 1. Raises SlidingError where the contact
-    slides as a whole under a force, NumericalError where no state continues the path.
+    ``stops`` are fractions up to 1, increasing, the last one 1. A path that is taken up again names the
+    load factors ``begin`` (L,) of the stage's start and the ``fraction`` of it that is behind the state.
+    Raises SlidingError where the contact slides as a whole under a force, NumericalError where no state
+    continues the path.
     """
-    begin, fraction = state.factors, 0.0
+    begin = state.factors if begin is None else begin
     change = end - begin
     pending, standing = list(stops), 0
     while pending:

@@ -46,9 +46,10 @@ class AnmFollower(Walker):
         options: AnmOptions | None = None,
         previous: Branch | None = None,
         barrier: Callable[[Branch], float] | None = None,
+        resumed: bool = False,
     ) -> None:
         self._options = options or AnmOptions()
-        super().__init__(problem, x0, lam0, lam_end, self._options, previous, barrier)
+        super().__init__(problem, x0, lam0, lam_end, self._options, previous, barrier, resumed)
         self._gauge = Gauge(problem, self._metric, self._lam_end, self._options)
 
     def _walk(self) -> Iterator[Step]:
@@ -69,6 +70,8 @@ class AnmFollower(Walker):
                 yield self._told(piece, self._cut(here, piece), unit)
                 raise Stopped(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._arrive(here, branch)
+            if ahead is not None:
+                self._piece = branch
             yield self._told(branch, end, unit)
             if ahead is None:
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
@@ -80,7 +83,7 @@ class AnmFollower(Walker):
         direction, unit = None, 1.0
         if self._previous is not None:
             direction, unit = self._onward(self._previous)
-        if direction is None or self._options.direction:
+        if direction is None or (self._options.direction and not self._resumed):
             sign = self._options.direction or np.sign(self._lam_end - self._lam)
             direction = np.zeros(self._problem.size), float(sign)
         return direction, unit

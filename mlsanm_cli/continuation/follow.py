@@ -21,6 +21,7 @@ def follow(
     previous: Branch | None = None,
     barrier: Callable[[Branch], float] | None = None,
     levels: Sequence[float] = (),
+    resumed: bool = False,
 ) -> Follower:
     """Return the follower of the path R(x, lam) = 0 from (x0, lam0) to the load factor ``lam_end``.
 
@@ -35,7 +36,10 @@ def follow(
     barrier : tells how far along a piece of path the problem holds; the path ends there with the reason EVENT
     levels : load factors at which states are wanted. Steps of Newton's method end there; power series hold
         them anyway
+    resumed : the start is the end of a step of such a path, whose ``outcome.piece`` then was ``previous``;
+        the path goes on to the same bits and counts as if it had not been left. ValueError without
+        ``previous``
     """
     if isinstance(options, NewtonOptions):
-        return NewtonFollower(problem, x0, lam0, lam_end, options, previous, barrier, levels)
-    return AnmFollower(problem, x0, lam0, lam_end, options, previous, barrier)
+        return NewtonFollower(problem, x0, lam0, lam_end, options, previous, barrier, levels, resumed)
+    return AnmFollower(problem, x0, lam0, lam_end, options, previous, barrier, resumed)

@@ -21,6 +21,7 @@ import numpy as np
 from mlsanm_cli.continuation.corrector import (
     Across,
     Correction,
+    Effort,
     admissible_part,
     iterate,
     residual_norm,
@@ -41,8 +42,8 @@ _TURN, _ASTRAY = 0.3, 1.0
 # step, which is cut down by no more than this at once.
 _FAITHFUL, _CUT = 1e-4, 0.2
 # An event is settled when its place moves by less than this part of the step (the next move would be about
-# the square of that), or no less than before and within the tolerance: problems may hand out tangents that
-# are not quite new.
+# the square of that), or no less than before and within the tolerance, as a load factor or scaled length:
+# problems may hand out tangents that are not quite new.
 _SETTLED, _SHRINKING = 1e-10, 0.5
 _GUESSES = 20
 # The cubic up to the last guess is also looked at beyond it, to this multiple of its length.
@@ -89,25 +90,31 @@ class NewtonFollower(Walker):
         previous: Branch | None = None,
         barrier: Callable[[Branch], float] | None = None,
         levels: Sequence[float] = (),
+        resumed: bool = False,
     ) -> None:
         self._options = options or NewtonOptions()
-        super().__init__(problem, x0, lam0, lam_end, self._options, previous, barrier)
+        super().__init__(problem, x0, lam0, lam_end, self._options, previous, barrier, resumed)
         self._loaded = self._options.control == "load"
         self._levels = sorted({*levels, self._lam_end})
-        self._pace = self._way = 0.0
+        self._pace = 0.0
 
     def _walk(self) -> Iterator[Step]:
         try:
-            here = self._station(self._x, self._lam, self._effort)
+            # What a resumed path has at its start, the step before has paid for.
+            effort = Effort() if self._resumed else self._effort
+            here = self._station(self._x, self._lam, effort)
         except SingularTangentError as error:
             raise Stopped(StopReason.SINGULAR_TANGENT, f"at the start: {error.message}") from error
         side = float(self._options.direction or np.sign(self._lam_end - self._lam))
         toward = np.zeros(self._problem.size), side
-        if self._previous is not None and not self._options.direction:
+        if self._previous is not None and (self._resumed or not self._options.direction):
             toward = self._previous.x[1], float(self._previous.lam[1])
         along = self._along(here, toward)
-        self._way = abs((self._lam_end - self._lam) / along[1]) if along[1] else 1.0
-        self._pace = self._options.first * self._way if self._previous is None else self._previous.length
+        if self._previous is None:
+            way = abs((self._lam_end - self._lam) / along[1]) if along[1] else 1.0
+            self._pace = self._options.first * way
+        else:
+            self._pace = self._previous.length
         while not self._stopped:
             self._allow()
             leg = self._advance(here, along)
@@ -252,7 +259,7 @@ class NewtonFollower(Walker):
             if found == np.inf:
                 return leg  # the first cubic's own doing
             move = abs(found - leg.piece.length)
-            within = move <= self._options.tolerance * self._way and move > _SHRINKING * before
+            within = move <= self._options.tolerance and move > _SHRINKING * before
             if move <= _SETTLED * whole or within:
                 break
             a, before = found, move

@@ -65,7 +65,7 @@ class Outcome:
     """How a path ended: ``reason``, a sentence about it, the last good point, totals of the whole path.
 
     ``piece`` is the last step as long as it would have been without an event: the ``previous`` of a path that
-    goes on.
+    goes on, which needs no more of it than its ``tangent``.
     """
 
     reason: StopReason

@@ -76,6 +76,11 @@ class Branch:
         return int(self.lam.size) - 1
 
     @property
+    def tangent(self) -> Branch:
+        """The straight piece that begins alike and is as long."""
+        return Branch(self.x[:2], self.lam[:2], self.length)
+
+    @property
     def size(self) -> int:
         """Number of unknowns."""
         return int(self.x.shape[1])

@@ -35,9 +35,12 @@ class Walker(ABC):
         options: PathOptions,
         previous: Branch | None = None,
         barrier: Callable[[Branch], float] | None = None,
+        resumed: bool = False,
     ) -> None:
         self._problem, self._limits, self._barrier = problem, options, barrier
-        self._lam_end, self._previous = float(lam_end), previous
+        self._lam_end, self._previous, self._resumed = float(lam_end), previous, resumed
+        if resumed and previous is None:
+            raise ValueError("a path is taken up again behind a previous piece")
         self._metric = Metric(problem.scale)
         self._x, self._lam, self._residual = np.array(x0, dtype=np.float64), float(lam0), np.inf
         if self._x.shape != (problem.size,):

@@ -1,0 +1,29 @@
+"""Where a path begins: before the first load, or behind a step of a run that was cut short.
+
+Every step carries its method's mark, a dataclass of all that the next one depends on. Packed it is what a run
+keeps of its path, and what the path is taken up from, to the same bits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+from mlsanm_cli.packing import unpacked
+
+Mark = TypeVar("Mark")
+
+
+@dataclass(frozen=True)
+class Start:
+    """``steps`` are done, and the last one's mark is ``packed``; nothing is, before the first load."""
+
+    steps: int = 0
+    packed: bytes = b""
+
+    def mark(self, kind: type[Mark]) -> Mark | None:
+        """The mark, of a method's own class; None at the beginning. ValueError if it is of another."""
+        return unpacked(kind, self.packed) if self.packed else None
+
+
+BEGINNING = Start()

@@ -1,0 +1,93 @@
+"""A path taken up again behind any of its steps goes on to the same bits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mlsanm_cli.app.build import Built, build_scene, complete
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.marks import Start
+from mlsanm_cli.app.paths import FrictionMark
+from mlsanm_cli.app.polish import load_path
+from mlsanm_cli.app.rubbing_path import RubbingMark
+from mlsanm_cli.app.states import PathStep
+from mlsanm_cli.case import load_case
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.packing import packed, unpacked
+from tests.app.scenes import BAR, PATCH, Quiet, hertz
+from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
+
+INSIDE = "output.at=[0.3, 0.7, 1.0]"
+SHORT = ("stage=[{press=1.0}, {shear=1.0}, {shear=1.0}, {shear=0.3}]", "output.at=[0.5, 1.5, 4.0]")
+NEWTON, MONOLITHIC = 'solver.method="newton"', 'solver.formulation="monolithic"'
+SCENES = {
+    "linear": (BAR, ("output.at=[0.2, 0.6, 1.0]",)),
+    "exact": (PATCH, ("output.at=[0.25, 0.5, 1.0]",)),
+    "series": (hertz(), (INSIDE, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]")),
+    "newton": (hertz(), (INSIDE, NEWTON)),
+    "monolithic": (hertz(), (INSIDE, MONOLITHIC)),
+    "polished": (hertz(), (INSIDE, "solver.polish=true")),
+    "holonomic": (SHEARED, (HOLONOMIC, "stage=[{press=1.0, shear=1.0}]", "output.at=[0.7, 1.0]")),
+    "friction": (SHEARED, SHORT),
+    "friction by newton": (SHEARED, (NEWTON, *SHORT)),
+    "exact friction": (SHEARED, (EXACT, *SHORT)),
+    "polished friction": (SHEARED, ("solver.polish=true", *SHORT)),
+}
+EVERY = {"friction": 5, "friction by newton": 17, "polished friction": 11, "monolithic": 4}
+"""Only every so many steps are tried where there are many."""
+
+
+def built_of(name: str, directory: Path, *more: str) -> Built:
+    text, settings = SCENES[name]
+    case = directory / "case.toml"
+    case.write_text(text)
+    loaded, clock, console = load_case(case, (*settings, *more)), Clock(), Quiet()
+    return complete(loaded.case, build_scene(loaded, clock, console), clock, console)
+
+
+def bits(step: PathStep) -> bytes:
+    """All of a step; reading back what its mark was packed from changes nothing."""
+    return packed(step)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_rest_of_a_path_is_the_same(name: str, tmp_path: Path) -> None:
+    built = built_of(name, tmp_path)
+    whole = list(load_path(built))
+    assert len(whole) > 3
+    expected = [bits(step) for step in whole]
+    for count in range(1, len(whole) + 1, EVERY.get(name, 1)):
+        rest = list(load_path(built, Start(count, packed(whole[count - 1].mark))))
+        assert [bits(step) for step in rest] == expected[count:], f"behind step {count - 1}"
+
+
+def test_the_rest_of_a_path_has_the_steps_that_are_left(tmp_path: Path) -> None:
+    built = built_of("series", tmp_path, "solver.max_steps=7")
+    steps: list[PathStep] = []
+    with pytest.raises(NumericalError, match="steps"):
+        steps.extend(load_path(built))
+    rest: list[PathStep] = []
+    with pytest.raises(NumericalError, match="more than 7 steps"):
+        rest.extend(load_path(built, Start(4, packed(steps[3].mark))))
+    assert [bits(step) for step in rest] == [bits(step) for step in steps[4:]]
+
+
+def test_a_mark_without_memory_leads_elsewhere(tmp_path: Path) -> None:
+    """What a mark holds is needed: slips at rest, and where a shared tangent was made."""
+    exact, smooth = built_of("exact friction", tmp_path), built_of("friction", tmp_path)
+    for built, kind in ((exact, FrictionMark), (smooth, RubbingMark)):
+        steps = list(load_path(built))
+        count = max(k for k, step in enumerate(steps) if step.state.position <= 1.5) + 1
+        mark = unpacked(kind, packed(steps[count - 1].mark))
+        if isinstance(mark, FrictionMark):
+            mark = replace(mark, state=replace(mark.state, anchor=0.0 * mark.state.anchor))
+        else:
+            mark = replace(mark, anchor=0.0 * mark.anchor)
+        try:
+            rest = list(load_path(built, Start(count, packed(mark))))
+        except NumericalError:
+            continue
+        assert [bits(step) for step in rest] != [bits(step) for step in steps[count:]]
