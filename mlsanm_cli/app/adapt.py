@@ -24,7 +24,9 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.residual import residual_zones
 from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.patches import Patch, contact_patches
 from mlsanm_cli.contact.profile import half_width
@@ -58,13 +60,27 @@ class Pass:
 
 
 @dataclass(frozen=True)
+class Refinement:
+    """What refined clouds follow from: ``zones`` (z, 5) with centre, spacing, radius and growth, and the
+    history that led to them."""
+
+    zones: FloatArray
+    passes: tuple[Pass, ...]
+
+
+@dataclass(frozen=True)
 class Adapted:
     """The last pass's scene, and the history of all."""
 
     prepared: Prepared
     built: Built
     accuracy: Accuracy
-    passes: tuple[Pass, ...]
+    refinement: Refinement
+
+    @property
+    def passes(self) -> tuple[Pass, ...]:
+        """One entry for every scene solved."""
+        return self.refinement.passes
 
     @property
     def refined(self) -> bool:
@@ -77,11 +93,21 @@ class Adapted:
         return [asdict(one) for one in self.passes]
 
 
+def refine_again(
+    case: Case, found: Refinement, clock: Clock, console: Console, memo: Memo = AFRESH
+) -> Adapted:
+    """The scene that an earlier process refined."""
+    zones = tuple(Zone.around((x, y), *more) for x, y, *more in found.zones.tolist())
+    prepared = place(case, clock, console, zones, memo)
+    return Adapted(prepared, *_solved(case, prepared, clock, console, memo), found)
+
+
 def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: Memo = AFRESH) -> Adapted:
     """Complete the scene, and refine it as often as the case asks or until nothing changes any more."""
     built, accuracy = _solved(case, prepared, clock, console, memo)
     history = [_figures(built, accuracy, None)]
     bulk: tuple[Zone, ...] = ()
+    placed: tuple[Zone, ...] = ()
     for number in range(1, case.adapt.passes + 1):
         patches = tuple(found_patches(built))
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch))
@@ -93,7 +119,8 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: 
             console.note(f"refinement ends before pass {number}: the clouds are fine enough everywhere")
             break
         bulk = (*bulk, *more)
-        prepared = place(case, clock, console, (*zones, *bulk), memo)
+        placed = (*zones, *bulk)
+        prepared = place(case, clock, console, placed, memo)
         built, accuracy = _solved(case, prepared, clock, console, memo)
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
@@ -104,7 +131,17 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: 
         )
         if now.change is not None and now.change <= TOLERANCE:
             break
-    return Adapted(prepared, built, accuracy, tuple(history))
+    return Adapted(prepared, built, accuracy, Refinement(_table(placed), tuple(history)))
+
+
+def _table(zones: tuple[Zone, ...]) -> FloatArray:
+    """Round zones, which are all that passes ask for, as rows (z, 5)."""
+    rows = []
+    for zone in zones:
+        assert isinstance(zone.curve, Segment)
+        assert zone.curve.start == zone.curve.end
+        rows.append((*zone.curve.start, zone.spacing, zone.radius, zone.growth))
+    return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
 def _solved(

@@ -24,6 +24,7 @@ PROVENANCE = (
     "resumed",
     "case_path",
     "case_hash",
+    "cache_hash",
 )
 
 

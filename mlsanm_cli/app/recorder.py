@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.app import recording
+from mlsanm_cli.app.adapt import Adapted
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.check import model_bodies
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.diagnosis import diagnose, node_fields, worst_nodes
+from mlsanm_cli.app.marks import BEGINNING, Start
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.states import PathStep, Polish, State
 from mlsanm_cli.case import LoadedCase, resolved_mapping
@@ -25,13 +28,51 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.summary import EventLog, toml_text, write_interface_csv, write_json_atomic, write_toml
 from mlsanm_cli.io.vtu import StateWriter, write_model, write_single
+from mlsanm_cli.packing import packed
+
+PATH, CLOUDS = "path", "clouds"
+"""Names of what a run goes on from, in run.h5."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What a run knows of its steps so far, the last state included, and the ``mark`` of its path, packed.
+
+    With the clouds, packed too where they were refined, it is the checkpoint that `mlsanm resume` goes on
+    from. Nothing in it varies from run to run.
+    """
+
+    last: State
+    rows: int
+    saved: tuple[float, ...]
+    iterations: int
+    factorizations: int
+    solves: int
+    residual: float
+    linear_residual: float | None
+    cone: Mapping[str, float]
+    polished: tuple[Polish, ...]
+    warnings: tuple[str, ...]
+    mark: NDArray[np.uint8]
+
+    @property
+    def start(self) -> Start:
+        """Where the path goes on."""
+        return Start(self.rows, self.mark.tobytes())
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """What an earlier process left of a run: its steps, if there are any, and the seconds they took."""
+
+    recorded: Recorded | None
+    seconds: float
 
 
 class Recorder:
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
 
-    With ``resumed`` it goes on with the files of an earlier process. The path is then brought again from its
-    start: what is stored is compared, RunError if it differs, and everything beyond it is written.
+    With ``earlier`` it goes on with the files of an earlier process, behind the last step in them.
     """
 
     def __init__(
@@ -42,7 +83,7 @@ class Recorder:
         clock: Clock,
         console: Console,
         *,
-        resumed: bool = False,
+        earlier: Earlier | None = None,
     ) -> None:
         self.directory = directory
         self._case = loaded.case
@@ -50,13 +91,14 @@ class Recorder:
         self._console = console
         with clock.phase("output"):
             resolved = resolved_mapping(loaded.case)
-            make = RunFile.reopen if resumed else RunFile.create
-            self._file = make(directory / run_dir.RUN_FILE, attributes)
+            self._file = _open(directory / run_dir.RUN_FILE, attributes, earlier)
             try:
                 self._file.write_case(loaded.raw, toml_text(resolved))
+                self._file.commit()
                 self._events = EventLog(directory / run_dir.EVENTS_FILE)
-                if resumed:
-                    self._events.write("resume", steps=max(self._file.stored_rows - 1, 0))
+                if earlier is not None:
+                    before = earlier.recorded.rows - 1 if earlier.recorded else 0
+                    self._events.write("resume", steps=before)
                 else:
                     start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
                     self._events.write("start", **start, threads=attributes.get("threads", 1))
@@ -66,10 +108,14 @@ class Recorder:
                 self._file.close()
                 raise
         self._states = StateWriter(directory)
-        self._started = time.monotonic()
+        # The clock of /path/seconds goes on where it stood.
+        self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
+        self._earlier = earlier.recorded if earlier else None
         self._rows = 0
+        self._saved: list[float] = []
+        self._told: list[str] = []
         self.last: State | None = None
-        self.steps = self.iterations = self.factorizations = self.solves = 0
+        self.iterations = self.factorizations = self.solves = 0
         self.residual = 0.0
         self.linear_residual: float | None = None
         self.warnings: list[str] = []
@@ -79,18 +125,45 @@ class Recorder:
         self.judged: State | None = None
         self.failed_at: dict[str, Any] = {}
 
-    def start(self, built: Built) -> None:
-        """Store the model."""
+    @property
+    def steps(self) -> int:
+        """Finished steps; the state at the start is none."""
+        return max(self._rows - 1, 0)
+
+    def start(self, adapted: Adapted) -> Start:
+        """Store the model; where its path begins, or goes on."""
+        built = adapted.built
         with self._clock.phase("output"):
             recording.write_model(self._file, built)
+            self._file.confirm_attribute("cache_hash", recording.operators_digest(built))
+            if adapted.refined:
+                self._file.write_checkpoint(CLOUDS, packed(adapted.refinement))
+            self._file.commit()
+            return self._take_up(built, self._earlier) if self._earlier else BEGINNING
+
+    def _take_up(self, built: Built, before: Recorded) -> Start:
+        """Go on behind what is recorded."""
+        self.last, self._rows = before.last, before.rows
+        self.iterations, self.factorizations, self.solves = (
+            before.iterations,
+            before.factorizations,
+            before.solves,
+        )
+        self.residual, self.linear_residual = before.residual, before.linear_residual
+        self.cone, self.polished = dict(before.cone), list(before.polished)
+        self.warnings += before.warnings
+        self._told += before.warnings
+        for position in before.saved:
+            self._saved.append(position)
+            if self._case.output.vtu:
+                self._states.keep(position, tuple(built.scene.bodies))
+        return before.start
 
     def step(self, built: Built, step: PathStep) -> None:
-        """Store one finished step: its series first, then its row, then the fields wanted within it."""
+        """Store one finished step, all at once: its series, its row, the fields wanted within it, and what
+        the run goes on from."""
+        state, index = step.state, self._rows
         with self._clock.phase("output"):
-            state, index, new = step.state, self._rows, self._rows >= self._file.stored_rows
-            if not new:
-                # The clock of /path/seconds goes on where it stood.
-                self._started = time.monotonic() - self._file.stored_seconds
             if step.series:
                 if not self._mapped:
                     recording.write_maps(self._file, built)
@@ -100,46 +173,57 @@ class Recorder:
             self._events.write_once(
                 "step", index=index, position=state.position, residual=state.residual, length=step.length
             )
-            self.last, self.steps, self._rows = state, index, index + 1
+            self.last, self._rows = state, index + 1
             self.iterations += step.iterations
             self.factorizations += step.factorizations
             self.solves += step.solves
             self.residual = max(self.residual, state.residual, *(s.residual for s in step.saved), 0.0)
             for saved in step.saved:
                 self._save_fields(built, saved)
-        for name in built.condensed.tangential:
-            ratios = [recording.cone_ratio(built, name, s) for s in (state, *step.saved)]
-            self.cone[name] = max(self.cone.get(name, 0.0), *ratios)
-        if step.polish is not None:
-            self.polished.append(step.polish)
-        if step.warning:
-            self.warn(step.warning)
+            for name in built.condensed.tangential:
+                ratios = [recording.cone_ratio(built, name, s) for s in (state, *step.saved)]
+                self.cone[name] = max(self.cone.get(name, 0.0), *ratios)
+            if step.polish is not None:
+                self.polished.append(step.polish)
+            if step.warning:
+                self._told.append(step.warning)
+                self.warn(step.warning)
+            self._file.write_checkpoint(PATH, packed(self._recorded(state, step.mark)))
+            self._file.commit()
         peak = float(state.pressure.max(initial=0.0))
         text = f"closed {int(state.closed.sum())}  peak pressure {peak:.6g}" if len(state.pressure) else ""
-        if new:
-            self._console.step(index, state.position, state.residual, text)
+        self._console.step(index, state.position, state.residual, text)
+
+    def _recorded(self, state: State, mark: object) -> Recorded:
+        return Recorded(
+            last=state,
+            rows=self._rows,
+            saved=tuple(self._saved),
+            iterations=self.iterations,
+            factorizations=self.factorizations,
+            solves=self.solves,
+            residual=self.residual,
+            linear_residual=self.linear_residual,
+            cone=self.cone,
+            polished=tuple(self.polished),
+            warnings=tuple(self._told),
+            mark=np.frombuffer(packed(mark), np.uint8),
+        )
 
     def _save_fields(self, built: Built, state: State) -> None:
         wanted = tuple(dict.fromkeys(self._case.output.fields))
         if not wanted:
             return
-        stored, vtu, names = self._file.stored_state(), self._case.output.vtu, tuple(built.scene.bodies)
-        if stored is not None and (not vtu or self._states.keep(state.position, names)):
-            self._solved_to(float(stored["linear_residual"]))
-            return
         fields, residual = recording.fields_of(
             built, state, stress=bool({"stress", "von_mises"} & set(wanted))
         )
-        self._solved_to(residual)
-        if vtu:
-            self._states.write(state.position, recording.vtu_states(built, fields, wanted))
-        if stored is None:
-            kept = recording.stored_fields(fields, wanted)
-            self._file.write_fields(state.position, kept, {"linear_residual": residual})
-
-    def _solved_to(self, residual: float) -> None:
         # Unlike max of Python, that of numpy loses no nan.
         self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
+        if self._case.output.vtu:
+            self._states.write(state.position, recording.vtu_states(built, fields, wanted))
+        kept = recording.stored_fields(fields, wanted)
+        self._file.write_fields(state.position, kept, {"linear_residual": residual})
+        self._saved.append(state.position)
 
     def check_linear(self, built: Built) -> float:
         """Largest residual of the linear systems over the saved states, or of the last if none was saved."""
@@ -205,3 +289,11 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _open(path: Path, attributes: Mapping[str, str | int | float], earlier: Earlier | None) -> RunFile:
+    """run.h5, a new one or that of an earlier process."""
+    if earlier is None:
+        return RunFile.create(path, attributes)
+    before = earlier.recorded
+    return RunFile.reopen(path, attributes, *((before.rows, len(before.saved)) if before else (0, 0)))

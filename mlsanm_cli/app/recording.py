@@ -19,6 +19,7 @@ from mlsanm_cli.io.records import ContactRecord, ProbeRecord, StepRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
 from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.memo import digest
 
 PRESSED = 1e-9
 """Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
@@ -67,6 +68,13 @@ def write_model(file: RunFile, built: Built) -> None:
     condensed = built.condensed
     moved = tuple(platen_displacements(built))
     file.start_path(built.scene.loads, tuple(condensed.forces), moved, tuple(condensed.probes))
+
+
+def operators_digest(built: Built) -> str:
+    """A digest of all that the path of a scene follows from beside its loads: equal for equal operators."""
+    condensed = built.condensed
+    maps = (condensed.gap, condensed.slip, condensed.watched, condensed.balance)
+    return digest([one.matrix for one in maps], condensed.weight)
 
 
 def write_maps(file: RunFile, built: Built) -> None:

@@ -1,9 +1,8 @@
 """``mlsanm resume``: a run that was stopped or killed goes on to the same result, bit for bit.
 
-The path is deterministic, so it is followed once more from its start, without writing, up to the last step
-stored; every number that comes by is compared with the stored one. That way friction's memory, refined clouds
-and the pace of every method are what they were, for methods to come too, and a machine that rounds
-differently is found out. It costs the time of the steps done so far, less their output.
+Its path is taken up behind the last step stored, from what that step's checkpoint holds. Clouds and operators
+are made anew from the resolved case, or come from the cache, and are compared with what is stored: a machine
+that rounds differently is found out.
 """
 
 from __future__ import annotations
@@ -13,11 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli.app.adapt import Refinement
 from mlsanm_cli.app.build import build_scene
+from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.foreign import survey
-from mlsanm_cli.app.recorder import Recorder
+from mlsanm_cli.app.recorder import CLOUDS, PATH, Earlier, Recorded, Recorder
 from mlsanm_cli.app.run import carry_out
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import LoadedCase, parse_case
@@ -26,13 +27,16 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_reader import RunOrigin, read_origin
 from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.packing import Value, unpacked
 
 
-def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:
+def resume(
+    rundir: Path, *, max_wall: float | None = None, threads: int = 1, cache: bool = False, console: Console
+) -> Mapping[str, Any]:
     """Finish the run in a directory; returns and raises what `run` does.
 
     A run that is done is left as it is. Raises RunError for one that failed, for it would again; for one that
-    cannot be read; and where the stored steps do not come out again.
+    cannot be read; and where clouds or operators are not what they were.
     """
     read_origin(rundir)
     clock = Clock()
@@ -49,17 +53,26 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
                 f"the run in {rundir} failed, and would fail again", "change the case and run it with --force"
             )
         loaded = stored_case(origin, rundir)
-        if max_wall is not None and origin.seconds >= max_wall:
-            console.warning(
-                f"the steps done so far took {origin.seconds:.0f} s and are followed again: "
-                f"--max-wall {max_wall:g} may end before the first new one"
-            )
-        prepared = build_scene(loaded, clock, console)
+        recorded, refinement = _stored(origin, PATH, Recorded), _stored(origin, CLOUDS, Refinement)
+        memo = shelf(threads, console.warning, on_disk=cache)
+        prepared = build_scene(loaded, clock, console, memo)
         run_dir.reopen(rundir)
         again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
-        with Recorder(rundir, loaded, again, clock, console, resumed=True) as recorder:
-            summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console)
+        earlier = Earlier(recorded, origin.seconds)
+        with Recorder(rundir, loaded, again, clock, console, earlier=earlier) as recorder:
+            summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console, memo, refinement)
     return {**summary, "directory": str(rundir)}
+
+
+def _stored(origin: RunOrigin, name: str, kind: type[Value]) -> Value | None:
+    """What a run goes on from; None if it was not written yet."""
+    content = origin.checkpoint.get(name)
+    try:
+        return None if content is None else unpacked(kind, content)
+    except ValueError as error:
+        raise RunError(
+            f"the checkpoint of the run cannot be read: {error}", "run the case again with --force"
+        ) from error
 
 
 def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.adapt import Adapted, adapt
+from mlsanm_cli.app.adapt import Adapted, Refinement, adapt, refine_again
 from mlsanm_cli.app.build import Built, build_scene
 from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.clock import Clock
@@ -21,6 +21,7 @@ from mlsanm_cli.app.judge import (
     judge_spacing,
     judge_state,
 )
+from mlsanm_cli.app.marks import Start
 from mlsanm_cli.app.polish import load_path
 from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess, case_warnings, factor_warnings
@@ -90,8 +91,12 @@ def carry_out(
     clock: Clock,
     console: Console,
     memo: Memo = AFRESH,
+    refinement: Refinement | None = None,
 ) -> Mapping[str, Any]:
-    """Refine and follow a scene whose recorder is open, until it is done, failed or stopped; the summary."""
+    """Refine and follow a scene whose recorder is open, until it is done, failed or stopped; the summary.
+
+    A ``refinement`` is what an earlier process found.
+    """
     built: Built | None = None
     adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
@@ -102,7 +107,10 @@ def carry_out(
             console.note(note)
         for warning in (*quality.warnings, *case_warnings(case)):
             recorder.warn(warning)
-        adapted = adapt(case, prepared, clock, console, memo)
+        if refinement is None:
+            adapted = adapt(case, prepared, clock, console, memo)
+        else:
+            adapted = refine_again(case, refinement, clock, console, memo)
         built = adapted.built
         if adapted.refined:
             told, quality = quality.warnings, assess(case, adapted.prepared, memo)
@@ -111,8 +119,7 @@ def carry_out(
                     recorder.warn(warning)
         stopper.gentle = True
         stopper.check()
-        recorder.start(built)
-        _follow(built, recorder, clock, stopper)
+        _follow(built, recorder.start(adapted), recorder, clock, stopper)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
         ending = Ending("failed", error.message, error.hint, stability)
@@ -130,9 +137,9 @@ def carry_out(
     return summary
 
 
-def _follow(built: Built, recorder: Recorder, clock: Clock, stopper: Stopper) -> None:
+def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stopper: Stopper) -> None:
     """Go along the path; raises NumericalError as soon as a state cannot be believed."""
-    steps = load_path(built)
+    steps = load_path(built, start)
     while True:
         stopper.check()
         with clock.phase("continuation"):

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from mlsanm_cli.cli.options import FILE, common, console_for, max_wall_option, print_result
+from mlsanm_cli.cli.options import FILE, cache_option, common, console_for, max_wall_option, print_result
 from mlsanm_cli.cli.results import run_text
 from mlsanm_cli.cli.settings import Settings, set_threads
 
@@ -23,19 +23,21 @@ _STATUS_CODES = {"failed": 3, "stopped": 75}
 @click.option(
     "--threads", type=click.IntRange(min=1), help="Threads to use.  [default: as many as the run used]"
 )
+@cache_option
 @common
 @click.pass_obj
-def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None) -> int:
-    """Go on with the run in RUNDIR that was stopped or killed.
+def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None, cache: bool) -> int:
+    """Go on with the run in RUNDIR that was stopped or killed, behind its last finished step.
 
-    Its finished steps are followed again and must come out equal to the last bit.
+    Clouds and operators must come out as they were, to the last bit.
     """
-    set_threads(threads or _threads_of(rundir))
+    threads = threads or _threads_of(rundir)
+    set_threads(threads)
     from mlsanm_cli.app.resume import resume as resume_run
 
     console = console_for(settings)
     try:
-        summary = resume_run(rundir, max_wall=max_wall, console=console)
+        summary = resume_run(rundir, max_wall=max_wall, threads=threads, cache=cache, console=console)
     finally:
         console.close()
     return show_run(settings, summary)

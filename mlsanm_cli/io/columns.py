@@ -70,15 +70,6 @@ class Column:
         target.select_hyperslab((index, *self._origin), self._row_shape)
         self._dataset.write(self._row_space, target, row)
 
-    def read(self, index: int) -> NDArray[Any]:
-        """The row at ``index`` in the shape that `checked` gives."""
-        row = np.empty(self._row_shape, dtype=self._dtype)
-        if not self._empty:
-            source = self._dataset.get_space()
-            source.select_hyperslab((index, *self._origin), self._row_shape)
-            self._dataset.read(self._row_space, source, row)
-        return row
-
     def truncate(self, rows: int) -> None:
         """Drop the rows beyond the first ``rows``."""
         if self._dataset.shape[0] > rows:

@@ -24,9 +24,11 @@ def keep(group: Any, name: str, value: NDArray[Any] | str) -> None:
     place = f"{group.name}/{name}"
     if isinstance(value, str):
         if stored != value:
-            raise _differs(place)
+            raise differs(place)
         return
-    confirm(place, stored, value)
+    same = stored.shape == value.shape and stored.dtype == value.dtype
+    if not same or stored.tobytes() != np.ascontiguousarray(value).tobytes():
+        raise differs(place)
 
 
 def keep_names(group: Any, name: str, names: Sequence[str]) -> None:
@@ -35,14 +37,7 @@ def keep_names(group: Any, name: str, names: Sequence[str]) -> None:
         array = np.array(list(names), dtype=object)
         group.create_dataset(name, data=array, dtype=h5py.string_dtype())
     elif group[name].asstr()[...].tolist() != list(names):
-        raise _differs(f"{group.name}/{name}")
-
-
-def confirm(place: str, stored: NDArray[Any], value: NDArray[Any]) -> None:
-    """RunError unless two arrays are equal bit for bit."""
-    same = stored.shape == value.shape and stored.dtype == value.dtype
-    if not same or stored.tobytes() != np.ascontiguousarray(value).tobytes():
-        raise _differs(place)
+        raise differs(f"{group.name}/{name}")
 
 
 def checked_name(name: str) -> str:
@@ -69,7 +64,8 @@ def check_keys(what: str, given: Mapping[str, Any], expected: Sequence[str]) -> 
         raise ValueError(f"{what} of the step are {sorted(given)}, expected {sorted(expected)}")
 
 
-def _differs(place: str) -> RunError:
+def differs(place: str) -> RunError:
+    """The RunError for what a resumed run has other than it was."""
     return RunError(
         f"the run cannot be resumed: what is stored in {place} does not come out again",
         "another version, machine or library rounds differently; run the case again with --force",

@@ -12,10 +12,11 @@ Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
     /maps/<kind>/<name>     (r, 1 + unknowns)
     /series/<step>/...      whatever reproduces the step
     /fields/<k>/<b>/...     saved states, /fields/position (K,)
+    /checkpoint/<name>      (bytes,) what the run goes on from behind its last row
 
 Equal runs give equal arrays, /path/seconds apart: nothing that varies from run to run (times, paths, machine)
-is stored in an array. That is how a run is resumed: it comes along the same path once more, what is stored
-already is compared bit for bit, and the first new row goes behind the last.
+is stored in an array. A run that is resumed makes bodies, contacts and maps anew, which are compared with
+those stored bit for bit, and its next row goes behind the last.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
 from mlsanm_cli.io.columns import Column
 from mlsanm_cli.io.journal import JournaledFile, recover, shielded
-from mlsanm_cli.io.kept import check_keys, check_shape, checked_name, confirm, floats, keep, keep_names
+from mlsanm_cli.io.kept import check_keys, check_shape, checked_name, differs, floats, keep, keep_names
 from mlsanm_cli.io.records import (
     CONTACT_COLUMNS,
     CONTACT_TOTALS,
@@ -51,8 +52,8 @@ if TYPE_CHECKING:
 # HDF5 1.8 to 1.10: compact groups, and readable by every program in use (ParaView, MATLAB, old h5py).
 _LIBRARY_VERSIONS = ("v108", "v110")
 
-VARYING = frozenset({"seconds"})
-"""Columns that differ from run to run."""
+CHECKPOINT_CHUNK = 16384
+"""Bytes."""
 
 FloatArray = NDArray[np.float64]
 Attribute = str | int | float
@@ -62,9 +63,10 @@ __all__ = ["Attribute", "ContactRecord", "RunFile", "StepRecord", "checked_name"
 class RunFile:
     """run.h5 open for writing, made with `RunFile.create` or `RunFile.reopen`; a context manager.
 
-    An exception leaves ``status`` as the caller set it last. Every method raises RunError if the file cannot
-    be written (full disk), a name cannot be stored, or, in a file reopened, if it brings other values than
-    those stored; and ValueError for arrays of the wrong shape.
+    What is written is on disk with the next `commit`, all of it or nothing. An exception leaves ``status`` as
+    the caller set it last. Every method raises RunError if the file cannot be written (full disk), a name
+    cannot be stored, or, in a file reopened, if it brings another model than the one stored; and ValueError
+    for arrays of the wrong shape.
     """
 
     def __init__(self, file: Any, store: JournaledFile, path: Path) -> None:
@@ -73,10 +75,6 @@ class RunFile:
         self._path = path
         self._columns: dict[str, Column] = {}
         self._rows = self._states = 0
-        # Rows and saved states that were there before, and the seconds they took.
-        self.stored_rows = len(file["path/position"]) if "path/position" in file else 0
-        self._stored_states = len(file["fields/position"]) if "fields/position" in file else 0
-        self.stored_seconds = float(file["path/seconds"][-1]) if self.stored_rows else 0.0
         self._contacts: list[str] = []
         self._loads: list[str] | None = None
         self._resultants: list[str] = []
@@ -105,8 +103,11 @@ class RunFile:
         return run
 
     @classmethod
-    def reopen(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
-        """Go on with the file of a run that was stopped or killed, with status "running"; RunError."""
+    def reopen(
+        cls, path: Path, attributes: Mapping[str, Attribute], rows: int = 0, states: int = 0
+    ) -> RunFile:
+        """Go on with the file of a run that was stopped or killed, with status "running", behind so many rows
+        and saved states; RunError."""
         try:
             recover(path)
             store = JournaledFile(path, new=False)
@@ -115,6 +116,7 @@ class RunFile:
         except (OSError, RuntimeError) as error:
             raise cannot_write(path, error) from error
         run = cls(file, store, path)
+        run._rows, run._states = rows, states
         run.set_attributes({"status": "running", **attributes})
         return run
 
@@ -124,7 +126,6 @@ class RunFile:
             group = self._file.require_group("case")
             keep(group, "raw", raw)
             keep(group, "resolved", resolved)
-            self._commit()
 
     def write_body(
         self,
@@ -155,8 +156,8 @@ class RunFile:
 
         All contacts must be there before the first step.
         """
-        if self._rows:
-            raise ValueError(f"contact {name} comes after the first step")
+        if self._loads is not None:
+            raise ValueError(f"contact {name} comes after the path was started")
         count = len(points)
         geometry = {"points": points, "normal": normal, "arc_length": arc_length, "weight": weight}
         for key, array in geometry.items():
@@ -201,17 +202,13 @@ class RunFile:
                 point = observed.require_group(checked_name(name))
                 for key, tail in PROBE_COLUMNS.items():
                     self._add_column(point, f"probes/{name}/{key}", key, tail, np.float64)
-            self._commit()
         self._loads = list(loads)
         self._resultants = list(resultants)
         self._displacements = list(displacements)
         self._probes = list(probes)
 
     def append_step(self, step: StepRecord) -> None:
-        """Append one row to /path and to every contact history, and commit; compare one that is stored.
-
-        Write the step's series first: then a run killed at any moment has a series for every row.
-        """
+        """Append one row to /path and to every contact history."""
         if self._loads is None:
             raise ValueError("start_path must be called before append_step")
         check_keys("load factors", step.factors, self._loads)
@@ -230,20 +227,10 @@ class RunFile:
         for name, probe in step.probes.items():
             values |= {f"probes/{name}/{key}": getattr(probe, key) for key in PROBE_COLUMNS}
         rows = {key: self._columns[key].checked(value) for key, value in values.items()}
-        if self._rows < self.stored_rows:
-            self._confirm(rows)
-        else:
-            with self._storing():
-                for key, row in rows.items():
-                    self._columns[key].write(self._rows, row)
-                self._commit()
-        self._rows += 1
-
-    def _confirm(self, rows: Mapping[str, NDArray[Any]]) -> None:
         with self._storing():
             for key, row in rows.items():
-                if key not in VARYING:
-                    confirm(f"row {self._rows} of {key}", self._columns[key].read(self._rows), row)
+                self._columns[key].write(self._rows, row)
+        self._rows += 1
 
     def write_maps(self, kind: str, maps: Mapping[str, FloatArray]) -> None:
         """Store matrices (r, 1 + u) as /maps/<kind>/<name>: they take 1 and the u unknowns of the path, load
@@ -266,14 +253,15 @@ class RunFile:
             for name, value in attributes.items():
                 group.attrs[name] = value
 
-    def stored_state(self) -> Mapping[str, Any] | None:
-        """Attributes of the next saved state if it is stored already; it then counts as written."""
-        if self._states >= self._stored_states:
-            return None
+    def write_checkpoint(self, name: str, content: bytes) -> None:
+        """Store what the run goes on from as /checkpoint/<name>, in place of what is there."""
         with self._storing():
-            attributes = dict(self._file[f"fields/{self._states}"].attrs)
-        self._states += 1
-        return attributes
+            group = self._file.require_group("checkpoint")
+            if name not in group:
+                group.create_dataset(name, (0,), np.uint8, maxshape=(None,), chunks=(CHECKPOINT_CHUNK,))
+            dataset = group[name]
+            dataset.resize((len(content),))
+            dataset[...] = np.frombuffer(content, np.uint8)
 
     def write_fields(
         self,
@@ -281,7 +269,7 @@ class RunFile:
         bodies: Mapping[str, Mapping[str, FloatArray]],
         attributes: Mapping[str, Attribute] | None = None,
     ) -> int:
-        """Store one saved state as /fields/<k>/<body>/<field>, commit, and return k; k counts from 0."""
+        """Store one saved state as /fields/<k>/<body>/<field>, and return k; k counts from 0."""
         index = self._states
         with self._storing():
             fields = self._file.require_group("fields")
@@ -295,7 +283,6 @@ class RunFile:
                     keep(group, name, floats(array))
             column = self._columns["fields/position"]
             column.write(index, column.checked(position))
-            self._commit()
         self._states += 1
         return index
 
@@ -305,6 +292,12 @@ class RunFile:
             for name, value in attributes.items():
                 self._file.attrs[name] = value
             self._commit()
+
+    def confirm_attribute(self, name: str, value: str) -> None:
+        """Set an attribute of the root that is not there yet; RunError where it is there and another."""
+        with self._storing():
+            if self._file.attrs.setdefault(name, value) != value:
+                raise differs(name)
 
     def set_status(self, status: str) -> None:
         """Set the status: running, done, failed or stopped."""
@@ -316,8 +309,7 @@ class RunFile:
             return
         with self._storing():
             for key, column in self._columns.items():
-                states, rows = max(self._states, self._stored_states), max(self._rows, self.stored_rows)
-                column.truncate(states if key == "fields/position" else rows)
+                column.truncate(self._states if key == "fields/position" else self._rows)
             self._columns.clear()
             self._file.close()
             self._store.close()
@@ -334,6 +326,11 @@ class RunFile:
         self, group: Any, key: str, name: str, tail: tuple[int, ...], dtype: type[np.generic]
     ) -> None:
         self._columns[key] = Column(group.id, name, tail, np.dtype(dtype))
+
+    def commit(self) -> None:
+        """Put all that was written so far on disk."""
+        with self._storing():
+            self._commit()
 
     def _commit(self) -> None:
         self._file.flush()

@@ -125,12 +125,14 @@ class RunData:
 
 @dataclass(frozen=True)
 class RunOrigin:
-    """What a run was made from: attributes, the case as given and resolved; the seconds it took so far."""
+    """What a run was made from: attributes, the case as given and resolved; the seconds it took so far, and
+    by name what it goes on from."""
 
     attributes: Mapping[str, str | int | float]
     case_raw: str
     case_resolved: str
     seconds: float
+    checkpoint: Mapping[str, bytes]
 
     @property
     def status(self) -> str:
@@ -194,6 +196,7 @@ def _origin(root: Any, file: Path) -> RunOrigin:
         case_raw=_text(root, "case/raw"),
         case_resolved=_text(root, "case/resolved"),
         seconds=float(seconds.sum()),
+        checkpoint={name: data[...].tobytes() for name, data in _items(root, "checkpoint")},
     )
 
 

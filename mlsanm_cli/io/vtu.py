@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import write_text
 from mlsanm_cli.io.meshes import write_vertices
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, fields_name
@@ -77,12 +78,15 @@ class StateWriter:
         self.finish()
         return paths
 
-    def keep(self, position: float, names: Sequence[str]) -> bool:
-        """Take the files of one state as an earlier process wrote them; False if one is missing."""
-        if not all(path.is_file() for path in self._paths(len(names))):
-            return False
+    def keep(self, position: float, names: Sequence[str]) -> None:
+        """Take the files of one state as an earlier process wrote them; RunError if one is missing."""
+        for path in self._paths(len(names)):
+            if not path.is_file():
+                raise RunError(
+                    f"{path} is missing, which the run had written before it stopped",
+                    hint="put it back, or run the case again with --force",
+                )
         self._add(position, names)
-        return True
 
     def finish(self) -> None:
         """Bring fields.pvd up to date. RunError if it cannot be written."""

@@ -8,9 +8,12 @@ from typing import Any
 
 import h5py
 
+VARYING = {"seconds", "peak_memory_mb", "cache"}
+"""Figures that tell how a run went and not what it found."""
+
 
 def differences(one: Path, other: Path) -> list[str]:
-    """Names of files, arrays and figures in which two runs differ, times and memory apart."""
+    """Names of files, arrays and figures in which two runs differ, times, memory and cache apart."""
     names = {path.name for path in one.iterdir()} ^ {path.name for path in other.iterdir()}
     found = sorted(names)
     first, second = _arrays(one), _arrays(other)
@@ -44,7 +47,7 @@ def _arrays(directory: Path) -> dict[str, Any]:
 
 def _figures(directory: Path) -> dict[str, Any]:
     figures = json.loads((directory / "summary.json").read_text())
-    return {key: value for key, value in figures.items() if key not in {"seconds", "peak_memory_mb"}}
+    return {key: value for key, value in figures.items() if key not in VARYING}
 
 
 def _events(directory: Path) -> list[dict[str, Any]]:

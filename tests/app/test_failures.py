@@ -15,6 +15,7 @@ import pytest
 from mlsanm_cli.app import certificate, judge, recording
 from mlsanm_cli.app import run as run_module
 from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.marks import Start
 from mlsanm_cli.app.polish import load_path
 from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.contact.condensed import Condensed
@@ -27,12 +28,12 @@ BAD = [1e3, float("nan")]
 Change = Callable[[State], State]
 
 
-def altered(change: Change, saved: bool) -> Callable[[Built], Iterator[PathStep]]:
+def altered(change: Change, saved: bool) -> Callable[[Built, Start], Iterator[PathStep]]:
     """A path whose last state, or last saved state, is another."""
 
-    def path(built: Built) -> Iterator[PathStep]:
+    def path(built: Built, start: Start) -> Iterator[PathStep]:
         end = float(len(built.case.stage))
-        for step in load_path(built):
+        for step in load_path(built, start):
             if step.state.position < end:
                 yield step
             elif saved:

@@ -112,7 +112,11 @@ def test_run_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_resume_uses_the_threads_of_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     calls: list[tuple[Any, Any, Any]] = []
 
-    def resume(rundir: Path, *, max_wall: float | None, console: Any) -> dict[str, Any]:
+    def resume(
+        rundir: Path, *, max_wall: float | None, threads: int, cache: bool, console: Any
+    ) -> dict[str, Any]:
+        assert str(threads) == os.environ["OPENBLAS_NUM_THREADS"]
+        assert cache
         calls.append((rundir, max_wall, os.environ["OPENBLAS_NUM_THREADS"]))
         return {**SUMMARY, "status": "stopped"}
 

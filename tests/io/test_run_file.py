@@ -71,6 +71,7 @@ def write_steps(run: RunFile, steps: range, seconds: float = 0.5) -> None:
         coefficients = np.full((21, M), float(step))
         run.write_series(step, {"pressure": coefficients}, {"length": 0.125, "start": step / 8})
         run.append_step(step_record(step, seconds))
+        run.commit()
 
 
 def datasets(path: Path) -> dict[str, np.ndarray]:
@@ -322,7 +323,7 @@ def test_calls_out_of_order_and_wrong_shapes_are_refused(tmp_path: Path) -> None
             run.start_path([], [])
     with start_run(tmp_path / "other.h5") as run:
         write_steps(run, range(1))
-        with pytest.raises(ValueError, match="after the first step"):
+        with pytest.raises(ValueError, match="after the path was started"):
             run.write_contact("late", np.ones((1, 2)), np.ones((1, 2)), np.ones(1), np.ones(1))
         with pytest.raises(ValueError, match="negative"):
             run.write_series(-1, {}, {})
