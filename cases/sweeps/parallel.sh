@@ -5,7 +5,7 @@ set -eu
 case=$1 out=$2 jobs=$3
 mkdir -p "$out"
 status=0
-parallel --jobs "$jobs" --joblog "$out/jobs.log" \
+parallel --quote --jobs "$jobs" --joblog "$out/jobs.log" \
     mlsanm run "$case" --set "contact.interface.friction={1}" --set "load.shear.force=[{2}, 0.0]" \
     --out "$out/friction-{1}-shear-{2}" --skip-done --force --quiet \
     ::: 0.2 0.25 0.3 0.35 0.4 ::: 20.0 30.0 || status=3
