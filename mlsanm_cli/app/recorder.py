@@ -43,6 +43,7 @@ class Recorded:
     """
 
     last: State
+    length: float
     rows: int
     saved: tuple[float, ...]
     iterations: int
@@ -143,6 +144,7 @@ class Recorder:
 
     def _take_up(self, built: Built, before: Recorded) -> Start:
         """Go on behind what is recorded."""
+        self._tell(before)
         self.last, self._rows = before.last, before.rows
         self.iterations, self.factorizations, self.solves = (
             before.iterations,
@@ -170,9 +172,6 @@ class Recorder:
                     self._mapped = True
                 self._file.write_series(index, step.series, step.series_attributes)
             self._file.append_step(recording.step_record(built, step, time.monotonic() - self._started))
-            self._events.write_once(
-                "step", index=index, position=state.position, residual=state.residual, length=step.length
-            )
             self.last, self._rows = state, index + 1
             self.iterations += step.iterations
             self.factorizations += step.factorizations
@@ -188,15 +187,29 @@ class Recorder:
             if step.warning:
                 self._told.append(step.warning)
                 self.warn(step.warning)
-            self._file.write_checkpoint(PATH, packed(self._recorded(state, step.mark)))
+            recorded = self._recorded(step)
+            self._file.write_checkpoint(PATH, packed(recorded))
             self._file.commit()
+            self._tell(recorded)
         peak = float(state.pressure.max(initial=0.0))
         text = f"closed {int(state.closed.sum())}  peak pressure {peak:.6g}" if len(state.pressure) else ""
         self._console.step(index, state.position, state.residual, text)
 
-    def _recorded(self, state: State, mark: object) -> Recorded:
+    def _tell(self, recorded: Recorded) -> None:
+        """The event of the last step recorded, which a kill may have come before."""
+        state = recorded.last
+        self._events.write_once(
+            "step",
+            index=recorded.rows - 1,
+            position=state.position,
+            residual=state.residual,
+            length=recorded.length,
+        )
+
+    def _recorded(self, step: PathStep) -> Recorded:
         return Recorded(
-            last=state,
+            last=step.state,
+            length=step.length,
             rows=self._rows,
             saved=tuple(self._saved),
             iterations=self.iterations,
@@ -207,7 +220,7 @@ class Recorder:
             cone=self.cone,
             polished=tuple(self.polished),
             warnings=tuple(self._told),
-            mark=np.frombuffer(packed(mark), np.uint8),
+            mark=np.frombuffer(packed(step.mark), np.uint8),
         )
 
     def _save_fields(self, built: Built, state: State) -> None:
