@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.levels import SERIES, Level, displacement_at, level_at
 from mlsanm_cli.app.materials import materials
@@ -24,6 +23,7 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.parts import cKDTree
 
 QUANTITIES = ("pressure", "traction", "gap", "slip")
 FIELDS: Mapping[str, tuple[str, ...]] = {

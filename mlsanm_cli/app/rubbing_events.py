@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.dense import SingularSystemError
@@ -13,6 +12,7 @@ from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.contact.set_search import Watch, find_sets
 from mlsanm_cli.contact.sets import Sets, Values
 from mlsanm_cli.continuation import Branch
+from mlsanm_cli.roots import root
 
 SAMPLES = 17
 """A piece of path is looked at in so many places."""
@@ -113,7 +113,7 @@ class Barrier:
 
         if level(low) <= 0.0:
             return low
-        return float(brentq(level, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps))
+        return root(level, low, high)
 
     def _told(self, column: int, levels: int) -> Hits:
         hits, n, held = Hits.none(self._problem.n), self._problem.n, len(self._stuck)

@@ -17,7 +17,7 @@ from mlsanm_cli.cli.options import (
     set_option,
     threads_option,
 )
-from mlsanm_cli.cli.settings import Settings, set_threads
+from mlsanm_cli.cli.settings import Settings, numerics
 from mlsanm_cli.cli.text import as_json
 
 
@@ -57,9 +57,9 @@ def sweep(
 
     Points that are done already are left out, so the same command goes on where it was stopped.
     """
-    set_threads(threads)
-    from mlsanm_cli.app.sweep import Wishes
-    from mlsanm_cli.app.sweep import sweep as run_sweep
+    with numerics(threads):
+        from mlsanm_cli.app.sweep import Wishes
+        from mlsanm_cli.app.sweep import sweep as run_sweep
 
     console = console_for(settings)
     try:
@@ -86,9 +86,9 @@ def sweep(
 @click.pass_obj
 def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
     """Write one CSV row per run: what differs between the cases, status, figures."""
-    set_threads(1)
-    from mlsanm_cli.app.collect import as_csv, write_rows
-    from mlsanm_cli.app.collect import collect as collect_runs
+    with numerics(1):
+        from mlsanm_cli.app.collect import as_csv, write_rows
+        from mlsanm_cli.app.collect import collect as collect_runs
 
     rows = collect_runs(rundirs)
     if out is not None:

@@ -25,7 +25,7 @@ from mlsanm_cli.cli.options import (
 )
 from mlsanm_cli.cli.probe import probe
 from mlsanm_cli.cli.resume import resume, show_run
-from mlsanm_cli.cli.settings import Settings, set_threads
+from mlsanm_cli.cli.settings import Settings, numerics
 
 
 class Commands(click.Group):
@@ -81,8 +81,8 @@ def run(
     max_wall: float | None,
 ) -> int:
     """Solve CASE and write a run directory."""
-    set_threads(threads)
-    from mlsanm_cli.app.run import run as run_case
+    with numerics(threads):
+        from mlsanm_cli.app.run import run as run_case
 
     console = console_for(settings)
     try:
@@ -120,8 +120,8 @@ def check(
 
     Validation, clouds, stencils, pairing, supports, and an estimate of size and cost.
     """
-    set_threads(threads)
-    from mlsanm_cli.app.check import check as check_case
+    with numerics(threads):
+        from mlsanm_cli.app.check import check as check_case
 
     console = console_for(settings)
     try:
@@ -140,8 +140,8 @@ def check(
 @click.pass_obj
 def info(settings: Settings, rundir: Path) -> int:
     """Summarise the run in RUNDIR."""
-    set_threads(1)
-    from mlsanm_cli.app.info import info as run_info
+    with numerics(1):
+        from mlsanm_cli.app.info import info as run_info
 
     result = run_info(rundir)
     print_result(settings, result, pretty_result(settings, result))
@@ -166,8 +166,8 @@ def plot(settings: Settings, rundir: Path, formats: tuple[str, ...]) -> int:
 
     Pressure against position, load path, deformed cloud with von Mises stress; needs no display.
     """
-    set_threads(1)
-    from mlsanm_cli.app.plot import plot as plot_run
+    with numerics(1):
+        from mlsanm_cli.app.plot import plot as plot_run
 
     files = plot_run(rundir, formats=tuple(dict.fromkeys(formats)))
     print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
@@ -180,8 +180,8 @@ def plot(settings: Settings, rundir: Path, formats: tuple[str, ...]) -> int:
 @click.pass_obj
 def warmup(settings: Settings, threads: int) -> int:
     """Compile the kernels now, not at the first run."""
-    set_threads(threads)
-    from mlsanm_cli.app.warmup import warmup as warm_up
+    with numerics(threads):
+        from mlsanm_cli.app.warmup import warmup as warm_up
 
     console = console_for(settings)
     try:

@@ -9,7 +9,7 @@ import click
 
 from mlsanm_cli.cli.options import FILE, common, console_for, print_result, set_option, threads_option
 from mlsanm_cli.cli.results import comparison_text
-from mlsanm_cli.cli.settings import Settings, set_threads
+from mlsanm_cli.cli.settings import Settings, numerics
 
 _STATUS_CODES = {"disagree": 1, "failed": 3}
 
@@ -68,9 +68,9 @@ def compare(
 
     The method that CASE itself asks for is always among them. Exit code 1 where methods disagree.
     """
-    set_threads(threads)
-    from mlsanm_cli.app.compare import Wishes
-    from mlsanm_cli.app.compare import compare as compare_methods
+    with numerics(threads):
+        from mlsanm_cli.app.compare import Wishes
+        from mlsanm_cli.app.compare import compare as compare_methods
 
     asked = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
     methods = tuple(name for name, wanted in asked.items() if wanted)

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from mlsanm_cli.cli.options import FILE, common, pretty_result, print_result
-from mlsanm_cli.cli.settings import Settings, set_threads
+from mlsanm_cli.cli.settings import Settings, numerics
 from mlsanm_cli.cli.text import grid, label, number, plain
 from mlsanm_cli.errors import RunError
 
@@ -82,8 +82,8 @@ def probe(
 
     Between stored states it comes from the series of the run. Without a choice: what there is to choose from.
     """
-    set_threads(1)
-    from mlsanm_cli.app import probe as app
+    with numerics(1):
+        from mlsanm_cli.app import probe as app
 
     targets = [name for name in (contact, force, probe, body) if name is not None]
     _refuse_mixtures(len(targets), contact, body, point, field, quantities, force)

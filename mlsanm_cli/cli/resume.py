@@ -12,7 +12,7 @@ import click
 
 from mlsanm_cli.cli.options import FILE, cache_option, common, console_for, max_wall_option, print_result
 from mlsanm_cli.cli.results import run_text
-from mlsanm_cli.cli.settings import Settings, set_threads
+from mlsanm_cli.cli.settings import Settings, numerics
 
 _STATUS_CODES = {"failed": 3, "stopped": 75}
 
@@ -32,8 +32,8 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
     Clouds and operators must come out as they were, to the last bit.
     """
     threads = threads or _threads_of(rundir)
-    set_threads(threads)
-    from mlsanm_cli.app.resume import resume as resume_run
+    with numerics(threads):
+        from mlsanm_cli.app.resume import resume as resume_run
 
     console = console_for(settings)
     try:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TextIO
+
+from mlsanm_cli.lean import lean_imports
 
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -34,3 +38,11 @@ def set_threads(threads: int) -> None:
     """Limits the numerical libraries to a number of threads; they read it when they are first imported."""
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
+
+
+@contextmanager
+def numerics(threads: int) -> Iterator[None]:
+    """The block in which a command imports what it needs, for so many threads."""
+    set_threads(threads)
+    with lean_imports():
+        yield

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.parts import cKDTree
 
 
 def first_crossing(chords: FloatArray) -> FloatArray | None:

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop, signed_area
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.parts import cKDTree
 
 SMALL = 1e-9
 """Nodes nearer than this part of the extent are one; elements flatter than this part of a square are none."""
@@ -112,6 +111,9 @@ def _refuse_overlaps(points: FloatArray, edges: IntArray) -> None:
 
 
 def _refuse_parts(points: FloatArray, edges: IntArray) -> None:
+    # Only meshes need it; with it come the eigenvalue solvers.
+    from scipy.sparse.csgraph import connected_components
+
     count = len(points)
     graph = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
     # Nodes in the middle of elements are on no edge.

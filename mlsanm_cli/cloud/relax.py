@@ -7,10 +7,10 @@ sweeps halve the oscillation of coarse pressure profiles and take 10 to 15 % off
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.parts import cKDTree
 
 SWEEPS = 10
 LOOK = 5

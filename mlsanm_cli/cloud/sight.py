@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
+from mlsanm_cli.parts import cKDTree
 
 DETOUR = 3.0
 """A void is a slit where the way along the outline from face to face is so many times its width.

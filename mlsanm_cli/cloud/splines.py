@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
+from mlsanm_cli.parts import cKDTree
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(6)
 SAMPLES = 4
@@ -37,6 +40,9 @@ class NodeSpline:
 
     @cached_property
     def _place(self) -> CubicSpline:
+        # Few cases have such curves; importing it takes longer than the rest of scipy.
+        from scipy.interpolate import CubicSpline
+
         return CubicSpline(self.knots, self.nodes, bc_type="periodic" if self.closed else "not-a-knot")
 
     @cached_property

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.cloud.sight import Sight
+from mlsanm_cli.parts import Delaunay
 
 FLAT = 1e-9
 

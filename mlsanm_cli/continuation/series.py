@@ -18,9 +18,9 @@ from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from mlsanm_cli.continuation.problem import FloatArray
+from mlsanm_cli.roots import root
 
 # lam(a) is searched for a level between this many samples: a series of order 30 cannot bend more often.
 _SAMPLES = 65
@@ -29,8 +29,6 @@ _EPS = float(np.finfo(np.float64).eps)
 _ROUND_OFF = 32.0 * _EPS
 # Which way lam goes at the end of a piece is seen over this part of the last interval.
 _LAST = 1e-3
-# The finest relative precision that brentq accepts.
-_PRECISION = 4.0 * _EPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +155,9 @@ class Branch:
         changes = np.flatnonzero(sign[1:] != sign[0])
         last = int(changes[0]) + 1 if changes.size else _SAMPLES - 1
         for low, high in self._dips(lam, grid[: last + 1], sign[0] * values[: last + 1]):
+            # Only beside folds; importing it takes longer than a path without them.
+            from scipy.optimize import minimize_scalar
+
             bottom = minimize_scalar(
                 lambda a: sign[0] * (self.load_factor(a) - lam), bounds=(low, high), method="bounded"
             )
@@ -197,7 +198,7 @@ class Branch:
 
         if distance(low) * distance(high) >= 0.0:  # a sample hit the level: its sign is round-off
             return min(low, high, key=lambda a: abs(distance(a)))
-        return float(brentq(distance, low, high, xtol=1e-300, rtol=_PRECISION, maxiter=200))
+        return root(distance, low, high)
 
     def _dips(self, lam: float, grid: FloatArray, distance: FloatArray) -> list[tuple[float, float]]:
         """Return the intervals in which lam(a) may touch the level between samples on one side of it.

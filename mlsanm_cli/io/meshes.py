@@ -1,7 +1,6 @@
 """Meshes of other programs, and the only use of meshio.
 
-It is imported when the first file is read or written, since its import alone takes as long as writing a
-dozen files.
+It is imported when the first file is read, since its import takes as long as that of numpy.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.io.atomic import replacing
 
 if TYPE_CHECKING:
     import meshio
@@ -57,16 +55,6 @@ class MeshFile:
     lines: IntArray
     names: tuple[str, ...]
     node_sets: Mapping[str, IntArray]
-
-
-def write_vertices(path: Path, points: FloatArray, data: Mapping[str, NDArray[Any]]) -> None:
-    """Write ``points`` (n, 3) as a VTU file of vertex cells with point data."""
-    import meshio
-
-    mesh = meshio.Mesh(points, [("vertex", np.arange(len(points))[:, None])], point_data=dict(data))
-    with replacing(path) as temporary:
-        # Uncompressed: half as large again, ten times as fast.
-        meshio.write(temporary, mesh, file_format="vtu", compression=None)
 
 
 def read_mesh(path: Path, group: str | None = None) -> MeshFile:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import write_text
-from mlsanm_cli.io.meshes import write_vertices
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, fields_name
+from mlsanm_cli.io.vertices import write_vertices
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

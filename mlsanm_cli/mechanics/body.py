@@ -15,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud, Surface
@@ -41,6 +40,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from mlsanm_cli.operators.system import LinearSystem
+from mlsanm_cli.parts import cKDTree
 
 MORE_NEIGHBORS = 1.3
 """Nearly incompressible materials get larger stencils: with the usual ones errors scattered by a factor of 13

@@ -18,10 +18,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.parts import cKDTree
 
 POWER = 1.5
 """Corner displacements behave like distance^0.7, whose weighted second derivatives are integrable above 0.3.

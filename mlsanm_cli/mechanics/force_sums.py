@@ -17,7 +17,6 @@ from types import MappingProxyType
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.sparse.csgraph import dijkstra
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -127,6 +126,9 @@ def _distance(cloud: Cloud, nodes: IntArray) -> FloatArray:
     lengths = np.linalg.norm(cloud.points[ends[:, 0]] - cloud.points[ends[:, 1]], axis=1)
     count = len(cloud.points)
     graph = sparse.csr_array((lengths, (ends[:, 0], ends[:, 1])), shape=(count, count))
+    # Only bodies whose force sums are cut need it.
+    from mlsanm_cli.parts import dijkstra
+
     found = dijkstra(graph, directed=False, indices=np.unique(nodes), min_only=True)
     distance: FloatArray = np.asarray(found, dtype=np.float64)
     reached = np.isfinite(distance)

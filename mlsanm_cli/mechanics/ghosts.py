@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.parts import cKDTree
 
 CLOSEST = 0.3
 """Ghosts closer to any other node than this part of the spacing are refused."""

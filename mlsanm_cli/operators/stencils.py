@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.sight import Sight
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import mls_weights
 from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.parts import cKDTree
 
 GROWTH = 1.3
 LARGEST = 3.0

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sparse
-import scipy.sparse.linalg as sparse_linalg
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.linear.interface import Factor
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
 
 BLOCK = 64
 """Columns solved together."""
@@ -23,7 +26,7 @@ THRESHOLD = 0.1
 class SuperLUFactor:
     """Factor of the permuted matrix."""
 
-    factor: sparse_linalg.SuperLU
+    factor: SuperLU
     order: IntArray
     note: str = ""
 
@@ -70,12 +73,15 @@ class SuperLUSolver:
 
 
 def _factor(matrix: sparse.csc_array, order: IntArray, threshold: float) -> SuperLUFactor:
+    # The eigenvalue solvers that come along are not worth it where Cholesky's factor will do.
+    from scipy.sparse.linalg import splu
+
     if np.array_equal(order, np.arange(len(order))):
         permuted = sparse.csc_matrix(matrix)
     else:
         permuted = sparse.csc_matrix(matrix[order][:, order])
     try:
-        factor = sparse_linalg.splu(
+        factor = splu(
             permuted, permc_spec="NATURAL", diag_pivot_thresh=threshold, options={"SymmetricMode": True}
         )
     except (RuntimeError, MemoryError) as error:
