@@ -13,7 +13,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ Measured against over-refined runs and closed formulas, see the method's page; n
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Defect, defect_of
 from mlsanm_cli.operators.refinement import QUICK
+from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-9
 """Estimates below this tell of round-off only."""

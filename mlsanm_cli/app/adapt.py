@@ -13,7 +13,7 @@ comes from the case.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.patches import Patch, contact_patches
 from mlsanm_cli.contact.profile import half_width
 from mlsanm_cli.memo import AFRESH, Memo
+from mlsanm_cli.values import dataclass
 
 ACROSS = 20.0
 AT_EDGE = 256.0

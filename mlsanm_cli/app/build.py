@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.values import dataclass
 
 LINEAR = {"auto": CholeskySolver, "superlu": SuperLUSolver}
 """Direct solvers by ``solver.linear``."""

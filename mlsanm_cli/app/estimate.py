@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
 
 from mlsanm_cli.app.clouds import outline_of, spacing_of
 from mlsanm_cli.app.foreign import foreign
@@ -12,6 +11,7 @@ from mlsanm_cli.app.scene import mls_settings
 from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.values import dataclass
 
 COUNT_LIMIT = 2e8
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.io.meshes import read_mesh
 from mlsanm_cli.io.point_files import read_points
+from mlsanm_cli.values import dataclass
 
 LEVEL = 1e-9
 """Components of a normal below this are round-off."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from mlsanm_cli.case import (
 from mlsanm_cli.cloud.cloud import Cloud, Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
+from mlsanm_cli.values import dataclass
 
 COVERED = 1e-6
 """Part of a boundary's length by which a table may fall short of its end."""

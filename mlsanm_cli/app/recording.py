@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.memo import digest
+from mlsanm_cli.values import dataclass
 
 PRESSED = 1e-9
 """Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""

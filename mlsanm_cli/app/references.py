@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from mlsanm_cli.case.chains import Round
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.reference.hertz import HertzLine
+from mlsanm_cli.values import dataclass
 
 SAMPLES = 4001
 

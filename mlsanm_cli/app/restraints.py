@@ -9,7 +9,7 @@ normals tilt towards by more than ``TILT``.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as linalg
@@ -24,6 +24,7 @@ from mlsanm_cli.contact.pairing import Pairing, turned
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
 from mlsanm_cli.mechanics.scene import LooseBody, Mover, Obstacle, Platen, RigidMotion
+from mlsanm_cli.values import dataclass
 
 TILT = 0.2
 """A contact resists a direction where its normals' root mean square component along it is above this.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.contact.sliding import SlidingError, slides_freely
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, StopReason, correct, follow
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.values import dataclass
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""

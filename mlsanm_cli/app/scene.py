@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -28,6 +28,7 @@ from mlsanm_cli.mechanics.twins import alike, moved_twin
 from mlsanm_cli.memo import AFRESH, Memo, digest
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

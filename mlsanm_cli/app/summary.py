@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from mlsanm_cli.app import recording
@@ -15,6 +14,7 @@ from mlsanm_cli.app.quality import Quality
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import reference_profile
 from mlsanm_cli.app.states import Polish, State
+from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Literal
 
 from mlsanm_cli.case.base import split_boundary
@@ -19,6 +18,7 @@ from mlsanm_cli.case.loads import (
     Traction,
 )
 from mlsanm_cli.case.report import Report
+from mlsanm_cli.values import dataclass
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
 

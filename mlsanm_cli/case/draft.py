@@ -7,7 +7,7 @@ the checks work on what is left, and know which names belong to parts that are b
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
@@ -19,6 +19,7 @@ from mlsanm_cli.case.model import Adapt, Body, Contact, Mls, Model, Output, Solv
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.shapes import AnyShape, Shape
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.values import dataclass
 
 _SHAPE: TypeAdapter[AnyShape] = TypeAdapter(Shape)
 _BODY: TypeAdapter[Body] = TypeAdapter(Body)

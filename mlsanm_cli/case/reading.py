@@ -7,7 +7,7 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from mlsanm_cli.case.schema_errors import report_schema_errors
 from mlsanm_cli.case.tables import inline_tables
 from mlsanm_cli.case.unsupported import refusals
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
+from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

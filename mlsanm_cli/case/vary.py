@@ -6,11 +6,11 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.values import dataclass
 
 MOST = 100_000
 """A sweep of more points is a typing error."""

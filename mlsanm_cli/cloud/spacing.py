@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Segment
 from mlsanm_cli.kernels.fill import spacing_at
+from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

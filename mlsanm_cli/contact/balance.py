@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.contact.observers import cut_off, nodal_resultant, resultant
 from mlsanm_cli.contact.pairing import Pairing, transfer, turned
 from mlsanm_cli.mechanics.scene import LooseBody, Mover, Obstacle, Platen, RigidMotion, Scene
+from mlsanm_cli.values import dataclass
 
 Held = tuple[str, str]
 

@@ -16,7 +16,7 @@ where a memo has the functionals already.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import scipy.sparse as sparse
@@ -33,6 +33,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, Probe, probe_rows, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
+from mlsanm_cli.values import dataclass
 
 EVEN = 1e-9
 """Gaps that differ by less than this part of the spacing are equal."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -11,6 +9,7 @@ from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.set_search import Watch, find_sets
 from mlsanm_cli.contact.sets import Sets, SetSystem, Values
 from mlsanm_cli.contact.violation import violation
+from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True, eq=False)

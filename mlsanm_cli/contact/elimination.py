@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -13,6 +13,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.system import Equations
+from mlsanm_cli.values import dataclass
 
 LAST = 2.0**-40
 """Factor on the rows eliminated last: partial pivoting must not fetch one of these dense rows early."""

@@ -18,7 +18,7 @@ would be lost. Their dense sums border the factorised matrix.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -35,6 +35,7 @@ from mlsanm_cli.contact.short_waves import slip_fit
 from mlsanm_cli.mechanics.scene import Platen, Scene
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.refinement import refine
+from mlsanm_cli.values import dataclass
 
 ELASTIC = 10.0
 """The elastic change of the gaps over the law's reference gap."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-9
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -11,6 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud, Surface
 from mlsanm_cli.contact.obstacles import Shape
+from mlsanm_cli.values import dataclass
 
 OPPOSED = -0.2
 """Surfaces face each other where their outward normals' product is below this."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

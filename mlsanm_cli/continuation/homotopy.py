@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from mlsanm_cli.continuation.corrector import Correction, Effort, Point, iterate
 from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.values import dataclass
 
 # The way to a value that cannot be reached at once is halved (geometrically) so often at most.
 _HALVINGS = 6

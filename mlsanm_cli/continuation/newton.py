@@ -14,7 +14,7 @@ procedure that handles snap-through, Computers & Structures 13 (1981) 55-62.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from mlsanm_cli.continuation.path import Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.continuation.walker import Stopped, Walker
+from mlsanm_cli.values import dataclass
 
 # A step that fails is tried again with half its length; one is shrunk by no more for taking many iterations.
 _HALF = 0.5

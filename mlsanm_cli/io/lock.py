@@ -7,11 +7,11 @@ import json
 import os
 import socket
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
+from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

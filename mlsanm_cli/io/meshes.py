@@ -10,7 +10,6 @@ import io
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     import meshio

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.values import dataclass
 
 FloatArray = NDArray[np.float64]
 

@@ -6,7 +6,6 @@ Works on a finished run, on one that was killed and on one that is still being w
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,6 +16,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.journal import opened
 from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_COLUMNS, PROBE_COLUMNS
 from mlsanm_cli.io.run_dir import RUN_FILE
+from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import write_text
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, fields_name
 from mlsanm_cli.io.vertices import write_vertices
+from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

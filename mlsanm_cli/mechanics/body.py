@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -41,6 +41,7 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from mlsanm_cli.operators.system import LinearSystem
 from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.values import dataclass
 
 MORE_NEIGHBORS = 1.3
 """Nearly incompressible materials get larger stencils: with the usual ones errors scattered by a factor of 13

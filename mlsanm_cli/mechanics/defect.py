@@ -7,7 +7,7 @@ p + 1, solving the factorised system for the right-hand side (M - M+) u gives ab
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -18,6 +18,7 @@ from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.operators.refinement import QUICK
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.values import dataclass
 
 DEGREES = (2, 3, 4)
 """Degrees whose errors were measured to be told. At degree 1 the estimate was up to 300 times too large, from

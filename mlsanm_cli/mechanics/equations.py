@@ -10,7 +10,6 @@ Scales: equilibrium h^2/E, traction h/E, displacement 1.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -18,6 +17,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import NO_SPRING, Springs
+from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ was pinned at.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as linalg
@@ -22,6 +22,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.refinement import PRECISE
 from mlsanm_cli.operators.system import Equations, LinearSystem
+from mlsanm_cli.values import dataclass
 
 ROTATION = 2
 HELD = 1e-9

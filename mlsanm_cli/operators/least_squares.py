@@ -11,7 +11,7 @@ semi-normal step, and bodies that are almost incompressible get there in a few m
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as linalg
@@ -23,6 +23,7 @@ from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.refinement import MOST, PRECISE, QUICK, Progress
 from mlsanm_cli.operators.system import Equations
+from mlsanm_cli.values import dataclass
 
 TINY = np.finfo(float).tiny
 STRONGEST = 1e5

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -12,6 +11,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.refinement import BLOCK, PRECISE, QUICK, refine
 from mlsanm_cli.operators.system import Equations
+from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
@@ -12,6 +10,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import mls_weights
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.values import dataclass
 
 GROWTH = 1.3
 LARGEST = 3.0

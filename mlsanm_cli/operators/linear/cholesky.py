@@ -5,7 +5,7 @@ Duff and Reid 1983 (doi:10.1145/356044.356047), Liu 1992 (doi:10.1137/1034004).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -16,6 +16,7 @@ from mlsanm_cli.kernels.multifrontal import borders, factorise, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.linear.interface import Factor, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.values import dataclass
 
 SOUND = 1e-11
 """Largest backward error of a factor that is believed; what is expected is round-off."""
