@@ -7,6 +7,7 @@ numpy's names, and numpy loads a module when its name is asked for. That takes l
 from __future__ import annotations
 
 import gc
+import importlib
 import importlib.util
 import os
 import sys
@@ -14,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.machinery import PathFinder
 
-SPARED = ("f2py", "testing", "ma", "ctypeslib")
+SPARED = ("f2py", "testing", "ma", "ctypeslib", "polynomial")
 """Modules of numpy that are loaded when something in them is used."""
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import platform
-import socket
+import re
 import subprocess
 from functools import lru_cache
-from importlib.metadata import version
+from importlib.metadata import distribution
 from pathlib import Path
 
 from mlsanm_cli import __version__
@@ -24,7 +25,7 @@ def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[
         "case_path": str(loaded.path),
         "versions": _versions(),
         "cpu": cpu(),
-        "host": socket.gethostname(),
+        "host": os.uname().nodename,
         "threads": threads,
         "mlsanm": __version__,
     }
@@ -44,8 +45,16 @@ def cpu() -> str:
 @lru_cache(maxsize=1)
 def _versions() -> str:
     return " ".join(
-        [f"python {platform.python_version()}", *(f"{name} {version(name)}" for name in PACKAGES)]
+        [f"python {platform.python_version()}", *(f"{name} {_version(name)}" for name in PACKAGES)]
     )
+
+
+def _version(package: str) -> str:
+    """The version of an installed package, which need not be imported."""
+    found = distribution(package)
+    # The standard library would parse all of it, some thousand lines of licences in numpy's.
+    named = re.search(r"^Version: *(\S+)", found.read_text("METADATA") or "", re.MULTILINE)
+    return named[1] if named else found.version
 
 
 @lru_cache(maxsize=1)

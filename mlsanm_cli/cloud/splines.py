@@ -6,7 +6,7 @@ h^4 and normals by h^3, where chords are off by h^2 and h.
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,11 +19,17 @@ from mlsanm_cli.values import dataclass
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-GAUSS_POINTS, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(6)
+GAUSS = 6
+"""Points of Gauss' rule for the length of an interval."""
 SAMPLES = 4
 """Points per interval among which the closest is looked for first."""
 ITERATIONS = 60
 EXACT = 4.0 * np.finfo(float).eps
+
+
+@cache
+def _gauss() -> tuple[FloatArray, FloatArray]:
+    return np.polynomial.legendre.leggauss(GAUSS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +59,10 @@ class NodeSpline:
     def _length(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """Arc lengths (n,) from parameters ``start`` (n,) to ``end`` (n,), within one interval each."""
         half = 0.5 * (end - start)[:, None]
-        t = 0.5 * (start + end)[:, None] + half * GAUSS_POINTS
+        points, weights = _gauss()
+        t = 0.5 * (start + end)[:, None] + half * points
         speed = np.sqrt((self.derivative(t, 1) ** 2).sum(axis=2))
-        return np.asarray((half * GAUSS_WEIGHTS * speed).sum(axis=1))
+        return np.asarray((half * weights * speed).sum(axis=1))
 
     def derivative(self, t: FloatArray, order: int) -> FloatArray:
         """Position (order 0) or its derivatives at parameters ``t``, shape (..., 2)."""

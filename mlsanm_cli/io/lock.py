@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import socket
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -86,7 +85,7 @@ def _taken(path: Path) -> int | None:
             # The one who held it may have removed the file in between: a lock on that is worth nothing.
             if _is_same(fd, path):
                 os.ftruncate(fd, 0)
-                os.write(fd, json.dumps({"pid": os.getpid(), "host": socket.gethostname()}).encode())
+                os.write(fd, json.dumps({"pid": os.getpid(), "host": os.uname().nodename}).encode())
                 return fd
         except BlockingIOError:
             os.close(fd)

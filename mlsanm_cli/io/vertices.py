@@ -9,7 +9,6 @@ from __future__ import annotations
 import struct
 import sys
 from binascii import b2a_base64
-from html import escape
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -64,3 +63,11 @@ def _array(stream: BinaryIO, name: str, array: NDArray[Any]) -> None:
 
 def _put(stream: BinaryIO, *lines: str) -> None:
     stream.write("".join(f"{line}\n" for line in lines).encode())
+
+
+def escape(text: str) -> str:
+    """``text`` as the value of an XML attribute."""
+    # Importing the standard library's takes longer than writing a file.
+    for char, code in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;"), ("'", "&#x27;")):
+        text = text.replace(char, code)
+    return text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import field
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import write_text
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, fields_name
-from mlsanm_cli.io.vertices import write_vertices
+from mlsanm_cli.io.vertices import escape, write_vertices
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
