@@ -32,7 +32,8 @@ class Section(BaseModel):
     themselves are described by the docstring of their class.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    # Deferred: the whole case is built once, when it is needed, and not every table before it too.
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
 
 @dataclass(frozen=True)

@@ -8,31 +8,40 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from functools import cache
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from mlsanm_cli.case.files import Geometry, Mesh, Points, Survey
 from mlsanm_cli.case.loads import AnyLoad, Load
 from mlsanm_cli.case.materials import Material
-from mlsanm_cli.case.model import Adapt, Body, Contact, Mls, Model, Output, Solver, Support
+from mlsanm_cli.case.model import Adapt, Body, Case, Contact, Mls, Model, Output, Solver, Support
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.shapes import AnyShape, Shape
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.values import dataclass
 
-_SHAPE: TypeAdapter[AnyShape] = TypeAdapter(Shape)
-_BODY: TypeAdapter[Body] = TypeAdapter(Body)
-_SUPPORT: TypeAdapter[Support] = TypeAdapter(Support)
-_LOAD: TypeAdapter[AnyLoad] = TypeAdapter(Load)
-_CONTACT: TypeAdapter[Contact] = TypeAdapter(Contact)
-_STAGE: TypeAdapter[dict[str, float]] = TypeAdapter(dict[str, float])
-_MATERIAL: TypeAdapter[Material] = TypeAdapter(Material)
-_MODEL: TypeAdapter[Model] = TypeAdapter(Model)
-_MLS: TypeAdapter[Mls] = TypeAdapter(Mls)
-_SOLVER: TypeAdapter[Solver] = TypeAdapter(Solver)
-_OUTPUT: TypeAdapter[Output] = TypeAdapter(Output)
-_ADAPT: TypeAdapter[Adapt] = TypeAdapter(Adapt)
+_PARTS: Mapping[str, Any] = {
+    "shape": Shape,
+    "body": Body,
+    "support": Support,
+    "load": Load,
+    "contact": Contact,
+    "stage": dict[str, float],
+    "material": Material,
+    "model": Model,
+    "mls": Mls,
+    "solver": Solver,
+    "output": Output,
+    "adapt": Adapt,
+}
+
+
+@cache
+def _adapter(part: str) -> TypeAdapter[Any]:
+    # Made when it is needed, for making all of them takes as long as validating a hundred cases.
+    return TypeAdapter(_PARTS[part])
 
 
 @dataclass(frozen=True)
@@ -78,35 +87,65 @@ class Draft:
         return len(items) if isinstance(items, tuple) else 0
 
 
-Item = TypeVar("Item")
+def make_draft(data: Mapping[str, Any], case: Case | None) -> Draft:
+    """Everything in ``case``, the validated ``data``; of data that are none, the parts sound on their own."""
+    return _parts(data) if case is None else _whole(data, case)
 
 
-def make_draft(data: Mapping[str, Any]) -> Draft:
-    """Validates every part on its own; parts that fail are left out."""
+def _whole(data: Mapping[str, Any], case: Case) -> Draft:
+    shapes = {index: body.shape for index, body in enumerate(case.body)}
+    # The case names stages that the file leaves out.
+    stages = {
+        index: {name: float(factor) for name, factor in stage.items()}
+        for index, stage in enumerate(data.get("stage", ()))
+    }
+    return Draft(
+        data=data,
+        model=case.model,
+        materials=dict(case.material),
+        bodies=dict(enumerate(case.body)),
+        shapes=shapes,
+        geometries=_drawn(shapes),
+        supports=dict(enumerate(case.support)),
+        loads=dict(enumerate(case.load)),
+        contacts=dict(enumerate(case.contact)),
+        stages=stages,
+        mls=case.mls,
+        solver=case.solver,
+        output=case.output,
+        adapt=case.adapt,
+    )
+
+
+def _parts(data: Mapping[str, Any]) -> Draft:
     materials = data.get("material")
     listed = data.get("body")
     bodies = listed if isinstance(listed, tuple) else ()
     sound = {
-        name: _sound(_MATERIAL, value)
+        name: _sound("material", value)
         for name, value in (materials.items() if isinstance(materials, Mapping) else ())
     }
-    shapes = _list(_SHAPE, tuple(_get(body, "shape") for body in bodies))
+    shapes = _list("shape", tuple(_get(body, "shape") for body in bodies))
     return Draft(
         data=data,
-        model=_sound(_MODEL, data.get("model")),
+        model=_sound("model", data.get("model")),
         materials={name: material for name, material in sound.items() if material is not None},
-        bodies=_list(_BODY, bodies),
+        bodies=_list("body", bodies),
         shapes=shapes,
-        geometries={index: s for index, s in shapes.items() if not isinstance(s, Mesh | Points)},
-        supports=_list(_SUPPORT, data.get("support")),
-        loads=_list(_LOAD, data.get("load")),
-        contacts=_list(_CONTACT, data.get("contact")),
-        stages=_list(_STAGE, data.get("stage")),
-        mls=_sound(_MLS, data.get("mls", {})),
-        solver=_sound(_SOLVER, data.get("solver", {})),
-        output=_sound(_OUTPUT, data.get("output", {})),
-        adapt=_sound(_ADAPT, data.get("adapt", {})),
+        geometries=_drawn(shapes),
+        supports=_list("support", data.get("support")),
+        loads=_list("load", data.get("load")),
+        contacts=_list("contact", data.get("contact")),
+        stages=_list("stage", data.get("stage")),
+        mls=_sound("mls", data.get("mls", {})),
+        solver=_sound("solver", data.get("solver", {})),
+        output=_sound("output", data.get("output", {})),
+        adapt=_sound("adapt", data.get("adapt", {})),
     )
+
+
+def _drawn(shapes: Mapping[int, AnyShape]) -> dict[int, Geometry]:
+    return {index: shape for index, shape in shapes.items() if not isinstance(shape, Mesh | Points)}
 
 
 def look_into_files(draft: Draft, survey: Survey, report: Report) -> tuple[Draft, dict[int, str]]:
@@ -123,8 +162,9 @@ def look_into_files(draft: Draft, survey: Survey, report: Report) -> tuple[Draft
     return replace(draft, geometries=geometries), digests
 
 
-def _sound(adapter: TypeAdapter[Item], value: Any) -> Item | None:
+def _sound(part: str, value: Any) -> Any:
     """The validated value; unknown keys, told to the user elsewhere, do not make it unsound."""
+    adapter = _adapter(part)
     try:
         return adapter.validate_python(value, strict=True)
     except ValidationError as error:
@@ -160,8 +200,8 @@ def _get(value: Any, key: str) -> Any:
     return value.get(key) if isinstance(value, Mapping) else None
 
 
-def _list(adapter: TypeAdapter[Item], values: Any) -> dict[int, Item]:
+def _list(part: str, values: Any) -> dict[int, Any]:
     if not isinstance(values, tuple):
         return {}
-    items = {index: _sound(adapter, value) for index, value in enumerate(values)}
+    items = {index: _sound(part, value) for index, value in enumerate(values)}
     return {index: item for index, item in items.items() if item is not None}

@@ -96,7 +96,7 @@ def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Sur
         case = Case.model_validate(data)
     except ValidationError as error:
         report_schema_errors(report, error, frozenset(covered))
-    draft, digests = look_into_files(make_draft(data), survey, report)
+    draft, digests = look_into_files(make_draft(data, case), survey, report)
     run_checks(draft, report)
     problems = report.problems + bad_overrides
     if problems or case is None:
