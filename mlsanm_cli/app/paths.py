@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from mlsanm_cli.contact.history import start as begin
 from mlsanm_cli.contact.sets import OPEN, SLIP
 from mlsanm_cli.contact.sliding import SlidingError
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.values import dataclass
 
 ROWS = 40
 """Of the events of a stage with friction so many are stored as steps, evenly along it."""

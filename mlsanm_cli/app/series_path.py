@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from mlsanm_cli.continuation import (
 )
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.values import dataclass
 
 BRANCH_HINT = (
     'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
