@@ -25,16 +25,31 @@ FUNCTIONS: tuple[tuple[Callable[[float], float], float, float], ...] = (
 )
 
 
+def watched(function: Callable[[float], float]) -> tuple[Callable[[float], float], list[float]]:
+    """The function, and where it has been asked for."""
+    seen: list[float] = []
+
+    def counted(a: float) -> float:
+        seen.append(a)
+        return function(a)
+
+    return counted, seen
+
+
 @pytest.mark.parametrize(("function", "low", "high"), FUNCTIONS)
 def test_the_root_is_scipys(function: Callable[[float], float], low: float, high: float) -> None:
-    expected = brentq(function, low, high, xtol=1e-300, rtol=4.0 * sys.float_info.epsilon)
-    assert root(function, low, high) == pytest.approx(expected, rel=2.0 * PRECISION, abs=0.0)
+    expected, told = brentq(
+        function, low, high, xtol=1e-300, rtol=4.0 * sys.float_info.epsilon, full_output=True
+    )
+    counted, seen = watched(function)
+    assert root(counted, low, high) == pytest.approx(expected, rel=2.0 * PRECISION, abs=0.0)
+    assert len(seen) <= 1.2 * told.function_calls + 2
     assert root(function, high, low) == pytest.approx(expected, rel=2.0 * PRECISION, abs=0.0)
 
 
 @given(st.floats(-2.0, 2.0), st.floats(0.1, 5.0), st.floats(0.1, 3.0))
 def test_it_takes_few_evaluations_of_a_smooth_function(place: float, curve: float, width: float) -> None:
-    seen = []
+    seen: list[float] = []
 
     def function(a: float) -> float:
         seen.append(a)
@@ -53,5 +68,7 @@ def test_a_root_at_an_end_is_that_end() -> None:
 def test_without_a_change_of_sign_or_numbers_there_is_none() -> None:
     with pytest.raises(ValueError, match="no change of sign"):
         root(lambda a: a + 1.0, 0.0, 1.0)
+    counted, seen = watched(lambda a: a - 0.5 if a in (0.0, 1.0) else math.nan)
     with pytest.raises(NumericalError, match="no root"):
-        root(lambda a: a - 0.5 if a in (0.0, 1.0) else math.nan, 0.0, 1.0)
+        root(counted, 0.0, 1.0)
+    assert len(seen) == 3

@@ -97,6 +97,14 @@ def test_wrong_arguments_are_refused(number: int, arguments: tuple[int, ...]) ->
         OURS[number](1, none=1)
 
 
+def test_fields_that_do_not_count_are_not_compared() -> None:
+    first, second = OURS[1](1), OURS[1](1)
+    object.__setattr__(second, "d", 7.0)
+    assert first == second
+    object.__setattr__(second, "b", 7.0)
+    assert first != second
+
+
 def test_defaults_of_lists_are_not_shared() -> None:
     first, second = OURS[1](1), OURS[1](1)
     first.c.append(7)
