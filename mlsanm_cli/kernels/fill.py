@@ -69,7 +69,7 @@ def _key(level: int, i: int, j: int) -> int:
 
 @inner
 def _level(h: float, finest: float) -> int:
-    return max(0, math.floor(math.log2(h / finest)))
+    return max(0, math.floor(np.log2(h / finest)))
 
 
 @inner

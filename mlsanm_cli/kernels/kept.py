@@ -19,6 +19,8 @@ from mlsanm_cli.kernels.machine import Code, UnloadableError, numba_root
 
 NAME = "machine-code"
 SETTINGS = "NUMBA_"
+HARMLESS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
+"""Settings of numba's that change no machine code."""
 DIGEST = 64
 
 
@@ -40,10 +42,11 @@ def circumstances() -> tuple[str, ...]:
         version = (Path(numba_root()) / "_version.py").read_text()
     except (OSError, UnloadableError) as error:
         version = str(error)
-    settings = (f"{name}={value}" for name, value in os.environ.items() if name.startswith(SETTINGS))
+    names = (name for name in os.environ if name.startswith(SETTINGS) and name not in HARMLESS)
+    settings = (f"{name}={os.environ[name]}" for name in sorted(names))
     features = llvm.get_host_cpu_features().flatten()
     processor = (llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
-    return (version, llvmlite.__version__, np.__version__, *processor, *sorted(settings))
+    return (version, llvmlite.__version__, np.__version__, *processor, *settings)
 
 
 def directory() -> Path:
