@@ -69,7 +69,8 @@ def _key(level: int, i: int, j: int) -> int:
 
 @inner
 def _level(h: float, finest: float) -> int:
-    return max(0, math.floor(np.log2(h / finest)))
+    level: int = max(0, math.floor(np.log2(h / finest)))
+    return level
 
 
 @inner
