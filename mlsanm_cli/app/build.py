@@ -24,8 +24,7 @@ from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unload
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.set_search import NoStateError
 from mlsanm_cli.errors import CaseError, NumericalError
-from mlsanm_cli.kernels.jit import CACHE_NOTE, is_warm
-from mlsanm_cli.kernels.warm import load_all
+from mlsanm_cli.kernels.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
@@ -58,14 +57,15 @@ class Built:
     stability: float
 
 
-def load_kernels(clock: Clock, console: Console) -> None:
-    """Load the compiled kernels; say so where they have to be compiled first."""
+def load_kernels(clock: Clock, console: Console) -> Loaded:
+    """Load the compiled kernels; say so where they have to be compiled first, or cannot be kept."""
     with clock.phase("jit"):
-        if CACHE_NOTE:
-            console.warning(CACHE_NOTE)
         if not is_warm():
             console.phase("compiling kernels, once for this installation (about 15 s)")
-        load_all()
+        loaded = load()
+    if loaded.note:
+        console.warning(loaded.note)
+    return loaded
 
 
 def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo = AFRESH) -> Prepared:

@@ -8,21 +8,22 @@ from typing import Any
 from mlsanm_cli.app.build import load_kernels
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.kernels.jit import CACHE_DIRECTORY, is_warm
+from mlsanm_cli.kernels.jit import is_warm
 
 
 def warmup(console: Console) -> Mapping[str, Any]:
     """Compile the kernels, or load them where they are compiled already.
 
     Returns CPU ``seconds``, whether they were ``compiled`` now, whether the code is ``kept`` for later runs,
-    and the ``cache_directory`` (None if it cannot be written).
+    and the ``cache_directory`` (None if the code is not kept).
     """
     clock = Clock()
-    warm = is_warm()
-    load_kernels(clock, console)
+    with clock.phase("jit"):
+        warm = is_warm()
+    place = load_kernels(clock, console).place
     return {
         "seconds": clock.seconds["jit"],
         "compiled": not warm,
-        "kept": CACHE_DIRECTORY is not None,
-        "cache_directory": None if CACHE_DIRECTORY is None else str(CACHE_DIRECTORY),
+        "kept": place is not None,
+        "cache_directory": None if place is None else str(place),
     }

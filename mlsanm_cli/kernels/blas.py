@@ -1,29 +1,48 @@
 """BLAS and LAPACK for kernels: scipy's own, called by address.
 
-The names are symbols that compiled kernels are linked with, also where they come from the disk cache.
-Matrices are column-major in flat arrays; slices of these tell where they begin. Scalars are arrays too.
+The names are symbols that machine code is linked with when it is loaded. Matrices are column-major in flat
+arrays; slices of these tell where they begin. Scalars are arrays too.
 """
 
 from __future__ import annotations
 
+import ctypes
+import importlib
+from dataclasses import dataclass
 from typing import Any
 
-import llvmlite.binding as llvm
-import numba
-from numba.extending import get_cython_function_address
+
+@dataclass(frozen=True)
+class External:
+    """A function of one of scipy's modules that only kernels can call.
+
+    Of its ``arguments``, all of them pointers, "c" are letters, "i" integers of 32 bits, "d" floating-point
+    numbers.
+    """
+
+    module: str
+    name: str
+    arguments: str
+
+    @property
+    def symbol(self) -> str:
+        """What machine code calls it."""
+        return f"mlsanm_{self.name}"
+
+    def address(self) -> int:
+        """Where it is in this process."""
+        capsule = importlib.import_module(f"scipy.linalg.{self.module}").__pyx_capi__[self.name]
+        python = ctypes.pythonapi
+        name = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", python))
+        pointer = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
+            ("PyCapsule_GetPointer", python)
+        )
+        return int(pointer(capsule, name(capsule)))
 
 
-def _function(module: str, name: str, arguments: str) -> Any:
-    """A kernel's function; of its ``arguments`` "c" are letters, "i" integers, "d" floating-point numbers."""
-    symbol = f"mlsanm_{name}"
-    llvm.add_symbol(symbol, get_cython_function_address(f"scipy.linalg.{module}", name))
-    pointer: Any = numba.types.CPointer
-    pointers = {"c": numba.types.uint8, "i": numba.types.int32, "d": numba.types.float64}
-    signature = numba.types.void(*(pointer(pointers[kind]) for kind in arguments))
-    return numba.types.ExternalFunction(symbol, signature)
+dgemm: Any = External("cython_blas", "dgemm", "cciiiddididdi")
+dsyrk: Any = External("cython_blas", "dsyrk", "cciiddiddi")
+dtrsm: Any = External("cython_blas", "dtrsm", "cccciiddidi")
+dpotrf: Any = External("cython_lapack", "dpotrf", "cidii")
 
-
-dgemm = _function("cython_blas", "dgemm", "cciiiddididdi")
-dsyrk = _function("cython_blas", "dsyrk", "cciiddiddi")
-dtrsm = _function("cython_blas", "dtrsm", "cccciiddidi")
-dpotrf = _function("cython_lapack", "dpotrf", "cidii")
+EXTERNALS: tuple[External, ...] = (dgemm, dsyrk, dtrsm, dpotrf)

@@ -12,12 +12,13 @@ import math
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.kernels.jit import kernel
+from mlsanm_cli.kernels.jit import inner, kernel
+from mlsanm_cli.kernels.signature import Float1, Float2, Int1
 
 EMPTY = -1
 
 
-@kernel
+@inner
 def _distance(zone: FloatArray, x: float, y: float) -> float:
     """Distance to a zone's segment (0, x0, y0, x1, y1, ...) or arc (1, cx, cy, radius, from, sweep, ...)."""
     if zone[0] == 0.0:
@@ -41,7 +42,7 @@ def _distance(zone: FloatArray, x: float, y: float) -> float:
     return min(first, last)
 
 
-@kernel
+@inner
 def _spacing(far: float, zones: FloatArray, x: float, y: float) -> float:
     """Smallest of the far spacing and, per zone row (..., spacing, radius, growth), its spacing there."""
     h = far
@@ -53,7 +54,7 @@ def _spacing(far: float, zones: FloatArray, x: float, y: float) -> float:
 
 
 @kernel
-def spacing_at(far: float, zones: FloatArray, points: FloatArray) -> FloatArray:
+def spacing_at(far: float, zones: Float2, points: Float2) -> Float1:
     """Spacing (n,) at ``points`` (n, 2); ``zones`` (z, 9) as :func:`_distance` and :func:`_spacing` read."""
     h = np.empty(points.shape[0])
     for i in range(points.shape[0]):
@@ -61,17 +62,18 @@ def spacing_at(far: float, zones: FloatArray, points: FloatArray) -> FloatArray:
     return h
 
 
-@kernel
+@inner
 def _key(level: int, i: int, j: int) -> int:
     return (level << 56) ^ ((i & 0xFFFFFFF) << 28) ^ (j & 0xFFFFFFF)
 
 
-@kernel
+@inner
 def _level(h: float, finest: float) -> int:
-    return max(0, math.floor(math.log2(h / finest)))
+    level: int = max(0, math.floor(np.log2(h / finest)))
+    return level
 
 
-@kernel
+@inner
 def _slot(keys: IntArray, key: int) -> int:
     """Place of ``key`` in an open-addressing table, or of the free entry where it would go."""
     mixed = key * 0x9E3779B97F4A7C1
@@ -81,7 +83,7 @@ def _slot(keys: IntArray, key: int) -> int:
     return slot
 
 
-@kernel
+@inner
 def _enter(
     keys: IntArray,
     heads: IntArray,
@@ -105,7 +107,7 @@ def _enter(
     return fresh
 
 
-@kernel
+@inner
 def _inside(
     loops: FloatArray,
     strip_start: IntArray,
@@ -129,7 +131,7 @@ def _inside(
     return inside
 
 
-@kernel
+@inner
 def _free(
     points: FloatArray,
     keys: IntArray,
@@ -162,14 +164,14 @@ def _free(
     return True
 
 
-@kernel
+@inner
 def _longer(array: FloatArray) -> FloatArray:
     grown = np.full(2 * array.shape[0], EMPTY, array.dtype)
     grown[: array.shape[0]] = array
     return grown
 
 
-@kernel
+@inner
 def _doubled(array: FloatArray) -> FloatArray:
     grown = np.empty((2 * array.shape[0], 2))
     grown[: array.shape[0]] = array
@@ -178,18 +180,18 @@ def _doubled(array: FloatArray) -> FloatArray:
 
 @kernel
 def advance_front(
-    boundary: FloatArray,
-    edges: FloatArray,
-    strip_start: IntArray,
-    strip_edges: IntArray,
+    boundary: Float2,
+    edges: Float2,
+    strip_start: Int1,
+    strip_edges: Int1,
     strip_low: float,
     strip_step: float,
     far: float,
-    zones: FloatArray,
+    zones: Float2,
     candidates: int,
     seed: int,
     limit: int,
-) -> FloatArray:
+) -> Float2:
     """Nodes inside the closed boundary: the boundary nodes (b, 2) first, then the interior ones.
 
     ``edges`` (e, 4) are the boundary's chords, sorted into horizontal strips for the inside test. The same

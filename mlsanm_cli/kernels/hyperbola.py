@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.kernels.jit import kernel
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.kernels.jit import inner, kernel
+from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, Int1
 
 
-@kernel
+@inner
 def subtract(target: FloatArray, factor: float, values: FloatArray) -> None:
     """Take ``factor`` times ``values`` (n,) from ``target`` (n,)."""
     for i in range(values.size):
@@ -17,20 +18,20 @@ def subtract(target: FloatArray, factor: float, values: FloatArray) -> None:
 
 @kernel
 def hyperbola_orders(
-    x: FloatArray,
-    lam: FloatArray,
-    slope: FloatArray,
-    normal: FloatArray,
+    x: FloatOut2,
+    lam: FloatOut1,
+    slope: Float1,
+    normal: Float1,
     denominator: float,
-    factor: FloatArray,
-    pivots: IntArray,
-    equations: FloatArray,
+    factor: Float2,
+    pivots: Int1,
+    equations: Float2,
     m: int,
     product: float,
     gap: float,
-    stuck: IntArray,
-    drag: FloatArray,
-    rubbing: IntArray,
+    stuck: Int1,
+    drag: Float1,
+    rubbing: Int1,
 ) -> None:
     """Fill orders 2 and on of the series ``x`` (N + 1, 2m + k + n), ``lam`` (N + 1,).
 

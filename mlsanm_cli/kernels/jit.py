@@ -1,69 +1,163 @@
-"""The one decorator through which kernels are compiled, and the place their machine code is kept.
+"""How kernels are written, and how they come to run as machine code.
 
-numba's disk cache does not notice that a callee in another file has changed, so kernels that call each
-other share a file and the cache directory carries a hash of every kernel source. Where no directory can
-be written, kernels are compiled afresh in every process and :data:`CACHE_NOTE` says so.
+A kernel is a function of arrays and numbers with the decorator :func:`kernel`. Its annotations are types of
+:mod:`mlsanm_cli.kernels.signature`, and it can be called for nothing else: ``Float2`` is a C-contiguous array
+of two dimensions that it reads, ``FloatOut2`` one that it writes to (numba refuses to compile a kernel that
+writes to another), ``tuple[Int1, int]`` a result. Functions that only kernels call are decorated with
+:func:`inner`, take anything that numba can type, and are plain Python elsewhere. Kernels may call kernels and
+inner functions of any module here, and BLAS as :mod:`mlsanm_cli.kernels.blas` has it. A module of kernels
+needs no registration: those of this package are all found. ``f.__wrapped__`` is the Python function of a
+kernel f, and with ``NUMBA_DISABLE_JIT=1`` in the environment every kernel is.
+
+The first process compiles all kernels with numba, proves in another process that the machine code can be
+loaded without numba, and keeps it; later ones load it and never import numba. Where it cannot be kept, every
+process compiles, and :class:`Loaded` says why.
 """
 
 from __future__ import annotations
 
-import hashlib
+import functools
+import importlib
 import os
-import tempfile
+import pkgutil
+import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
+
+from mlsanm_cli.kernels import kept
+from mlsanm_cli.kernels.machine import Machine, UnloadableError
+from mlsanm_cli.kernels.signature import Signature
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def _source_hash() -> str:
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+class Kernel:
+    """A function that is called as machine code."""
+
+    __wrapped__: Callable[..., Any]
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.name = f"{function.__module__}.{function.__name__}"
+        self.signature = Signature.of(self.name, function)
+        self._call: Callable[..., Any] | None = None
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        if self._call is None:
+            self._call = load().function(self)
+        return self._call(*arguments)
 
 
-def cache_root() -> Path:
-    """Where mlsanm keeps things between runs: ``MLSANM_CACHE_DIR``, else the user's cache directory."""
-    named = os.environ.get("MLSANM_CACHE_DIR")
-    if named:
-        return Path(named)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mlsanm"
+class Inner:
+    """A function for kernels to call."""
+
+    __wrapped__: Callable[..., Any]
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.__wrapped__(*arguments)
 
 
-def _prepare_cache() -> tuple[Path | None, str]:
-    try:
-        directory = cache_root() / "kernels" / _source_hash()
-        directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory):
-            pass
-    except (OSError, RuntimeError) as error:
-        return None, (
-            f"compiled kernels cannot be kept ({error}); every run compiles them again. "
-            "Set MLSANM_CACHE_DIR to a directory that can be written."
-        )
-    return directory, ""
-
-
-CACHE_DIRECTORY, CACHE_NOTE = _prepare_cache()
-if CACHE_DIRECTORY is not None:
-    os.environ["NUMBA_CACHE_DIR"] = str(CACHE_DIRECTORY)
-
-import numba  # noqa: E402  (must follow the choice of the cache directory)
-
-if CACHE_DIRECTORY is not None:
-    # The variable above comes too late where another package has imported numba before.
-    vars(numba.config)["CACHE_DIR"] = str(CACHE_DIRECTORY)
-
-
-def is_warm() -> bool:
-    """Whether machine code from an earlier run is there to be loaded."""
-    return CACHE_DIRECTORY is not None and any(CACHE_DIRECTORY.rglob("*.nbc"))
+KERNELS: dict[str, Kernel] = {}
+"""All kernels of the modules imported so far."""
 
 
 def kernel(function: Function) -> Function:
-    """Compile ``function`` at its first call, without the interpreter lock and without fast-math."""
-    decorate: Any = numba.njit(cache=CACHE_DIRECTORY is not None, nogil=True, error_model="numpy")
-    compiled: Function = decorate(function)
-    return compiled
+    """Make a kernel of ``function``; it runs without the interpreter lock and without fast-math."""
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        return function
+    made: Any = Kernel(function)
+    KERNELS[made.name] = made
+    return cast(Function, made)
+
+
+def inner(function: Function) -> Function:
+    """Let kernels call ``function``."""
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        return function
+    return cast(Function, Inner(function))
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """The kernels of this process: kept at a ``place``, or a ``note`` why they are not."""
+
+    machine: Machine | None
+    place: Path | None
+    note: str = ""
+
+    @classmethod
+    def unkept(cls, machine: Machine | None, reason: object) -> Loaded:
+        """Such as every process has to compile."""
+        return cls(
+            machine,
+            None,
+            f"compiled kernels cannot be kept ({reason}); every run compiles them again. "
+            "Set MLSANM_CACHE_DIR to a directory that can be written.",
+        )
+
+    def function(self, kernel: Kernel) -> Callable[..., Any]:
+        """A kernel as a Python function."""
+        if self.machine is not None:
+            return self.machine.function(kernel.name, kernel.signature)
+        from mlsanm_cli.kernels.compiler import in_process
+
+        return in_process(kernel)
+
+
+_lock = threading.RLock()
+_loaded: list[Loaded] = []
+
+
+def is_warm() -> bool:
+    """Whether machine code is loaded, or there from an earlier run and loaded now."""
+    with _lock:
+        if not _loaded:
+            _loaded.extend(_from_disk())
+        return bool(_loaded)
+
+
+def load() -> Loaded:
+    """The kernels of this process, compiled if they have to be."""
+    with _lock:
+        if not is_warm():
+            _loaded.append(_compiled())
+        return _loaded[0]
+
+
+def _from_disk() -> list[Loaded]:
+    try:
+        place = kept.directory()
+        code = kept.read(place)
+        return [] if code is None else [Loaded(Machine(code), place)]
+    except (ImportError, RuntimeError, UnloadableError):
+        return []
+
+
+def _compiled() -> Loaded:
+    from mlsanm_cli.kernels import compiler
+
+    try:
+        code = compiler.compiled(every_kernel())
+        compiler.prove(code)
+        machine = Machine(code)
+    except UnloadableError as error:
+        return Loaded.unkept(None, error)
+    try:
+        place = kept.directory()
+        kept.write(place, code)
+    except (OSError, RuntimeError) as error:
+        return Loaded.unkept(machine, error)
+    return Loaded(machine, place)
+
+
+def every_kernel() -> list[Kernel]:
+    """Those of all modules of this package, in an order that does not depend on what was imported first."""
+    package = __name__.rpartition(".")[0]
+    for module in pkgutil.iter_modules([str(Path(__file__).parent)]):
+        importlib.import_module(f"{package}.{module.name}")
+    return [KERNELS[name] for name in sorted(KERNELS) if name.startswith(f"{package}.")]

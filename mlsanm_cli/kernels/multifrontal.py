@@ -14,19 +14,20 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.blas import dgemm, dpotrf, dsyrk, dtrsm
-from mlsanm_cli.kernels.jit import kernel
+from mlsanm_cli.kernels.jit import inner, kernel
+from mlsanm_cli.kernels.signature import Float1, Float2, Float3, FloatOut1, Int1
 
 LOWER, RIGHT, PLAIN, TRANSPOSED = 0, 1, 2, 3
 """Places of BLAS' letters among those of :func:`_letters`."""
 
 
-@kernel
+@inner
 def _letters() -> Any:
     """L, R, N, T."""
     return np.array([76, 82, 78, 84], dtype=np.uint8)
 
 
-@kernel
+@inner
 def _solve_right(
     trans: int, rows: int, columns: int, triangle: FloatArray, height: int, x: FloatArray, width: int
 ) -> None:
@@ -40,7 +41,7 @@ def _solve_right(
     )
 
 
-@kernel
+@inner
 def _multiply(
     trans: int,
     sizes: tuple[int, int, int],
@@ -65,8 +66,8 @@ def _multiply(
 
 @kernel
 def borders(
-    start: IntArray, parent: IntArray, indptr: IntArray, indices: IntArray, order: IntArray, place: IntArray
-) -> tuple[IntArray, IntArray, int]:
+    start: Int1, parent: Int1, indptr: Int1, indices: Int1, order: Int1, place: Int1
+) -> tuple[Int1, Int1, int]:
     """Border nodes of every front, in order of elimination: where they begin (f + 1,) and which they are; and
     the most numbers that updates waiting for their fronts take.
 
@@ -115,7 +116,7 @@ def borders(
     return begin, nodes[:count].copy(), most
 
 
-@kernel
+@inner
 def _locate(f: int, start: IntArray, begin: IntArray, border: IntArray, local: IntArray) -> None:
     """Set ``local`` (n,) to the row of every node of a front in its panel."""
     for position in range(start[f], start[f + 1]):
@@ -124,7 +125,7 @@ def _locate(f: int, start: IntArray, begin: IntArray, border: IntArray, local: I
         local[border[j]] = 2 * (start[f + 1] - start[f] + j - begin[f])
 
 
-@kernel
+@inner
 def _extend_add(
     nodes: IntArray,
     handed: FloatArray,
@@ -150,7 +151,7 @@ def _extend_add(
                 target[row + 1] += source[2 * i + 1]
 
 
-@kernel
+@inner
 def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int) -> bool:
     """Factorise a panel in place and take its product from ``update``; whether all pivots are positive."""
     c: Any = _letters()
@@ -173,18 +174,18 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int) ->
 
 @kernel
 def factorise(
-    start: IntArray,
-    parent: IntArray,
-    begin: IntArray,
-    border: IntArray,
-    panel: IntArray,
+    start: Int1,
+    parent: Int1,
+    begin: Int1,
+    border: Int1,
+    panel: Int1,
     most: int,
-    indptr: IntArray,
-    indices: IntArray,
-    blocks: FloatArray,
-    order: IntArray,
-    place: IntArray,
-) -> tuple[FloatArray, int]:
+    indptr: Int1,
+    indices: Int1,
+    blocks: Float3,
+    order: Int1,
+    place: Int1,
+) -> tuple[Float1, int]:
     """Panels of the factor one after the other, from ``panel`` (f + 1,) on, and the first front with a pivot
     that is not positive, or -1.
 
@@ -227,12 +228,12 @@ def factorise(
 
 @kernel
 def solve(
-    start: IntArray,
-    begin: IntArray,
-    border: IntArray,
-    panel: IntArray,
-    values: FloatArray,
-    x: FloatArray,
+    start: Int1,
+    begin: Int1,
+    border: Int1,
+    panel: Int1,
+    values: Float1,
+    x: FloatOut1,
     c: int,
 ) -> None:
     """Solve in place for c right-hand sides ``x`` (2n, c), flat, in order of elimination."""
@@ -266,7 +267,7 @@ def solve(
             _solve_right(PLAIN, c, pivots, front, pivots + edge, own, c)
 
 
-@kernel
+@inner
 def _marked(mark: IntArray, f: int, at: IntArray) -> IntArray:
     """The columns marked with f; ``at`` gets the place of each among them."""
     active = np.empty(len(mark), dtype=np.int64)
@@ -279,7 +280,7 @@ def _marked(mark: IntArray, f: int, at: IntArray) -> IntArray:
     return active[:c].copy()
 
 
-@kernel
+@inner
 def _add_product(x: FloatArray, pivots: int, columns: IntArray, left: int, result: FloatArray) -> None:
     """Add the products of the ``columns`` (c,) of a front's x (pivots, c) to the ``result``."""
     c, split = len(columns), 0
@@ -296,18 +297,18 @@ def _add_product(x: FloatArray, pivots: int, columns: IntArray, left: int, resul
 
 @kernel
 def products(
-    start: IntArray,
-    parent: IntArray,
-    begin: IntArray,
-    border: IntArray,
-    panel: IntArray,
-    values: FloatArray,
-    indptr: IntArray,
-    indices: IntArray,
-    data: FloatArray,
+    start: Int1,
+    parent: Int1,
+    begin: Int1,
+    border: Int1,
+    panel: Int1,
+    values: Float1,
+    indptr: Int1,
+    indices: Int1,
+    data: Float1,
     left: int,
     total: int,
-) -> FloatArray:
+) -> Float2:
     """With b sparse columns and L the factor: (L^-1 b_i)^T (L^-1 b_j) for i < ``left`` <= j < ``total``.
 
     ``indptr``, ``indices``, ``data`` are the columns by rows (2n,), in order of elimination. A front solves

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.kernels.jit import kernel
+from mlsanm_cli.kernels.signature import Bool2, Float1, Float2, Int1, Int2
 
 
 @kernel
 def cut_lines(
-    starts: FloatArray,
-    ends: FloatArray,
-    numbers: IntArray,
-    edge_start: IntArray,
-    edge_numbers: IntArray,
-    edges: FloatArray,
-    along: FloatArray,
-    loop: FloatArray,
-    normals: FloatArray,
+    starts: Float2,
+    ends: Float2,
+    numbers: Int2,
+    edge_start: Int1,
+    edge_numbers: Int1,
+    edges: Float2,
+    along: Float2,
+    loop: Float1,
+    normals: Float2,
     ratio: float,
-) -> BoolArray:
+) -> Bool2:
     """Whether the lines from ``starts`` (t, 2) to ``ends[numbers]``, ``numbers`` (t, k), cross a slit (t, k).
 
     ``edges`` (e, 4) are the outline's chords; those with ``edge_numbers[edge_start[i] : edge_start[i + 1]]``

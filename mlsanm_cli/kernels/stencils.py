@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.kernels.jit import kernel
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.kernels.jit import inner, kernel
+from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, Int1
 
 
-@kernel
+@inner
 def _monomials(degree: int, x: float, y: float, row: FloatArray) -> None:
     """All x^i y^j of total degree up to ``degree``, ordered by degree, then by the power of y."""
     column = 0
@@ -20,7 +21,7 @@ def _monomials(degree: int, x: float, y: float, row: FloatArray) -> None:
             column += 1
 
 
-@kernel
+@inner
 def _functional(degree: int, dx: int, dy: int, x: float, y: float, row: FloatArray) -> None:
     """The derivative d^(dx+dy)/dx^dx dy^dy of every monomial at (x, y)."""
     column = 0
@@ -40,7 +41,7 @@ def _functional(degree: int, dx: int, dy: int, x: float, y: float, row: FloatArr
             column += 1
 
 
-@kernel
+@inner
 def _householder(matrix: FloatArray, rows: int, columns: int, tau: FloatArray, diagonal: FloatArray) -> None:
     """QR in place: reflectors below the diagonal (unit first entry kept apart in ``tau``), R above it."""
     for c in range(columns):
@@ -70,17 +71,17 @@ def _householder(matrix: FloatArray, rows: int, columns: int, tau: FloatArray, d
 
 @kernel
 def mls_weights(
-    points: FloatArray,
-    indptr: IntArray,
-    indices: IntArray,
-    centers: FloatArray,
-    targets: FloatArray,
-    radii: FloatArray,
+    points: Float2,
+    indptr: Int1,
+    indices: Int1,
+    centers: Float2,
+    targets: Float2,
+    radii: Float1,
     degree: int,
     sharpness: float,
     order: int,
-    weights: FloatArray,
-    ratio: FloatArray,
+    weights: FloatOut2,
+    ratio: FloatOut1,
 ) -> None:
     """Weights of the local polynomial's value and derivatives at ``targets``.
 

@@ -16,6 +16,7 @@ from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.patches import contact_patches
 from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.kernels.jit import Loaded
 from mlsanm_cli.reference.lame import LameRing
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 
@@ -172,7 +173,7 @@ def test_an_overlap_is_judged_by_the_spacing_of_the_case(tmp_path: Path) -> None
 
 
 def test_kernels_are_announced_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(build, "CACHE_NOTE", "compiled kernels cannot be kept")
+    monkeypatch.setattr(build, "load", lambda: Loaded(None, None, "compiled kernels cannot be kept"))
     console = Quiet()
     solve(hertz(), tmp_path / "run", "adapt.passes=2", console=console)
     assert console.warnings.count("compiled kernels cannot be kept") == 1

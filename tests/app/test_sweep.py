@@ -20,7 +20,7 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.app.sweep import Wishes, point_name, sweep
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
-from mlsanm_cli.kernels.jit import CACHE_DIRECTORY
+from mlsanm_cli.kernels.jit import load
 from tests.app.scenes import PATCH, Quiet, assert_same_bits
 
 ETA = "contact.interface.regularization.eta"
@@ -29,11 +29,12 @@ HYPERBOLIC = PATCH.replace('law = "exact"', 'law = "hyperbolic"')
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = load().place
     monkeypatch.setenv("MLSANM_CACHE_DIR", str(tmp_path / "cache"))
-    if CACHE_DIRECTORY is not None:
+    if place is not None:
         # New processes need not compile the kernels again.
         (tmp_path / "cache").mkdir()
-        (tmp_path / "cache" / "kernels").symlink_to(CACHE_DIRECTORY.parent)
+        (tmp_path / "cache" / "kernels").symlink_to(place.parent)
     point._memo.cache_clear()
 
 

@@ -116,8 +116,8 @@ def test_shell_completion(tmp_path: Path) -> None:
 FULL = """
 import resource, signal, sys
 from mlsanm_cli.cli import main
-from mlsanm_cli.kernels.warm import load_all
-load_all()
+from mlsanm_cli.kernels.jit import load
+load()
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
 sys.exit(main(sys.argv[2:]))

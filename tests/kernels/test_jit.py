@@ -1,4 +1,7 @@
-"""Kernels run with and without a place to keep their machine code."""
+"""Machine code of kernels: kept, loaded without numba, and compiled anew wherever there is any doubt.
+
+The processes here have kernels of their own, few and small, in place of the package's.
+"""
 
 from __future__ import annotations
 
@@ -7,38 +10,297 @@ import subprocess
 import sys
 from pathlib import Path
 
-PROGRAM = """
+import pytest
+
+from mlsanm_cli.kernels import kept
+from mlsanm_cli.kernels.jit import load
+from mlsanm_cli.kernels.machine import Code
+from tests.app.scenes import hertz
+
+ROOT = Path(__file__).parents[2]
+KERNELS = """
+from __future__ import annotations
+import resource, sys
 import numpy as np
-from mlsanm_cli.kernels import jit
-from mlsanm_cli.kernels.fill import spacing_at
-h = spacing_at(1.0, np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.2]]), np.array([[0.6, 0.0]]))
-print(f"{h[0]:.6f}|{jit.is_warm()}|{jit.CACHE_NOTE}")
+from mlsanm_cli.kernels import jit, kept, machine
+from mlsanm_cli.kernels.blas import dgemm
+from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, Int1
+
+jit.every_kernel = lambda: list(jit.KERNELS.values())
+
+@jit.inner
+def root(x):
+    return np.sqrt(x)
+
+@jit.kernel
+def roots(x: Float1, scale: float, n: int) -> tuple[Float1, Int1, int, float]:
+    y = np.empty(x.size)
+    for i in range(x.size):
+        y[i] = scale * root(x[i])
+    numbers = np.empty(n, dtype=np.int64)
+    for i in range(n):
+        numbers[i] = i
+    return y, numbers, n + 1, scale / 2.0
+"""
+MORE = """
+@jit.kernel
+def ones(n: int, m: int) -> Float2:
+    return np.ones((n, m))
+
+@jit.kernel
+def same(x: Float2) -> Float1:
+    return x[1]
+
+@jit.kernel
+def filled(x: FloatOut1) -> None:
+    x[:] = 7.0
+
+@jit.kernel
+def assigned(x: FloatOut1, y: Float1) -> None:
+    rows = [np.ones(2)]
+    rows.append(y.copy())
+    x[:] = rows[1]
+
+@jit.kernel
+def square(x: FloatOut1) -> None:
+    letters, sizes, one = np.array([78], dtype=np.uint8), np.array([2], dtype=np.int32), np.ones(1)
+    c, i, a, whole = letters.ctypes, sizes.ctypes, one.ctypes, x.copy().ctypes
+    dgemm(c, c, i, i, i, a, whole, i, whole, i, np.zeros(1).ctypes, x.ctypes, i)
+"""
+ROOTS = """
+print(jit.is_warm())
+values, numbers, n, half = roots(np.array([4.0, 9.0]), 0.5, 3)
+print(values.tolist(), numbers.tolist(), n, half, "numba" in sys.modules, jit.load().note)
 """
 
 
-def run(cache: Path) -> list[str]:
-    """The program's answer in a fresh process that keeps its kernels in ``cache``."""
-    environment = {**os.environ, "MLSANM_CACHE_DIR": str(cache)}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", PROGRAM],
-        env=environment,
-        capture_output=True,
+def started(cache: Path, program: str, **environment: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-W", "error", "-c", program],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "MLSANM_CACHE_DIR": str(cache), **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        check=True,
     )
-    return done.stdout.strip().split("|")
 
 
-def test_where_nothing_can_be_written_kernels_run_uncached_and_say_so(tmp_path: Path) -> None:
+def run(cache: Path, program: str, **environment: str) -> list[str]:
+    """What the program prints in a fresh process that has the kernels above and keeps them in ``cache``."""
+    process = started(cache, KERNELS + program, **environment)
+    out, err = process.communicate()
+    assert process.returncode == 0, err
+    return out.splitlines()
+
+
+def answer(warm: bool, numba: bool, note: str = "") -> list[str]:
+    """What the program ROOTS prints."""
+    return [str(warm), f"[1.0, 1.5] [0, 1, 2] 4 0.25 {numba} {note}"]
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory with the kernels above."""
+    path = tmp_path_factory.mktemp("cache")
+    assert run(path, ROOTS) == answer(warm=False, numba=True)
+    return path
+
+
+def files(cache: Path) -> list[Path]:
+    return [path for path in (cache / "kernels").rglob("*") if path.is_file()]
+
+
+def copied(cache: Path, tmp_path: Path) -> Path:
+    """The machine code in a directory of its own."""
+    (source,) = files(cache)
+    copy = tmp_path / source.relative_to(cache)
+    copy.parent.mkdir(parents=True)
+    copy.write_bytes(source.read_bytes())
+    return copy
+
+
+def test_kept_code_is_loaded_without_numba(cache: Path) -> None:
+    before = [(path, path.stat().st_mtime_ns) for path in (*files(cache), *(cache / "kernels").iterdir())]
+    assert run(cache, ROOTS) == answer(warm=True, numba=False)
+    assert before == [(path, path.stat().st_mtime_ns) for path, _ in before]
+
+
+@pytest.mark.parametrize("change", ["empty", "short", "bit", "head", "text"])
+def test_damaged_code_is_compiled_anew(change: str, cache: Path, tmp_path: Path) -> None:
+    path = copied(cache, tmp_path)
+    data = bytearray(path.read_bytes())
+    if change == "bit":
+        data[len(data) // 2] ^= 1
+    elif change == "head":
+        data[0] ^= 1
+    path.write_bytes(
+        {"empty": b"", "short": bytes(data[:-1]), "text": b"machine code\n"}.get(change, bytes(data))
+    )
+    assert run(tmp_path, ROOTS) == answer(warm=False, numba=True)
+    assert files(tmp_path) == [path]
+    assert kept.decoded(path.read_bytes()).entries
+    assert run(tmp_path, ROOTS) == answer(warm=True, numba=False)
+
+
+def test_code_that_calls_what_is_not_there_is_compiled_anew(cache: Path, tmp_path: Path) -> None:
+    path = copied(cache, tmp_path)
+    code = kept.decoded(path.read_bytes())
+    path.write_bytes(
+        kept.encoded(Code(code.object, code.entries, (*code.symbols, "nobody_has_this"), code.math))
+    )
+    assert run(tmp_path, ROOTS) == answer(warm=False, numba=True)
+    assert run(tmp_path, ROOTS) == answer(warm=True, numba=False)
+
+
+def test_another_version_or_setting_of_numba_has_code_of_its_own(cache: Path, tmp_path: Path) -> None:
+    copied(cache, tmp_path)
+    root = tmp_path / "numba"
+    root.mkdir()
+    (root / "_version.py").write_text("version = '9.9'")
+    assert run(tmp_path, f"kept.numba_root = lambda: {str(root)!r}" + ROOTS)[0] == "False"
+    assert len(files(tmp_path)) == 2
+    assert run(tmp_path, ROOTS, NUMBA_OPT="1")[0] == "False"
+    assert len(files(tmp_path)) == 3
+    assert run(tmp_path, ROOTS, NUMBA_NUM_THREADS="2")[0] == "True"
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_everything_that_code_depends_on_is_in_its_name(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    before, parts = kept.directory(), kept.circumstances()
+    assert kept.directory() == before
+    changed = tuple(part + "x" * (at == number) for at, part in enumerate(parts))
+    monkeypatch.setattr(kept, "circumstances", lambda: changed)
+    assert kept.directory() != before
+
+
+def test_many_processes_may_start_cold_at_once(tmp_path: Path) -> None:
+    processes = [started(tmp_path, KERNELS + ROOTS) for _ in range(4)]
+    told = [process.communicate()[0].splitlines() for process in processes]
+    assert all(lines[1].startswith("[1.0, 1.5] [0, 1, 2] 4 0.25") for lines in told)
+    assert len(files(tmp_path)) == 1
+    assert run(tmp_path, ROOTS) == answer(warm=True, numba=False)
+
+
+def test_where_nothing_can_be_written_every_process_compiles_and_says_so(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("not a directory")
-    value, warm, note = run(blocked / "below")
-    assert value == "0.600000"
-    assert warm == "False"
-    assert "MLSANM_CACHE_DIR" in note
+    for _ in range(2):
+        warm, told = run(blocked / "below", ROOTS)
+        assert warm == "False"
+        assert told.startswith("[1.0, 1.5] [0, 1, 2] 4 0.25 True compiled kernels cannot be kept")
+        assert "MLSANM_CACHE_DIR" in told
 
 
-def test_machine_code_is_kept_by_source(tmp_path: Path) -> None:
-    assert run(tmp_path) == ["0.600000", "True", ""]
-    assert len(list((tmp_path / "kernels").iterdir())) == 1
-    assert list(tmp_path.rglob("*.nbc"))
+WRONG_LAYOUT = """
+from mlsanm_cli.kernels import compiler
+right = compiler._kinds
+compiler._kinds = lambda layout: right(layout).replace("ppiip", "ppip")
+"""
+UNPROVEN = """
+from mlsanm_cli.kernels import compiler
+right = compiler.compiled
+def wrong(kernels):
+    code = right(kernels)
+    return machine.Code(code.object, code.entries, (*code.symbols, "nobody_has_this"), code.math)
+compiler.compiled = wrong
+"""
+CRASH = """
+from mlsanm_cli.kernels import compiler
+compiler.PROOF = "import os; os.abort()"
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [(WRONG_LAYOUT, "passes values as"), (UNPROVEN, "no function nobody_has_this"), (CRASH, "-6")],
+)
+def test_code_that_could_not_be_loaded_is_left_to_numba(change: str, reason: str, tmp_path: Path) -> None:
+    told = run(tmp_path, change + ROOTS)[1]
+    assert told.startswith("[1.0, 1.5] [0, 1, 2] 4 0.25 True compiled kernels cannot be kept")
+    assert reason in told
+    assert not tmp_path.joinpath("kernels").exists()
+    # The same arguments are refused.
+    check = (
+        "try:\\n  roots(np.ones(2, dtype=np.float32), 1.0, 1)\\nexcept TypeError as error:\\n  print(error)"
+    )
+    assert "must be a C-contiguous float64" in run(tmp_path, change + check.replace("\\n", "\n"))[-1]
+
+
+USES = """
+first = ones(3, 1_000_000)
+kept_part = first[1, 5:8]
+del first
+for _ in range(400):
+    assert ones(3, 1_000_000).sum() == 3e6
+print(kept_part.tolist(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 600_000)
+x = np.arange(6.0).reshape(3, 2)
+part = same(x)
+x[:] = -1.0
+print(part.tolist(), ones(0, 5).shape, ones(2, 0).shape)
+y, z = np.zeros(4), np.array([1.0, 2.0, 3.0, 4.0])
+square(z)
+print(filled(y), y.tolist(), z.tolist(), "numba" in sys.modules)
+for call in (lambda: ones(2**40, 2**10), lambda: ones(-1, 1), lambda: assigned(np.ones(3), np.ones(2))):
+    try:
+        call()
+    except Exception as error:
+        print(type(error).__name__, error)
+"""
+
+
+def test_results_live_as_long_as_they_are_used_and_exceptions_are_raised(tmp_path: Path) -> None:
+    for numba in (True, False):
+        *told, memory, negative, shapes = run(tmp_path, MORE + USES)
+        assert told == [
+            *("[1.0, 1.0, 1.0] True", "[2.0, 3.0] (0, 5) (2, 0)"),
+            f"None [7.0, 7.0, 7.0, 7.0] [7.0, 10.0, 15.0, 22.0] {numba}",
+        ]
+        assert memory.startswith("MemoryError Allocation failed")
+        assert negative.startswith("ValueError negative dimensions")
+        assert shapes.startswith("RuntimeError __main__.assigned: ValueError")
+
+
+def test_kernels_that_do_not_keep_their_word_are_not_compiled(tmp_path: Path) -> None:
+    writes = """
+@jit.kernel
+def wrong(x: Float1) -> None:
+    x[0] = 1.0
+"""
+    returns = """
+@jit.kernel
+def wrong(x: Float1) -> Int1:
+    return 2.0 * x
+"""
+    for program, told in (
+        (writes, "Cannot modify readonly array"),
+        (returns, "wrong returns array(float64, 1d"),
+    ):
+        process = started(tmp_path, KERNELS + program + ROOTS)
+        assert told in process.communicate()[1]
+        assert process.returncode == 1
+
+
+def test_kernels_are_python_functions_where_numba_is_off(tmp_path: Path) -> None:
+    program = "print(type(ones).__name__, type(root).__name__, same(np.eye(2)), 'numba' in sys.modules)"
+    told = run(tmp_path, MORE + program, NUMBA_DISABLE_JIT="1")
+    assert told == ["function function [0. 1.] False"]
+
+
+def test_a_warm_run_imports_no_numba(tmp_path: Path) -> None:
+    if load().place is None:
+        pytest.skip("kernels are not kept here")
+    program = """
+import sys
+from mlsanm_cli.cli import main
+code = main(["run", "case.toml", "--quiet"])
+print(code, sorted(name for name in sys.modules if name.startswith("numba")), file=sys.stderr)
+"""
+    (tmp_path / "case.toml").write_text(hertz())
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr.splitlines()[-1] == "0 []"

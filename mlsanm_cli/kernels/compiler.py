@@ -1,0 +1,149 @@
+"""Compiling the kernels with numba, the only module that imports it; see :mod:`mlsanm_cli.kernels.jit`."""
+
+from __future__ import annotations
+
+import functools
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+from llvmlite import ir
+from numba.core import intrinsics, registry
+from numba.extending import typeof_impl
+
+from mlsanm_cli.kernels import kept
+from mlsanm_cli.kernels.blas import EXTERNALS, External
+from mlsanm_cli.kernels.jit import Inner, Kernel
+from mlsanm_cli.kernels.machine import Code, UnloadableError
+from mlsanm_cli.kernels.signature import Value
+
+LETTERS = {"c": numba.uint8, "i": numba.int32, "d": numba.float64}
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+NATIVE: dict[str, Any] = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+PROOF = """
+import sys
+from mlsanm_cli.kernels import kept, machine
+machine.Machine(kept.decoded(sys.stdin.buffer.read()))
+"""
+
+
+@functools.cache
+def _dispatcher(function: Callable[..., Any]) -> Any:
+    """Numba's compiler of a function, without its way in for Python."""
+    return numba.njit(**NATIVE)(function)
+
+
+@typeof_impl.register(Inner)
+def _typeof_inner(value: Inner, context: object) -> Any:
+    return numba.types.Dispatcher(_dispatcher(value.__wrapped__))
+
+
+@typeof_impl.register(Kernel)
+def _typeof_kernel(value: Kernel, context: object) -> Any:
+    return numba.types.Dispatcher(_dispatcher(value.__wrapped__))
+
+
+@typeof_impl.register(External)
+def _typeof_external(value: External, context: object) -> Any:
+    pointer: Any = numba.types.CPointer
+    pointers = (pointer(LETTERS[letter]) for letter in value.arguments)
+    return numba.types.ExternalFunction(value.symbol, numba.types.void(*pointers))
+
+
+def _type(value: Value) -> Any:
+    scalar = numba.from_dtype(value.dtype)
+    if value.ndim == 0:
+        return scalar
+    return numba.types.Array(scalar, value.ndim, "C", readonly=not value.written)
+
+
+def _bind() -> None:
+    for external in EXTERNALS:
+        llvm.add_symbol(external.symbol, external.address())
+
+
+def compiled(kernels: Iterable[Kernel]) -> Code:
+    """All ``kernels`` in one object file. Raises UnloadableError where this numba's code cannot be kept."""
+    _bind()
+    results = {kernel.name: _compiled(kernel) for kernel in kernels}
+    whole = llvm.parse_assembly("")
+    try:
+        for result in results.values():
+            whole.link_in(result.library._final_module.clone())
+        machine_code = next(iter(results.values())).library.codegen._tm.emit_object(whole)
+        math = tuple(intrinsics.INTR_MATH)
+    except AttributeError as error:
+        raise UnloadableError(f"numba {numba.__version__} does not give its code away: {error}") from error
+    symbols = [one.name for one in whole.functions if one.is_declaration and not one.name.startswith("llvm.")]
+    entries = {name: result.fndesc.llvm_func_name for name, result in results.items()}
+    return Code(machine_code, entries, tuple(symbols), math)
+
+
+def _compiled(kernel: Kernel) -> Any:
+    """What numba has of a kernel after compilation."""
+    dispatcher = _dispatcher(kernel.__wrapped__)
+    types = tuple(_type(argument) for argument in kernel.signature.arguments)
+    dispatcher.compile(types)
+    result = dispatcher.overloads[types]
+    _check_layout(kernel, types, result.signature.return_type)
+    return result
+
+
+def _check_layout(kernel: Kernel, types: tuple[Any, ...], result: Any) -> None:
+    """Raise TypeError for a kernel that returns something else than it says.
+
+    Raises UnloadableError where numba passes arguments or results in another way than we do.
+    """
+    parts = getattr(result, "types", (result,))
+    found = [(getattr(part, "dtype", part), getattr(part, "ndim", 0)) for part in parts]
+    told = [(numba.from_dtype(value.dtype), value.ndim) for value in kernel.signature.results]
+    if found != (told or [(numba.types.none, 0)]):
+        raise TypeError(f"{kernel.name} returns {result}")
+    models = registry.cpu_target.target_context.data_model_manager
+    passed = "".join(_kinds(models[one].get_argument_type()) for one in types)
+    back = _kinds(models[result].get_return_type()) if told else ""
+    for kinds, values in ((passed, kernel.signature.arguments), (back, kernel.signature.results)):
+        if kinds != "".join(value.kinds for value in values):
+            raise UnloadableError(f"numba {numba.__version__} passes values as {kinds} to {kernel.name}")
+
+
+def prove(code: Code) -> None:
+    """Raise UnloadableError unless a new process can load the machine code: LLVM would end this one."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", PROOF]
+    data = kept.encoded(code)
+    done = subprocess.run(command, input=data, env=environment, capture_output=True, check=False)
+    if done.returncode != 0:
+        reason = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise UnloadableError(f"another process could not load them: {reason or done.returncode}")
+
+
+def _kinds(layout: Any) -> str:
+    """Kinds of the words, in order, that make up a value."""
+    if isinstance(layout, (tuple, list)):
+        return "".join(_kinds(part) for part in layout)
+    if isinstance(layout, ir.LiteralStructType):
+        return _kinds(layout.elements)
+    if isinstance(layout, ir.ArrayType):
+        return "".join(layout.count * [_kinds(layout.element)])
+    if isinstance(layout, ir.PointerType):
+        return "p"
+    return {"i64": "i", "double": "d"}.get(str(layout), "?")
+
+
+def in_process(kernel: Kernel) -> Callable[..., Any]:
+    """A kernel as numba itself calls it, for this process only."""
+    _bind()
+    dispatcher: Any = numba.njit(**OPTIONS)(kernel.__wrapped__)
+    dispatcher.compile(tuple(_type(one) for one in kernel.signature.arguments))
+
+    def call(*values: Any) -> Any:
+        # For the check: numba would compile for other types.
+        list(kernel.signature.words(kernel.name, values))
+        return dispatcher(*values)
+
+    return call

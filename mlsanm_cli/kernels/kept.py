@@ -1,0 +1,94 @@
+"""Machine code on disk: one file for all kernels, known by all that went into it and by its own digest.
+
+The directory's name is a digest of the kernels' sources, the versions of numba, llvmlite and numpy, the
+processor with its features, and numba's settings. The file begins with the SHA-256 of the rest of it, is
+written beside its place and then moved there, and is compiled anew where anything is wrong with it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from mlsanm_cli.kernels.machine import Code, UnloadableError, numba_root
+
+NAME = "machine-code"
+SETTINGS = "NUMBA_"
+HARMLESS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
+"""Settings of numba's that change no machine code."""
+DIGEST = 64
+
+
+def cache_root() -> Path:
+    """Where mlsanm keeps things between runs: ``MLSANM_CACHE_DIR``, else the user's cache directory."""
+    named = os.environ.get("MLSANM_CACHE_DIR")
+    if named:
+        return Path(named)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mlsanm"
+
+
+def circumstances() -> tuple[str, ...]:
+    """All but the sources that machine code depends on."""
+    import llvmlite
+    import llvmlite.binding as llvm
+
+    try:
+        # numba's version without numba, whose import takes longer than all else here.
+        version = (Path(numba_root()) / "_version.py").read_text()
+    except (OSError, UnloadableError) as error:
+        version = str(error)
+    names = (name for name in os.environ if name.startswith(SETTINGS) and name not in HARMLESS)
+    settings = (f"{name}={os.environ[name]}" for name in sorted(names))
+    features = llvm.get_host_cpu_features().flatten()
+    processor = (llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
+    return (version, llvmlite.__version__, np.__version__, *processor, *settings)
+
+
+def directory() -> Path:
+    """Where this installation's machine code belongs. Raises RuntimeError where the user has no directory."""
+    digest = hashlib.sha256("\0".join(circumstances()).encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return cache_root() / "kernels" / digest.hexdigest()[:16]
+
+
+def encoded(code: Code) -> bytes:
+    """As written to disk."""
+    head = {"entries": dict(code.entries), "symbols": code.symbols, "math": code.math}
+    rest = json.dumps(head).encode() + b"\n" + code.object
+    return hashlib.sha256(rest).hexdigest().encode() + rest
+
+
+def decoded(data: bytes) -> Code:
+    """What :func:`encoded` wrote. Raises ValueError for anything else."""
+    if hashlib.sha256(data[DIGEST:]).hexdigest().encode() != data[:DIGEST]:
+        raise ValueError("damaged")
+    line, _, machine_code = data[DIGEST:].partition(b"\n")
+    head = json.loads(line)
+    return Code(machine_code, head["entries"], tuple(head["symbols"]), tuple(head["math"]))
+
+
+def read(place: Path) -> Code | None:
+    """The machine code in a directory, None where there is none or it is damaged."""
+    try:
+        return decoded((place / NAME).read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def write(place: Path, code: Code) -> None:
+    """Keep machine code; others see all of it or nothing. Raises OSError."""
+    place.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=place)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(encoded(code))
+        os.replace(name, place / NAME)
+    except OSError:
+        os.unlink(name)
+        raise

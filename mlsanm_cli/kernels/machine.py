@@ -1,0 +1,182 @@
+"""Machine code of all kernels in one object file, loaded by LLVM alone and called as C functions.
+
+The code is numba's, with numba's convention: a pointer to where the result goes, one to where an exception
+goes, the arguments, arrays taken apart; what comes back is a status. It allocates through numba's runtime, a
+small extension module that is loaded by its path, since importing numba itself takes longer than most runs.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.machinery
+import importlib.util
+import os
+import pickle
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.kernels.blas import EXTERNALS
+from mlsanm_cli.kernels.signature import Signature, Value
+
+WORDS = {"p": ctypes.c_void_p, "i": ctypes.c_int64, "d": ctypes.c_double}
+DONE = (0, -2)
+"""Statuses of success: with a result, and with None."""
+
+
+@dataclass(frozen=True)
+class Code:
+    """An ``object`` file with the kernels' ``entries``: names of its symbols by those of the kernels.
+
+    ``symbols`` are the functions of others that it calls, ``math`` those that are to be the mathematical ones
+    that numba binds.
+    """
+
+    object: bytes
+    entries: Mapping[str, str]
+    symbols: tuple[str, ...]
+    math: tuple[str, ...]
+
+
+class UnloadableError(Exception):
+    """Machine code that this process cannot link."""
+
+
+class _Exception(ctypes.Structure):
+    """How numba describes an exception: pickled class, arguments and place; ``dynamic`` arguments apart."""
+
+    _fields_ = (
+        ("pickled", ctypes.c_void_p),
+        ("size", ctypes.c_int32),
+        ("values", ctypes.c_void_p),
+        ("unwrap", ctypes.c_void_p),
+        ("dynamic", ctypes.c_int32),
+    )
+
+
+class _Owner:
+    """Memory of an array that a kernel returned, given back when the last view of it is gone."""
+
+    def __init__(self, owner: int, release: Callable[[int], None], interface: Mapping[str, Any]) -> None:
+        self._owner, self._release = owner, release
+        self.__array_interface__ = interface
+
+    def __del__(self) -> None:
+        self._release(self._owner)
+
+
+def numba_root() -> str:
+    """Where numba is installed. Raises UnloadableError if it is not; does not import it."""
+    spec = importlib.util.find_spec("numba")
+    if spec is None or not spec.submodule_search_locations:
+        raise UnloadableError("numba is not installed")
+    return str(spec.submodule_search_locations[0])
+
+
+def _extension(name: str) -> ModuleType:
+    """An extension module of numba's, without numba."""
+    if f"numba.{name}" in sys.modules:
+        return sys.modules[f"numba.{name}"]
+    stem = os.path.join(numba_root(), *name.split("."))
+    for suffix in importlib.machinery.EXTENSION_SUFFIXES:
+        if os.path.exists(stem + suffix):
+            own = name.rpartition(".")[2]
+            loader = importlib.machinery.ExtensionFileLoader(own, stem + suffix)
+            spec = importlib.util.spec_from_loader(own, loader)
+            assert spec is not None
+            module = importlib.util.module_from_spec(spec)
+            loader.exec_module(module)
+            return module
+    raise UnloadableError(f"numba has no {name}")
+
+
+class Machine:
+    """Loaded machine code. Raises UnloadableError where something it calls is not there."""
+
+    def __init__(self, code: Code) -> None:
+        import llvmlite.binding as llvm
+
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
+        # First, since only then LLVM knows the functions of the process.
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+        runtime = _extension("core.runtime._nrt_python").c_helpers
+        helpers = _extension("_helperlib").c_helpers
+        addresses = {f"NRT_{name}": address for name, address in runtime.items()}
+        addresses |= {f"numba_{name}": address for name, address in helpers.items()}
+        addresses |= {one.symbol: one.address() for one in EXTERNALS if one.symbol in code.symbols}
+        for name in code.symbols:
+            if name in addresses:
+                llvm.add_symbol(name, addresses[name])
+            elif llvm.address_of_symbol(name) is None:
+                raise UnloadableError(f"there is no function {name}")
+        for name in code.math:
+            llvm.add_symbol(name, helpers[name])
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code.object))
+        self._engine.finalize_object()
+        self._entries = code.entries
+        release = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+        self._release: Callable[[int], None] = release(runtime["MemInfo_release"])
+
+    def function(self, name: str, signature: Signature) -> Callable[..., Any]:
+        """A kernel as a Python function. Its arguments are checked, the interpreter lock is let go."""
+        kinds = "".join(argument.kinds for argument in signature.arguments)
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int32, *(WORDS[kind] for kind in "pp" + kinds))
+        address = self._engine.get_function_address(self._entries[name])
+        call, room = prototype(address), ctypes.c_int64 * max(1, sum(len(r.kinds) for r in signature.results))
+
+        def kernel(*values: Any) -> Any:
+            result, raised = room(), ctypes.c_void_p()
+            words = signature.words(name, values)
+            status = call(ctypes.addressof(result), ctypes.addressof(raised), *words)
+            if status not in DONE:
+                raise _exception(name, status, raised.value)
+            return self._results(signature, result)
+
+        return kernel
+
+    def _results(self, signature: Signature, words: Any) -> Any:
+        """What a kernel has left where its result goes."""
+        values, at = [], 0
+        for result in signature.results:
+            size = len(result.kinds)
+            values.append(self._result(result, words, at))
+            at += size
+        if signature.single:
+            return values[0] if values else None
+        return tuple(values)
+
+    def _result(self, result: Value, words: Any, at: int) -> Any:
+        if result.ndim == 0:
+            if result.dtype.kind == "f":
+                return ctypes.c_double.from_buffer(words, 8 * at).value
+            return words[at]
+        owner, address, shape = words[at], words[at + 4], at + 5
+        interface = {
+            "version": 3,
+            "typestr": result.dtype.str,
+            "data": (address, False),
+            "shape": tuple(words[shape : shape + result.ndim]),
+            "strides": tuple(words[shape + result.ndim : shape + 2 * result.ndim]),
+        }
+        if not owner:
+            # A part of an argument, which may be gone before its result.
+            return np.array(_Owner(owner, lambda _: None, interface))
+        return np.asarray(_Owner(owner, self._release, interface))
+
+
+def _exception(name: str, status: int, address: int | None) -> Exception:
+    """The exception with which a kernel has ended."""
+    if status < 1 or address is None:
+        return SystemError(f"{name} ended with status {status}")
+    told = _Exception.from_address(address)
+    kind, arguments, _ = pickle.loads(ctypes.string_at(told.pickled, told.size))
+    if told.dynamic:
+        return RuntimeError(f"{name}: {kind.__name__}")
+    found: Exception = kind(*arguments)
+    return found

@@ -1,0 +1,134 @@
+"""What a kernel takes and returns, read from its annotations.
+
+``Float1``, ``Int2``, ``Bool3`` and their like are C-contiguous arrays of that many dimensions which the
+kernel only reads, ``FloatOut1`` and its like such as it writes to. Scalars are ``float`` and ``int``, a
+result is None, one of all these or a tuple of them. mypy sees plain arrays: the dimensions are for the
+compiler and for the check of every argument before machine code sees it.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+
+Float1: TypeAlias = FloatArray
+Float2: TypeAlias = FloatArray
+Float3: TypeAlias = FloatArray
+FloatOut1: TypeAlias = FloatArray
+FloatOut2: TypeAlias = FloatArray
+FloatOut3: TypeAlias = FloatArray
+Int1: TypeAlias = IntArray
+Int2: TypeAlias = IntArray
+IntOut1: TypeAlias = IntArray
+IntOut2: TypeAlias = IntArray
+Bool1: TypeAlias = BoolArray
+Bool2: TypeAlias = BoolArray
+BoolOut1: TypeAlias = BoolArray
+BoolOut2: TypeAlias = BoolArray
+
+ARRAY = re.compile(r"(Float|Int|Bool)(Out)?([1-3])")
+DTYPES = {"Float": np.dtype(np.float64), "Int": np.dtype(np.int64), "Bool": np.dtype(np.bool_)}
+WORD = 2**63
+
+
+@dataclass(frozen=True)
+class Value:
+    """An argument or a part of a result: a scalar if it has no dimensions."""
+
+    name: str
+    dtype: np.dtype[Any]
+    ndim: int = 0
+    written: bool = False
+
+    @classmethod
+    def of(cls, name: str, annotation: str) -> Value:
+        """As an ``annotation`` tells. Raises TypeError for one that kernels do not know."""
+        if annotation in ("float", "int"):
+            return cls(name, DTYPES[annotation.capitalize()])
+        found = ARRAY.fullmatch(annotation)
+        if found is None:
+            raise TypeError(f"{name}: {annotation!r} is no type that a kernel can take or return")
+        return cls(name, DTYPES[found[1]], int(found[3]), found[2] is not None)
+
+    def words(self, value: Any) -> tuple[Any, ...]:
+        """The value as machine code takes it: a number, or a description of the array and its address.
+
+        Raises TypeError for a value that is not what the kernel was compiled for, OverflowError for an
+        integer of more than 64 bits.
+        """
+        if self.ndim == 0:
+            return (self._scalar(value),)
+        if (
+            not isinstance(value, np.ndarray)
+            or value.dtype != self.dtype
+            or value.ndim != self.ndim
+            or not value.flags.c_contiguous
+            or not (value.flags.carray if self.written else value.flags.aligned)
+        ):
+            raise TypeError(self._refusal(value))
+        address = value.__array_interface__["data"][0]
+        # No owner: what kernels are given belongs to Python and outlives the call.
+        return (None, None, value.size, value.itemsize, address, *value.shape, *value.strides)
+
+    def _scalar(self, value: Any) -> float | int:
+        if self.dtype.kind == "f":
+            if not isinstance(value, (float, int, np.floating, np.integer)):
+                raise TypeError(f"{self.name} must be a number, not {type(value).__name__}")
+            return float(value)
+        number = operator.index(value)
+        if not -WORD <= number < WORD:
+            raise OverflowError(f"{self.name} does not fit into 64 bits")
+        return number
+
+    def _refusal(self, value: Any) -> str:
+        wanted = f"a C-contiguous{', writable' if self.written else ''} {self.dtype} array"
+        given = type(value).__name__
+        if isinstance(value, np.ndarray):
+            order = "C-contiguous" if value.flags.c_contiguous else "not C-contiguous"
+            writable = "" if value.flags.writeable else ", read-only"
+            given = f"{value.dtype} of {value.ndim} dimensions, {order}{writable}"
+        return f"{self.name} must be {wanted} of {self.ndim} dimensions, not {given}"
+
+    @property
+    def kinds(self) -> str:
+        """Its words' kinds: p for pointers, i for integers, d for floating-point numbers."""
+        if self.ndim == 0:
+            return "d" if self.dtype.kind == "f" else "i"
+        return "ppiip" + 2 * self.ndim * "i"
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Arguments and parts of the result; ``single`` where the result is no tuple."""
+
+    arguments: tuple[Value, ...]
+    results: tuple[Value, ...]
+    single: bool
+
+    @classmethod
+    def of(cls, name: str, function: Callable[..., Any]) -> Signature:
+        """That of a ``function`` called ``name``. Raises TypeError for types that kernels do not know."""
+        told = dict(function.__annotations__)
+        result = told.pop("return")
+        if not all(isinstance(annotation, str) for annotation in (result, *told.values())):
+            raise TypeError(f"{name}: its module must begin with 'from __future__ import annotations'")
+        parts = result[6:-1].split(", ") if result.startswith("tuple[") else [result]
+        return cls(
+            tuple(Value.of(f"{name}: {argument}", annotation) for argument, annotation in told.items()),
+            () if result == "None" else tuple(Value.of(f"{name}: its result", part) for part in parts),
+            not result.startswith("tuple["),
+        )
+
+    def words(self, name: str, values: tuple[Any, ...]) -> Iterator[Any]:
+        """All arguments as machine code takes them."""
+        if len(values) != len(self.arguments):
+            raise TypeError(f"{name} takes {len(self.arguments)} arguments, not {len(values)}")
+        for argument, value in zip(self.arguments, values, strict=True):
+            yield from argument.words(value)

@@ -1,0 +1,121 @@
+"""What kernels accept: the very types they were compiled for, and nothing else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.kernels.fill import spacing_at
+from mlsanm_cli.kernels.hyperbola import hyperbola_orders
+from mlsanm_cli.kernels.jit import every_kernel
+from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut2, Int1, Signature
+from mlsanm_cli.kernels.stencils import mls_weights
+
+ZONES = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.2]])
+POINTS = np.array([[0.6, 0.0], [0.0, 0.0], [9.0, 0.0]])
+SPACINGS = [0.6, 0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("points", "told"),
+    [
+        (POINTS.astype(np.float32), "float32 of 2 dimensions"),
+        (POINTS.astype(np.int64), "int64"),
+        (POINTS.astype(">f8"), ">f8"),
+        (POINTS[:, 0].copy(), "of 1 dimensions"),
+        (POINTS[::2], "not C-contiguous"),
+        (np.asfortranarray(POINTS), "not C-contiguous"),
+        (np.frombuffer(b"." + POINTS.tobytes(), np.uint8)[1:].view(np.float64).reshape(-1, 2), "float64"),
+        (POINTS.tolist(), "not list"),
+        (None, "not NoneType"),
+    ],
+)
+def test_other_arrays_are_refused(points: Any, told: str) -> None:
+    with pytest.raises(
+        TypeError, match=r"spacing_at: points must be a C-contiguous float64 array of 2"
+    ) as got:
+        spacing_at(1.0, ZONES, points)
+    assert told in str(got.value)
+
+
+@pytest.mark.parametrize("far", [1, 1.0, np.float64(1.0), np.float32(1.0), np.int64(1), True])
+def test_numbers_of_any_type_are_numbers(far: Any) -> None:
+    assert np.allclose(spacing_at(far, ZONES, POINTS), SPACINGS, rtol=1e-15)
+
+
+@pytest.mark.parametrize("far", ["1.0", None, 1j, POINTS])
+def test_anything_else_is_no_number(far: Any) -> None:
+    with pytest.raises(TypeError, match="far must be a number"):
+        spacing_at(far, ZONES, POINTS)
+
+
+def weights(degree: Any, out: Any, points: Any = POINTS) -> None:
+    """Weights of value and slopes at the first of three points."""
+    at, stencil = POINTS[:1].copy(), (np.array([0, 3]), np.arange(3))
+    mls_weights(points, *stencil, at, at, np.array([10.0]), degree, 4.0, 1, out, np.empty(1))
+
+
+def test_integers_must_be_such_and_fit() -> None:
+    for degree in (1, np.int32(1), np.uint64(1)):
+        weights(degree, np.empty((3, 3)))
+    with pytest.raises(TypeError, match="float"):
+        weights(1.0, np.empty((3, 3)))
+    for degree in (2**63, -(2**63) - 1):
+        with pytest.raises(OverflowError, match="degree does not fit"):
+            weights(degree, np.empty((3, 3)))
+
+
+def test_read_only_arrays_are_read_and_not_written_to() -> None:
+    points, out = POINTS.copy(), np.empty((3, 3))
+    for array in (points, out):
+        array.flags.writeable = False
+    assert np.allclose(spacing_at(1.0, ZONES, points), SPACINGS, rtol=1e-15)
+    with pytest.raises(TypeError, match=r"weights must be a C-contiguous, writable.*read-only"):
+        weights(1, out, points)
+
+
+def test_the_number_of_arguments_is_checked() -> None:
+    for arguments in ((), (1.0, ZONES), (1.0, ZONES, POINTS, POINTS)):
+        with pytest.raises(TypeError, match=f"spacing_at takes 3 arguments, not {len(arguments)}"):
+            spacing_at(*arguments)
+
+
+def test_signatures_are_read_from_annotations() -> None:
+    def function(x: Float2, n: int, y: FloatOut2, a: float) -> tuple[Float1, Int1, int, float]:
+        raise NotImplementedError
+
+    found = Signature.of("f", function)
+    assert [(one.dtype.kind, one.ndim, one.written) for one in found.arguments] == [
+        *(("f", 2, False), ("i", 0, False)),
+        *(("f", 2, True), ("f", 0, False)),
+    ]
+    assert [(one.dtype.kind, one.ndim) for one in found.results] == [("f", 1), ("i", 1), ("i", 0), ("f", 0)]
+    assert not found.single
+
+
+def test_types_that_kernels_do_not_know_are_refused() -> None:
+    def one(x: list[float]) -> None:
+        raise NotImplementedError
+
+    def other(x: float) -> bool:
+        raise NotImplementedError
+
+    for function in (one, other):
+        with pytest.raises(TypeError, match="is no type that a kernel can take or return"):
+            Signature.of("f", function)
+
+    def third(x: float) -> None:
+        raise NotImplementedError
+
+    third.__annotations__["x"] = float
+    with pytest.raises(TypeError, match="from __future__ import annotations"):
+        Signature.of("f", third)
+
+
+def test_all_kernels_are_found() -> None:
+    names = [kernel.name.rpartition(".")[2] for kernel in every_kernel()]
+    assert len(names) == len(set(names))
+    assert {"advance_front", "cut_lines", "factorise", "hyperbola_orders", "mls_weights"} <= set(names)
+    assert hyperbola_orders in every_kernel()
