@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 UNUSED = frozenset(
     {
-        *("meshio", "matplotlib", "rich", "distributed", "click.testing", "unittest"),
+        *("numba", "meshio", "matplotlib", "rich", "distributed", "click.testing", "unittest"),
         *(
             "scipy.fft",
             "scipy.interpolate",
