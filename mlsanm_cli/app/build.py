@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +30,7 @@ from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import CACHE_NOTE, is_warm
 from mlsanm_cli.kernels.warm import load_all
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import AFRESH, Memo
+from mlsanm_cli.memo import AFRESH, Memo, digest
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
@@ -36,6 +38,11 @@ LINEAR = {"auto": CholeskySolver, "superlu": SuperLUSolver}
 """Direct solvers by ``solver.linear``."""
 WIDER = 1.5
 WIDENINGS = 6
+_WITHOUT_SIZE: dict[str, Any] = {
+    **dict.fromkeys(("load", "stage", "solver", "output"), True),
+    "contact": {"__all__": {"friction", "regularization"}},
+}
+"""What of a case does not change its size."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
 """Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
@@ -75,7 +82,8 @@ def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo =
     """
     load_kernels(clock, console)
     with clock.phase("cloud"):
-        refuse_too_large(loaded.case)
+        fixed = loaded.case.model_dump_json(exclude=_WITHOUT_SIZE)
+        memo.value("size", digest(fixed), partial(refuse_too_large, loaded.case))
     try:
         prepared = place(loaded.case, clock, console, memo=memo)
         refuse_overlap(prepared.pairings)

@@ -215,6 +215,12 @@ class ElasticBody:
         """The factorised system; NumericalError where there is none."""
         return self.equations.factorised(self.timed)
 
+    @property
+    def content(self) -> str:
+        """A digest of the body with its conditions."""
+        chosen = [self.held, self.springs, self.free, self.first_row, self.rows]
+        return digest(self.model.content, self.equations.content, chosen)
+
     def condition_rows(self, surface: str, component: int) -> IntArray:
         """Row numbers (b,) of a surface's conditions in x (0) or y (1)."""
         count = len(self.model.cloud.surfaces[surface].index)
