@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sparse
@@ -78,6 +78,12 @@ class Condensed:
     solves: int
     content: str
     probes: Mapping[str, LinearMap] = field(default_factory=dict)
+
+    @cached_property
+    def whole(self) -> FloatArray:
+        """Gaps, slips and lacking balance (m + n + k) per pressure, traction and motion."""
+        parts = (self.gap, self.slip, self.balance)
+        return np.block([[part.pressure, part.traction, part.motion] for part in parts])
 
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
         """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""

@@ -41,6 +41,15 @@ class Event:
     jumped: bool = False
 
 
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """How a state goes on while the load moves along a stage: the sets, their system, the rates of all."""
+
+    sets: Sets
+    system: SetSystem
+    rates: Values
+
+
 def start(condensed: Condensed, factors: FloatArray) -> Event:
     """The state before the first stage; surfaces that overlap as drawn push each other apart.
 
@@ -79,10 +88,11 @@ def follow(
     begin = state.factors if begin is None else begin
     change = end - begin
     pending, standing = list(stops), 0
+    course: _Course | None = None
     while pending:
         touching = bool(state.sets.closed.any())
         try:
-            sets, system, rates, solves = _rates(condensed, state, change)
+            course, solves = _course(condensed, state, change, course)
             if standing > 4 * len(condensed.weight) + 50:
                 raise NoStateError(sliding=False)
         except NoStateError as error:
@@ -92,22 +102,23 @@ def follow(
                 if error.sliding or failure.sliding or slides_freely(condensed, state.sets):
                     raise SlidingError(fraction) from error
                 raise
-            standing = 0
+            standing, course = 0, None
             while pending and pending[0] <= fraction:
                 pending.pop(0)
             yield Event(fraction, state, solves, jumped=touching)
             continue
+        sets = course.sets
         if slides_freely(condensed, sets):
             raise SlidingError(fraction)
         # A node that comes to rest does so where it is now.
         anchor = np.where(sets.stuck & ~state.sets.stuck, state.values.slip, state.anchor)
-        step = min(_next_event(condensed, state, sets, rates), pending[0] - fraction)
+        step = min(_next_event(condensed, state, course), pending[0] - fraction)
         standing = standing + 1 if step < STANDSTILL else 0
         fraction += step
         if pending[0] - fraction <= STANDSTILL:
             fraction = pending.pop(0)
         factors = begin + fraction * change
-        state = state.moved(factors, system.state(factors, anchor), sets, anchor)
+        state = state.moved(factors, course.system.state(factors, anchor), sets, anchor)
         yield Event(fraction, state, solves)
 
 
@@ -124,10 +135,13 @@ def _slack(condensed: Condensed, values: Values, side: float) -> FloatArray:
     return result
 
 
-def _rates(
-    condensed: Condensed, state: CoulombState, change: FloatArray
-) -> tuple[Sets, SetSystem, Values, int]:
-    """The sets with which the state goes on when the load factors move along ``change`` (L,)."""
+def _course(
+    condensed: Condensed, state: CoulombState, change: FloatArray, last: _Course | None
+) -> tuple[_Course, int]:
+    """How the state goes on when the load factors move along ``change`` (L,), and the systems that were made.
+
+    The ``last`` course, along the same change, led to the state: its sets are tried first, and known.
+    """
     v, before = state.values, state.sets
     force, length = _limits(condensed, v)
     bare = v.pressure <= force
@@ -138,16 +152,24 @@ def _rates(
     watch = Watch(bare, v.gap <= length, grazing | near[1.0] | near[-1.0] | (before.sense != 0.0), side)
     watch.side[before.sense != 0.0] = np.where(grazing, 0.0, before.sense)[before.sense != 0.0]
 
+    made = 0
+
     def solve(sets: Sets) -> tuple[SetSystem, Values, FloatArray]:
+        nonlocal made
+        if last is not None and sets.key == last.sets.key:
+            return last.system, last.rates, last.rates.slip
+        made += 1
         system = SetSystem(condensed, sets)
         rates = system.rate(change)
         return system, rates, rates.slip
 
-    return find_sets(condensed, before, watch, solve)
+    sets, system, rates, _ = find_sets(condensed, before, watch, solve)
+    return _Course(sets, system, rates), made
 
 
-def _next_event(condensed: Condensed, state: CoulombState, sets: Sets, rates: Values) -> float:
+def _next_event(condensed: Condensed, state: CoulombState, course: _Course) -> float:
     """How much further the sets hold, as part of the stage."""
+    sets, rates = course.sets, course.rates
     force, length = _limits(condensed, state.values)
     v = state.values
     sides = (1.0, -1.0)

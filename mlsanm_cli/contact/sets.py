@@ -54,29 +54,18 @@ class SetSystem:
     """The linear equations of one choice of sets, factorised. Raises SingularSystemError."""
 
     def __init__(self, condensed: Condensed, sets: Sets) -> None:
-        self._condensed, self._sets = condensed, sets
-        gap, slip, balance = condensed.gap, condensed.slip, condensed.balance
+        self._condensed = condensed
+        m, n, whole = len(sets.closed), len(sets.stuck), condensed.whole
         closed, stuck = np.flatnonzero(sets.closed), np.flatnonzero(sets.stuck)
         sliding = np.flatnonzero(sets.sense)
-        self._closed, self._stuck, self._sliding = closed, stuck, sliding
-        place = np.cumsum(sets.closed) - 1
-        under = place[condensed.rubbing[sliding]]
-        drag = sets.sense[sliding] * condensed.friction[sliding]
-
-        def row(map_pressure: FloatArray, map_traction: FloatArray, map_motion: FloatArray) -> FloatArray:
-            on_closed = map_pressure[:, closed]
+        self._closed, self._stuck, self._sliding = closed, stuck, m + sliding
+        self._kept = np.concatenate([closed, m + stuck, np.arange(m + n, len(whole))])
+        matrix = whole[self._kept[:, None], self._kept]
+        if len(sliding):
             # A slipping node's traction goes with its pressure.
-            on_closed[:, under] += map_traction[:, sliding] * drag
-            return np.hstack([on_closed, map_traction[:, stuck], map_motion])
-
-        matrix = np.vstack(
-            [
-                row(gap.pressure[closed], gap.traction[closed], gap.motion[closed]),
-                row(slip.pressure[stuck], slip.traction[stuck], slip.motion[stuck]),
-                row(balance.pressure, balance.traction, balance.motion),
-            ]
-        )
-        self._drag, self._under = drag, under
+            self._under = (np.cumsum(sets.closed) - 1)[condensed.rubbing[sliding]]
+            self._drag = sets.sense[sliding] * condensed.friction[sliding]
+            matrix[:, self._under] += whole[self._kept[:, None], self._sliding] * self._drag
         self._system = DenseSystem(matrix, len(closed) + len(stuck))
 
     def state(self, factors: FloatArray, anchor: FloatArray) -> Values:
@@ -96,14 +85,14 @@ class SetSystem:
     def _solve(
         self, free_gap: FloatArray, free_slip: FloatArray, lack: FloatArray, anchor: FloatArray
     ) -> Values:
-        c, closed, stuck = self._condensed, self._closed, self._stuck
+        closed, stuck, m, n = self._closed, self._stuck, len(free_gap), len(free_slip)
         rhs = np.concatenate([-free_gap[closed], anchor[stuck] - free_slip[stuck], -lack])
         solution = self._system.solve(rhs)
-        a, b = len(closed), len(closed) + len(stuck)
-        pressure, traction = np.zeros(len(free_gap)), np.zeros(len(free_slip))
-        pressure[closed], traction[stuck], motion = solution[:a], solution[a:b], solution[b:]
-        traction[self._sliding] = self._drag * solution[self._under]
-        gap = free_gap + c.gap.motion @ motion + c.gap.pressure @ pressure + c.gap.traction @ traction
-        slip = free_slip + c.slip.motion @ motion + c.slip.pressure @ pressure + c.slip.traction @ traction
+        unknowns = np.zeros(m + n + len(lack))
+        unknowns[self._kept] = solution
+        if len(self._sliding):
+            unknowns[self._sliding] = self._drag * solution[self._under]
+        caused = self._condensed.whole[: m + n] @ unknowns
+        gap, slip = free_gap + caused[:m], free_slip + caused[m:]
         gap[closed], slip[stuck] = 0.0, anchor[stuck]
-        return Values(pressure, traction, motion, gap, slip)
+        return Values(unknowns[:m], unknowns[m : m + n], unknowns[m + n :], gap, slip)
