@@ -24,6 +24,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.balance import Forces, balance_of_movers, body_imbalance, reported_forces
+from mlsanm_cli.contact.dense import scales
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
 from mlsanm_cli.contact.offsets import of_fits, of_obstacles
@@ -84,6 +85,17 @@ class Condensed:
         """Gaps, slips and lacking balance (m + n + k) per pressure, traction and motion."""
         parts = (self.gap, self.slip, self.balance)
         return np.block([[part.pressure, part.traction, part.motion] for part in parts])
+
+    @cached_property
+    def softest(self) -> float:
+        """The largest gap that a unit pressure makes anywhere, 0 without candidates."""
+        return float(np.abs(self.gap.pressure).max(initial=0.0))
+
+    @cached_property
+    def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Factors on the rows and columns of :attr:`whole`, and the transpose of it multiplied by them."""
+        rows, columns = scales(self.whole, len(self.gap.constant) + len(self.slip.constant))
+        return rows, columns, np.ascontiguousarray((rows[:, None] * (self.whole * columns)).T)
 
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
         """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""

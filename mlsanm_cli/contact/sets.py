@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.dense import DenseSystem
+from mlsanm_cli.contact.dense import ScaledFactor
 
 OPEN, STICK, SLIP = 0, 1, 2
 
@@ -55,18 +55,22 @@ class SetSystem:
 
     def __init__(self, condensed: Condensed, sets: Sets) -> None:
         self._condensed = condensed
-        m, n, whole = len(sets.closed), len(sets.stuck), condensed.whole
+        m, n = len(sets.closed), len(sets.stuck)
+        rows, columns, whole = condensed.scaled
         closed, stuck = np.flatnonzero(sets.closed), np.flatnonzero(sets.stuck)
         sliding = np.flatnonzero(sets.sense)
         self._closed, self._stuck, self._sliding = closed, stuck, m + sliding
-        self._kept = np.concatenate([closed, m + stuck, np.arange(m + n, len(whole))])
-        matrix = whole[self._kept[:, None], self._kept]
+        kept = np.concatenate([closed, m + stuck, np.arange(m + n, len(whole))])
+        self._kept, self._rows, self._columns = kept, rows[kept], columns[kept]
+        # Transposed, so that the factor's columns are contiguous.
+        matrix = whole.take(kept, axis=0).take(kept, axis=1)
         if len(sliding):
             # A slipping node's traction goes with its pressure.
             self._under = (np.cumsum(sets.closed) - 1)[condensed.rubbing[sliding]]
             self._drag = sets.sense[sliding] * condensed.friction[sliding]
-            matrix[:, self._under] += whole[self._kept[:, None], self._sliding] * self._drag
-        self._system = DenseSystem(matrix, len(closed) + len(stuck))
+            drag = self._drag * self._columns[self._under] / columns[self._sliding]
+            matrix[self._under] += drag[:, None] * whole.take(self._sliding, axis=0).take(kept, axis=1)
+        self._factor = ScaledFactor(matrix.T) if len(kept) else None
 
     def state(self, factors: FloatArray, anchor: FloatArray) -> Values:
         """The state at load ``factors`` (L,) with sticking nodes held at their ``anchor`` (n,)."""
@@ -87,12 +91,20 @@ class SetSystem:
     ) -> Values:
         closed, stuck, m, n = self._closed, self._stuck, len(free_gap), len(free_slip)
         rhs = np.concatenate([-free_gap[closed], anchor[stuck] - free_slip[stuck], -lack])
-        solution = self._system.solve(rhs)
-        unknowns = np.zeros(m + n + len(lack))
-        unknowns[self._kept] = solution
-        if len(self._sliding):
-            unknowns[self._sliding] = self._drag * solution[self._under]
+        unknowns = self._spread(rhs)
+        # One step on the equations as they are takes away the factors' round-off.
+        unknowns += self._spread(rhs - (self._condensed.whole @ unknowns)[self._kept])
         caused = self._condensed.whole[: m + n] @ unknowns
         gap, slip = free_gap + caused[:m], free_slip + caused[m:]
         gap[closed], slip[stuck] = 0.0, anchor[stuck]
         return Values(unknowns[:m], unknowns[m : m + n], unknowns[m + n :], gap, slip)
+
+    def _spread(self, rhs: FloatArray) -> FloatArray:
+        """All pressures, tractions and motions for the right-hand sides of the equations that hold."""
+        unknowns = np.zeros(len(self._condensed.whole))
+        if self._factor is not None:
+            solution = self._columns * self._factor.solve(self._rows * rhs)
+            unknowns[self._kept] = solution
+            if len(self._sliding):
+                unknowns[self._sliding] = self._drag * solution[self._under]
+        return unknowns
