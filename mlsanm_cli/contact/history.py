@@ -33,12 +33,13 @@ OVERLAP_HINT = "move one body so that the surfaces at most touch, or prescribe i
 @dataclass(frozen=True, eq=False)
 class Event:
     """The state at ``fraction`` of a stage, the dense systems ``solves`` it took to come there, and whether
-    the state ``jumped`` there."""
+    the state ``jumped`` there from another contact. It came there along rates unless ``found`` ahead."""
 
     fraction: float
     state: CoulombState
     solves: int
     jumped: bool = False
+    found: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,11 @@ class _Course:
     sets: Sets
     system: SetSystem
     rates: Values
+
+
+def _course_of(condensed: Condensed, sets: Sets, change: FloatArray) -> _Course:
+    system = SetSystem(condensed, sets)
+    return _Course(sets, system, system.rate(change))
 
 
 def start(condensed: Condensed, factors: FloatArray) -> Event:
@@ -77,18 +83,21 @@ def follow(
     stops: Sequence[float],
     begin: FloatArray | None = None,
     fraction: float = 0.0,
+    found: bool = False,
 ) -> Iterator[Event]:
     """Every event of a stage from ``state`` to the load factors ``end`` (L,), and the states at ``stops``.
 
     ``stops`` are fractions up to 1, increasing, the last one 1. A path that is taken up again names the
-    load factors ``begin`` (L,) of the stage's start and the ``fraction`` of it that is behind the state.
+    load factors ``begin`` (L,) of the stage's start, the ``fraction`` of it that is behind the state, and
+    whether the state was ``found`` ahead.
     Raises SlidingError where the contact slides as a whole under a force, NumericalError where no state
     continues the path.
     """
     begin = state.factors if begin is None else begin
     change = end - begin
     pending, standing = list(stops), 0
-    course: _Course | None = None
+    # A path that is taken up again makes the system anew that it had, which counts no more.
+    course = None if found or fraction == 0.0 else _course_of(condensed, state.sets, change)
     while pending:
         touching = bool(state.sets.closed.any())
         try:
@@ -105,7 +114,7 @@ def follow(
             standing, course = 0, None
             while pending and pending[0] <= fraction:
                 pending.pop(0)
-            yield Event(fraction, state, solves, jumped=touching)
+            yield Event(fraction, state, solves, jumped=touching, found=True)
             continue
         sets = course.sets
         if slides_freely(condensed, sets):
@@ -159,9 +168,8 @@ def _course(
         if last is not None and sets.key == last.sets.key:
             return last.system, last.rates, last.rates.slip
         made += 1
-        system = SetSystem(condensed, sets)
-        rates = system.rate(change)
-        return system, rates, rates.slip
+        course = _course_of(condensed, sets, change)
+        return course.system, course.rates, course.rates.slip
 
     sets, system, rates, _ = find_sets(condensed, before, watch, solve)
     return _Course(sets, system, rates), made
