@@ -1,6 +1,7 @@
 """A sweep of friction coefficients on one geometry, against one run of it.
 
-    python benchmarks/sweep.py [--points 100] [--repeat 3] [--only NAME ...] [--out benchmarks/results]
+    python benchmarks/sweep.py [--points 100] [--repeat 3] [--only NAME ...] [--cache DIR]
+        [--out benchmarks/results]
 
 cases/cattaneo_mindlin.toml on 9,900 nodes with 107 candidates, its loads applied together in one stage. CPU
 seconds of whole processes, children included, one thread, kernels compiled before. ``run`` is the median of
@@ -66,10 +67,9 @@ def cpu_of(arguments: list[str], cache: Path) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def measure(name: str, points: int, repeat: int, work: Path) -> dict[str, Any]:
+def measure(name: str, points: int, repeat: int, work: Path, cache: Path) -> dict[str, Any]:
     """One line of the table."""
-    cache = work / "cache"
-    cpu_of(["warmup"], cache)
+    cpu_of(["cache", "clear"], cache)
     run = ["run", str(CASE), *settings(name), "--no-cache", "--force", "--quiet", "--out", str(work / "run")]
     alone = statistics.median(cpu_of(run, cache) for _ in range(repeat))
     vary = ["--vary", f"contact.interface.friction=0.2:0.9:{points}"]
@@ -92,21 +92,27 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=100)
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--only", nargs="+", choices=SCENES, default=list(SCENES))
+    parser.add_argument(
+        "--cache", type=Path, help="where kernels may be compiled already; operators are removed"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
     options = parser.parse_args()
-    lines = []
-    for name in options.only:
-        points = max(2, options.points // 10) if name == "smooth" else options.points
-        with tempfile.TemporaryDirectory() as work:
-            lines.append(measure(name, points, options.repeat, Path(work)))
-        told = lines[-1]
-        print(
-            f"{name:8s} run {told['run']:.2f} s, {points} points {told['sweep']:.1f} s = "
-            f"{told['ratio']:.1f} runs, each further point {told['further']:.3f} s",
-            flush=True,
-        )
     options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "sweep.json").write_text(json.dumps(lines, indent=1) + "\n")
+    lines = []
+    with tempfile.TemporaryDirectory() as directory:
+        work = Path(directory)
+        cache = (options.cache or work / "cache").absolute()
+        cpu_of(["warmup"], cache)
+        for name in options.only:
+            points = max(2, options.points // 10) if name == "smooth" else options.points
+            told = measure(name, points, options.repeat, work, cache)
+            print(
+                f"{name:8s} run {told['run']:.2f} s, {points} points {told['sweep']:.1f} s = "
+                f"{told['ratio']:.1f} runs, each further point {told['further']:.3f} s",
+                flush=True,
+            )
+            lines.append(told)
+            (options.out / "sweep.json").write_text(json.dumps(lines, indent=1) + "\n")
 
 
 if __name__ == "__main__":
