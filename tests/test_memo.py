@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 import scipy.sparse as sparse
@@ -12,8 +14,33 @@ ONE = np.array([1.0, 2.0, 3.0, 4.0])
 ROWS = sparse.csr_array(np.array([[1.0, 0.0], [2.0, 3.0]]))
 
 
+@dataclass(frozen=True)
+class Pair:
+    """Some numbers."""
+
+    one: object
+    two: object = 0
+
+
+@dataclass(frozen=True)
+class Other(Pair):
+    """The same of another name."""
+
+
+@dataclass(frozen=True)
+class Told(Pair):
+    """Only what it tells of itself counts."""
+
+    @property
+    def content(self) -> str:
+        """The first."""
+        return str(self.one)
+
+
 def test_equal_content_has_equal_digests() -> None:
     assert digest(ONE, "a", {"b": [1, 2.5, None]}) == digest(ONE.copy(), "a", {"b": (1, 2.5, None)})
+    assert digest(Pair(ONE, Pair("a"))) == digest(Pair(ONE.copy(), Pair("a")))
+    assert digest(Told("a", 1)) == digest(Told("a", object()))
     assert digest(np.asfortranarray(np.eye(3)[:, :2])) == digest(np.eye(3)[:, :2].copy())
 
 
@@ -34,6 +61,13 @@ def test_equal_content_has_equal_digests() -> None:
         ([ROWS], [2.0 * ROWS]),
         ([ROWS], [sparse.csr_array(ROWS.T)]),
         ([ROWS], [sparse.csc_array(ROWS)]),
+        ([np.bool_(True)], [np.int64(1)]),
+        ([Pair(ONE)], [Pair(2.0 * ONE)]),
+        ([Pair(1, 2)], [Pair(2, 1)]),
+        ([Pair(1)], [Other(1)]),
+        ([Pair([Pair(1)])], [Pair([Pair(2)])]),
+        ([Told("a")], [Told("b")]),
+        ([Told("a")], ["a"]),
     ],
 )
 def test_unlike_content_has_unlike_digests(one: list[object], other: list[object]) -> None:

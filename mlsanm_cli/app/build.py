@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from mlsanm_cli.app.estimate import refuse_too_large
 from mlsanm_cli.app.scene import Prepared, equip, prepare
 from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.case import Case, LoadedCase
+from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.condensed import Condensed, condense
@@ -26,7 +27,7 @@ from mlsanm_cli.contact.set_search import NoStateError
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import AFRESH, Memo
+from mlsanm_cli.memo import AFRESH, Memo, digest
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.values import dataclass
@@ -35,6 +36,9 @@ LINEAR = {"auto": CholeskySolver, "superlu": SuperLUSolver}
 """Direct solvers by ``solver.linear``."""
 WIDER = 1.5
 WIDENINGS = 6
+_WITHOUT_SIZE = {"load", "stage", "solver", "output"}
+_CONTACTS_WITHOUT_SIZE = {"friction", "regularization"}
+"""What of a case and of its contacts does not change its size."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
 """Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
@@ -75,13 +79,23 @@ def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo =
     """
     load_kernels(clock, console)
     with clock.phase("cloud"):
-        refuse_too_large(loaded.case)
+        memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
     try:
         prepared = place(loaded.case, clock, console, memo=memo)
         refuse_overlap(prepared.pairings)
     except CaseError as error:
         raise loaded.located(error) from error
     return prepared
+
+
+def _size_key(case: Case) -> str:
+    """Equal for cases of the same size."""
+    content = {key: part for key, part in resolved_mapping(case).items() if key not in _WITHOUT_SIZE}
+    contacts = [
+        {key: part for key, part in contact.items() if key not in _CONTACTS_WITHOUT_SIZE}
+        for contact in content.pop("contact", [])
+    ]
+    return digest(content, contacts)
 
 
 def place(

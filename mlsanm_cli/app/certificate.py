@@ -38,7 +38,7 @@ def certify(
     """
     closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
     judged = {
-        pairing.name: contact_stability(condensed, _bearing(closed, condensed.spans[pairing.name]))
+        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), memo)
         for pairing in condensed.pairings
         if closed[condensed.spans[pairing.name]].any()
     }
@@ -65,6 +65,11 @@ def certify(
                 value,
             )
     return min(judged.values()) if judged else min(bulk.values())
+
+
+def _contact(condensed: Condensed, bearing: BoolArray, memo: Memo) -> float:
+    key = digest(condensed.content, bearing)
+    return memo.value("contact stability", key, lambda: contact_stability(condensed, bearing))
 
 
 def _bulk(body: ElasticBody, memo: Memo) -> float:

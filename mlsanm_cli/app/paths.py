@@ -43,12 +43,16 @@ class ExactMark:
 
 @dataclass(frozen=True, eq=False)
 class FrictionMark:
-    """Where a path with exact friction is: the ``fraction`` of a stage that began at load factors (L,)."""
+    """Where a path with exact friction is: the ``fraction`` of a stage that began at load factors (L,).
+
+    ``found`` tells that no rates led to the state.
+    """
 
     stage: int
     begin: FloatArray
     fraction: float
     state: CoulombState
+    found: bool = False
 
 
 def path_of(built: Built, start: Start = BEGINNING) -> Iterator[PathStep]:
@@ -169,7 +173,7 @@ def friction_path(built: Built, mark: FrictionMark | None = None) -> Iterator[Pa
         halts = sorted(place for place in places if place > within.fraction)
         rows, reached = _Rows(built, within, places, wanted), within.fraction
         try:
-            for event in follow(condensed, state, end, halts, within.begin, within.fraction):
+            for event in follow(condensed, state, end, halts, within.begin, within.fraction, within.found):
                 state, reached = event.state, event.fraction
                 yield from rows.add(event)
         except SlidingError as error:
@@ -219,7 +223,9 @@ class _Rows:
             factorizations=self._solves,
             solves=4 * self._solves,
             warning=self._jump,
-            mark=FrictionMark(self._stage, self._begin, self._pending.fraction, self._pending.state),
+            mark=FrictionMark(
+                self._stage, self._begin, self._pending.fraction, self._pending.state, self._pending.found
+            ),
         )
         self._before, self._solves, self._jump, self._pending = self._pending.fraction, 0, "", None
 

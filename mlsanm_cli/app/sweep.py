@@ -158,10 +158,10 @@ def point_name(values: Sequence[str]) -> str:
 def geometry(case: Case) -> str:
     """Equal for cases that share their operators; only the order of points depends on it."""
     contacts = [
-        (contact.model_dump(mode="json", exclude={"regularization", "friction"}), contact.friction > 0.0)
+        (contact.model_dump(exclude={"regularization", "friction"}), contact.friction > 0.0)
         for contact in case.contact
     ]
-    whole = case.model_dump(mode="json", include={"model", "material", "body", "support", "mls"})
+    whole = case.model_dump(include={"model", "material", "body", "support", "mls"})
     return digest(whole, contacts)
 
 

@@ -39,6 +39,13 @@ class Surface:
     normal: FloatArray
 
     @cached_property
+    def content(self) -> str:
+        """A digest of the nodes; of the curve behind them they need to know no more."""
+        return digest(
+            *(self.name, self.index, self.arc_length, self.normal), self.curve.closed, self.curve.length
+        )
+
+    @cached_property
     def weight(self) -> FloatArray:
         """Quadrature weights along the surface."""
         s = self.arc_length

@@ -121,7 +121,7 @@ def _solve_active(
 def _violations(condensed: Condensed, active: BoolArray, pressure: FloatArray, gap: FloatArray) -> BoolArray:
     """Closed nodes in tension and open nodes that overlap, beyond round-off."""
     typical = float(np.abs(pressure).max(initial=0.0))
-    elastic = float(np.abs(condensed.gap.pressure).max(initial=0.0)) * typical
+    elastic = condensed.softest * typical
     tension = active & (pressure < -ROUND_OFF * typical)
     overlap = ~active & (gap < -ROUND_OFF * elastic)
     return np.asarray(tension | overlap, dtype=bool)

@@ -16,13 +16,15 @@ where a memo has the functionals already.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.balance import Forces, balance_of_movers, body_imbalance, reported_forces
+from mlsanm_cli.contact.dense import scales
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
 from mlsanm_cli.contact.offsets import of_fits, of_obstacles
@@ -54,7 +56,8 @@ class Condensed:
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes``
-    maps each probe to its displacement and stress (5,). ``solves`` counts columns.
+    maps each probe to its displacement and stress (5,). ``solves`` counts columns. ``content`` is a digest of
+    all but the coefficients of friction.
     """
 
     pairings: tuple[Pairing, ...]
@@ -75,7 +78,25 @@ class Condensed:
     sources: Mapping[str, sparse.csc_array]
     solutions: Mapping[str, FloatArray]
     solves: int
+    content: str
     probes: Mapping[str, LinearMap] = field(default_factory=dict)
+
+    @cached_property
+    def whole(self) -> FloatArray:
+        """Gaps, slips and lacking balance (m + n + k) per pressure, traction and motion."""
+        parts = (self.gap, self.slip, self.balance)
+        return np.block([[part.pressure, part.traction, part.motion] for part in parts])
+
+    @cached_property
+    def softest(self) -> float:
+        """The largest gap that a unit pressure makes anywhere, 0 without candidates."""
+        return float(np.abs(self.gap.pressure).max(initial=0.0))
+
+    @cached_property
+    def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Factors on the rows and columns of :attr:`whole`, and the transpose of it multiplied by them."""
+        rows, columns = scales(self.whole, len(self.gap.constant) + len(self.slip.constant))
+        return rows, columns, np.ascontiguousarray((rows[:, None] * (self.whole * columns)).T)
 
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
         """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""
@@ -133,7 +154,18 @@ class Condensed:
 
 
 def condense(scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -> Condensed:
-    """Condense the scene on the candidates of ``pairings``."""
+    """Condense the scene on the candidates of ``pairings``.
+
+    Coefficients of friction above 0 are in none of the matrices, so that all of them share what is kept.
+    """
+    content = digest(
+        scene, [replace(pairing, friction=float(pairing.friction > 0.0)) for pairing in pairings]
+    )
+    kept = memo.value("condensed", content, partial(_condensed, scene, pairings, content, memo))
+    return replace(kept, pairings=pairings, friction=_friction(pairings))
+
+
+def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: Memo) -> Condensed:
     rough = tuple(pairing for pairing in pairings if pairing.friction)
     normal, tangential = _places(pairings), _places(rough)
     columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
@@ -205,7 +237,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -
         modulus=modulus,
         tangential=tangential,
         rubbing=rubbing,
-        friction=np.concatenate([[], *(np.full(int(p.candidate.sum()), p.friction) for p in rough)]),
+        friction=_friction(pairings),
         gap=gap,
         slip=slip,
         watched=watched,
@@ -217,6 +249,7 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -
         sources=sources,
         solutions=solutions,
         solves=solves,
+        content=content,
         probes={
             probe.name: _seen(scene, probe, columns, rows)
             for probe, rows in zip(scene.probes, acting[len(held) :], strict=False)
@@ -253,6 +286,13 @@ def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArr
     chosen = direction[pairing.candidate]
     parts = [scene.bodies[body].model.material.softness(chosen) for body in pairing.bodies]
     return np.asarray(np.sum(parts, axis=0))
+
+
+def _friction(pairings: tuple[Pairing, ...]) -> FloatArray:
+    """Coefficients (n,) of the contacts that have friction."""
+    return np.concatenate(
+        [[], *(np.full(int(p.candidate.sum()), p.friction) for p in pairings if p.friction)]
+    )
 
 
 def _count(pairings: tuple[Pairing, ...]) -> int:

@@ -14,30 +14,52 @@ class SingularSystemError(ArithmeticError):
     """The matrix is singular to working precision."""
 
 
-class DenseSystem:
-    """A factorised matrix (r, r), scaled so that singularity shows as a number.
+def scales(matrix: FloatArray, lengths: int) -> tuple[FloatArray, FloatArray]:
+    """Factors on rows and on columns (r,) with which singularity of a matrix (r, r) shows as a number.
 
     ``lengths`` rows come first that are gaps and slips. Columns are scaled by the gaps and slips they cause,
-    then rows: the other way round the unit of the balance rows below would decide. Raises
-    SingularSystemError.
+    then rows: the other way round the unit of the balance rows below would decide.
+    """
+    tiny = np.finfo(float).tiny
+    effect = np.abs(matrix[:lengths]).max(axis=0, initial=0.0)
+    effect = np.where(effect > 0.0, effect, np.abs(matrix).max(axis=0, initial=0.0))
+    columns = 1.0 / np.maximum(effect, tiny)
+    rows = 1.0 / np.maximum(np.abs(matrix * columns).max(axis=1, initial=0.0), tiny)
+    return rows, columns
+
+
+class ScaledFactor:
+    """Factors of a scaled matrix (r, r), which is overwritten if its columns are contiguous.
+
+    Raises SingularSystemError.
     """
 
-    def __init__(self, matrix: FloatArray, lengths: int) -> None:
-        self._matrix = matrix
-        if not len(matrix):
-            return
-        effect = np.abs(matrix[:lengths]).max(axis=0, initial=0.0)
-        effect = np.where(effect > 0.0, effect, np.abs(matrix).max(axis=0))
-        self._columns = 1.0 / np.maximum(effect, np.finfo(float).tiny)
-        scaled = matrix * self._columns
-        self._rows = 1.0 / np.maximum(np.abs(scaled).max(axis=1), np.finfo(float).tiny)
-        scaled *= self._rows[:, None]
+    def __init__(self, scaled: FloatArray) -> None:
         norm = np.abs(scaled).sum(axis=0).max()
         self._factor, self._pivots, info = linalg.lapack.dgetrf(scaled, overwrite_a=1)
         if info == 0:
             rcond, info = linalg.lapack.dgecon(self._factor, norm)
         if info != 0 or rcond < SINGULAR:
             raise SingularSystemError
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution (r,) or (r, c)."""
+        solution: FloatArray = linalg.lapack.dgetrs(self._factor, self._pivots, rhs)[0]
+        return solution
+
+
+class DenseSystem:
+    """A factorised matrix (r, r), of which ``lengths`` rows come first, see :func:`scales`.
+
+    Raises SingularSystemError.
+    """
+
+    def __init__(self, matrix: FloatArray, lengths: int) -> None:
+        self._matrix = matrix
+        if not len(matrix):
+            return
+        self._rows, self._columns = scales(matrix, lengths)
+        self._factor = ScaledFactor(self._rows[:, None] * (matrix * self._columns))
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (r,) or (r, c); one step on the unscaled system takes away the factors' round-off."""
@@ -48,6 +70,7 @@ class DenseSystem:
 
     def _once(self, rhs: FloatArray) -> FloatArray:
         shape = (-1,) + (1,) * (rhs.ndim - 1)
-        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, rhs * self._rows.reshape(shape))
-        result: FloatArray = solution * self._columns.reshape(shape)
+        result: FloatArray = self._columns.reshape(shape) * self._factor.solve(
+            rhs * self._rows.reshape(shape)
+        )
         return result

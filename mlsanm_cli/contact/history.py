@@ -33,12 +33,27 @@ OVERLAP_HINT = "move one body so that the surfaces at most touch, or prescribe i
 @dataclass(frozen=True, eq=False)
 class Event:
     """The state at ``fraction`` of a stage, the dense systems ``solves`` it took to come there, and whether
-    the state ``jumped`` there."""
+    the state ``jumped`` there from another contact. It came there along rates unless ``found`` ahead."""
 
     fraction: float
     state: CoulombState
     solves: int
     jumped: bool = False
+    found: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """How a state goes on while the load moves along a stage: the sets, their system, the rates of all."""
+
+    sets: Sets
+    system: SetSystem
+    rates: Values
+
+
+def _course_of(condensed: Condensed, sets: Sets, change: FloatArray) -> _Course:
+    system = SetSystem(condensed, sets)
+    return _Course(sets, system, system.rate(change))
 
 
 def start(condensed: Condensed, factors: FloatArray) -> Event:
@@ -68,21 +83,25 @@ def follow(
     stops: Sequence[float],
     begin: FloatArray | None = None,
     fraction: float = 0.0,
+    found: bool = False,
 ) -> Iterator[Event]:
     """Every event of a stage from ``state`` to the load factors ``end`` (L,), and the states at ``stops``.
 
     ``stops`` are fractions up to 1, increasing, the last one 1. A path that is taken up again names the
-    load factors ``begin`` (L,) of the stage's start and the ``fraction`` of it that is behind the state.
+    load factors ``begin`` (L,) of the stage's start, the ``fraction`` of it that is behind the state, and
+    whether the state was ``found`` ahead.
     Raises SlidingError where the contact slides as a whole under a force, NumericalError where no state
     continues the path.
     """
     begin = state.factors if begin is None else begin
     change = end - begin
     pending, standing = list(stops), 0
+    # A path that is taken up again makes the system anew that it had, which counts no more.
+    course = None if found or fraction == 0.0 else _course_of(condensed, state.sets, change)
     while pending:
         touching = bool(state.sets.closed.any())
         try:
-            sets, system, rates, solves = _rates(condensed, state, change)
+            course, solves = _course(condensed, state, change, course)
             if standing > 4 * len(condensed.weight) + 50:
                 raise NoStateError(sliding=False)
         except NoStateError as error:
@@ -92,22 +111,23 @@ def follow(
                 if error.sliding or failure.sliding or slides_freely(condensed, state.sets):
                     raise SlidingError(fraction) from error
                 raise
-            standing = 0
+            standing, course = 0, None
             while pending and pending[0] <= fraction:
                 pending.pop(0)
-            yield Event(fraction, state, solves, jumped=touching)
+            yield Event(fraction, state, solves, jumped=touching, found=True)
             continue
+        sets = course.sets
         if slides_freely(condensed, sets):
             raise SlidingError(fraction)
         # A node that comes to rest does so where it is now.
         anchor = np.where(sets.stuck & ~state.sets.stuck, state.values.slip, state.anchor)
-        step = min(_next_event(condensed, state, sets, rates), pending[0] - fraction)
+        step = min(_next_event(condensed, state, course), pending[0] - fraction)
         standing = standing + 1 if step < STANDSTILL else 0
         fraction += step
         if pending[0] - fraction <= STANDSTILL:
             fraction = pending.pop(0)
         factors = begin + fraction * change
-        state = state.moved(factors, system.state(factors, anchor), sets, anchor)
+        state = state.moved(factors, course.system.state(factors, anchor), sets, anchor)
         yield Event(fraction, state, solves)
 
 
@@ -124,10 +144,13 @@ def _slack(condensed: Condensed, values: Values, side: float) -> FloatArray:
     return result
 
 
-def _rates(
-    condensed: Condensed, state: CoulombState, change: FloatArray
-) -> tuple[Sets, SetSystem, Values, int]:
-    """The sets with which the state goes on when the load factors move along ``change`` (L,)."""
+def _course(
+    condensed: Condensed, state: CoulombState, change: FloatArray, last: _Course | None
+) -> tuple[_Course, int]:
+    """How the state goes on when the load factors move along ``change`` (L,), and the systems that were made.
+
+    The ``last`` course, along the same change, led to the state: its sets are tried first, and known.
+    """
     v, before = state.values, state.sets
     force, length = _limits(condensed, v)
     bare = v.pressure <= force
@@ -138,16 +161,23 @@ def _rates(
     watch = Watch(bare, v.gap <= length, grazing | near[1.0] | near[-1.0] | (before.sense != 0.0), side)
     watch.side[before.sense != 0.0] = np.where(grazing, 0.0, before.sense)[before.sense != 0.0]
 
+    made = 0
+
     def solve(sets: Sets) -> tuple[SetSystem, Values, FloatArray]:
-        system = SetSystem(condensed, sets)
-        rates = system.rate(change)
-        return system, rates, rates.slip
+        nonlocal made
+        if last is not None and sets.key == last.sets.key:
+            return last.system, last.rates, last.rates.slip
+        made += 1
+        course = _course_of(condensed, sets, change)
+        return course.system, course.rates, course.rates.slip
 
-    return find_sets(condensed, before, watch, solve)
+    sets, system, rates, _ = find_sets(condensed, before, watch, solve)
+    return _Course(sets, system, rates), made
 
 
-def _next_event(condensed: Condensed, state: CoulombState, sets: Sets, rates: Values) -> float:
+def _next_event(condensed: Condensed, state: CoulombState, course: _Course) -> float:
     """How much further the sets hold, as part of the stage."""
+    sets, rates = course.sets, course.rates
     force, length = _limits(condensed, state.values)
     v = state.values
     sides = (1.0, -1.0)

@@ -89,7 +89,8 @@ def _exchange(
     asks for to undo its overlap and its slip.
     """
     rub = condensed.rubbing
-    own_normal, own_tangential = np.diagonal(condensed.gap.pressure), np.diagonal(condensed.slip.traction)
+    own = np.diagonal(condensed.whole)
+    own_normal, own_tangential = own[: len(sets.closed)], own[len(sets.closed) :][: len(sets.stuck)]
     p, t = values.pressure, values.traction
     largest = max(np.abs(p).max(initial=0.0), np.abs(t).max(initial=0.0))
     force = ROUND_OFF * max(largest, _moving(condensed, values))
@@ -117,7 +118,7 @@ def _exchange(
 def _moving(condensed: Condensed, values: Values) -> float:
     """A pressure that would move the surfaces as far as the platens do."""
     moved = float(np.abs(condensed.gap.motion @ values.motion).max(initial=0.0))
-    return moved / float(np.abs(condensed.gap.pressure).max()) if moved else 0.0
+    return moved / condensed.softest if moved else 0.0
 
 
 def _only(condensed: Condensed, sets: Sets, better: Sets, node: int) -> Sets:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.dense import DenseSystem
+from mlsanm_cli.contact.dense import ScaledFactor
 from mlsanm_cli.values import dataclass
 
 OPEN, STICK, SLIP = 0, 1, 2
@@ -53,30 +53,23 @@ class SetSystem:
     """The linear equations of one choice of sets, factorised. Raises SingularSystemError."""
 
     def __init__(self, condensed: Condensed, sets: Sets) -> None:
-        self._condensed, self._sets = condensed, sets
-        gap, slip, balance = condensed.gap, condensed.slip, condensed.balance
+        self._condensed = condensed
+        m, n = len(sets.closed), len(sets.stuck)
+        rows, columns, whole = condensed.scaled
         closed, stuck = np.flatnonzero(sets.closed), np.flatnonzero(sets.stuck)
         sliding = np.flatnonzero(sets.sense)
-        self._closed, self._stuck, self._sliding = closed, stuck, sliding
-        place = np.cumsum(sets.closed) - 1
-        under = place[condensed.rubbing[sliding]]
-        drag = sets.sense[sliding] * condensed.friction[sliding]
-
-        def row(map_pressure: FloatArray, map_traction: FloatArray, map_motion: FloatArray) -> FloatArray:
-            on_closed = map_pressure[:, closed]
+        self._closed, self._stuck, self._sliding = closed, stuck, m + sliding
+        kept = np.concatenate([closed, m + stuck, np.arange(m + n, len(whole))])
+        self._kept, self._rows, self._columns = kept, rows[kept], columns[kept]
+        # Transposed, so that the factor's columns are contiguous.
+        matrix = whole.take(kept, axis=0).take(kept, axis=1)
+        if len(sliding):
             # A slipping node's traction goes with its pressure.
-            on_closed[:, under] += map_traction[:, sliding] * drag
-            return np.hstack([on_closed, map_traction[:, stuck], map_motion])
-
-        matrix = np.vstack(
-            [
-                row(gap.pressure[closed], gap.traction[closed], gap.motion[closed]),
-                row(slip.pressure[stuck], slip.traction[stuck], slip.motion[stuck]),
-                row(balance.pressure, balance.traction, balance.motion),
-            ]
-        )
-        self._drag, self._under = drag, under
-        self._system = DenseSystem(matrix, len(closed) + len(stuck))
+            self._under = (np.cumsum(sets.closed) - 1)[condensed.rubbing[sliding]]
+            self._drag = sets.sense[sliding] * condensed.friction[sliding]
+            drag = self._drag * self._columns[self._under] / columns[self._sliding]
+            matrix[self._under] += drag[:, None] * whole.take(self._sliding, axis=0).take(kept, axis=1)
+        self._factor = ScaledFactor(matrix.T) if len(kept) else None
 
     def state(self, factors: FloatArray, anchor: FloatArray) -> Values:
         """The state at load ``factors`` (L,) with sticking nodes held at their ``anchor`` (n,)."""
@@ -95,14 +88,22 @@ class SetSystem:
     def _solve(
         self, free_gap: FloatArray, free_slip: FloatArray, lack: FloatArray, anchor: FloatArray
     ) -> Values:
-        c, closed, stuck = self._condensed, self._closed, self._stuck
+        closed, stuck, m, n = self._closed, self._stuck, len(free_gap), len(free_slip)
         rhs = np.concatenate([-free_gap[closed], anchor[stuck] - free_slip[stuck], -lack])
-        solution = self._system.solve(rhs)
-        a, b = len(closed), len(closed) + len(stuck)
-        pressure, traction = np.zeros(len(free_gap)), np.zeros(len(free_slip))
-        pressure[closed], traction[stuck], motion = solution[:a], solution[a:b], solution[b:]
-        traction[self._sliding] = self._drag * solution[self._under]
-        gap = free_gap + c.gap.motion @ motion + c.gap.pressure @ pressure + c.gap.traction @ traction
-        slip = free_slip + c.slip.motion @ motion + c.slip.pressure @ pressure + c.slip.traction @ traction
+        unknowns = self._spread(rhs)
+        # One step on the equations as they are takes away the factors' round-off.
+        unknowns += self._spread(rhs - (self._condensed.whole @ unknowns)[self._kept])
+        caused = self._condensed.whole[: m + n] @ unknowns
+        gap, slip = free_gap + caused[:m], free_slip + caused[m:]
         gap[closed], slip[stuck] = 0.0, anchor[stuck]
-        return Values(pressure, traction, motion, gap, slip)
+        return Values(unknowns[:m], unknowns[m : m + n], unknowns[m + n :], gap, slip)
+
+    def _spread(self, rhs: FloatArray) -> FloatArray:
+        """All pressures, tractions and motions for the right-hand sides of the equations that hold."""
+        unknowns = np.zeros(len(self._condensed.whole))
+        if self._factor is not None:
+            solution = self._columns * self._factor.solve(self._rows * rhs)
+            unknowns[self._kept] = solution
+            if len(self._sliding):
+                unknowns[self._sliding] = self._drag * solution[self._under]
+        return unknowns

@@ -26,7 +26,7 @@ def violation(
     factors, motion, pressure, traction = unknowns
     gap_map, balance = condensed.gap, condensed.balance
     moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
-    softest = float(np.abs(gap_map.pressure).max(initial=0.0))
+    softest = condensed.softest
     least = NOTHING * moved / softest if softest > 0.0 else 0.0
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
     elastic = max(float(np.abs(gap_map.pressure @ pressure).max(initial=0.0)), least * softest) or 1.0

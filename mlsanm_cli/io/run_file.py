@@ -74,6 +74,7 @@ class RunFile:
         self._store = store
         self._path = path
         self._columns: dict[str, Column] = {}
+        self._checkpoints: dict[str, Any] = {}
         self._rows = self._states = 0
         self._contacts: list[str] = []
         self._loads: list[str] | None = None
@@ -256,12 +257,16 @@ class RunFile:
     def write_checkpoint(self, name: str, content: bytes) -> None:
         """Store what the run goes on from as /checkpoint/<name>, in place of what is there."""
         with self._storing():
-            group = self._file.require_group("checkpoint")
-            if name not in group:
-                group.create_dataset(name, (0,), np.uint8, maxshape=(None,), chunks=(CHECKPOINT_CHUNK,))
-            dataset = group[name]
-            dataset.resize((len(content),))
-            dataset[...] = np.frombuffer(content, np.uint8)
+            if name not in self._checkpoints:
+                group = self._file.require_group("checkpoint")
+                if name not in group:
+                    group.create_dataset(name, (0,), np.uint8, maxshape=(None,), chunks=(CHECKPOINT_CHUNK,))
+                # The low-level one, as for columns: this is done at every step.
+                self._checkpoints[name] = group[name].id
+            dataset = self._checkpoints[name]
+            if dataset.shape != (len(content),):
+                dataset.set_extent((len(content),))
+            dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, np.frombuffer(content, np.uint8))
 
     def write_fields(
         self,
@@ -311,6 +316,7 @@ class RunFile:
             for key, column in self._columns.items():
                 column.truncate(self._states if key == "fields/position" else self._rows)
             self._columns.clear()
+            self._checkpoints.clear()
             self._file.close()
             self._store.close()
 

@@ -22,12 +22,8 @@ from mlsanm_cli.cloud.quality import closest_node
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import (
-    XX,
-    XY,
-    YY,
     equilibrium_rows,
     nested_equilibrium_rows,
-    stress_rows,
     traction_of,
     traction_rows,
     value_rows,
@@ -37,6 +33,7 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import Freedom
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
+from mlsanm_cli.operators.rows import scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from mlsanm_cli.operators.system import LinearSystem
@@ -147,9 +144,10 @@ class BodyModel:
 
     def stress(self, displacement: FloatArray) -> FloatArray:
         """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2)."""
-        flat = displacement.ravel()
-        c = self.material.stiffness
-        return np.stack([stress_rows(self.stencils, c, a) @ flat for a in (XX, YY, XY)], axis=1)
+        stencils = self.stencils
+        d_x, d_y = (scalar_rows(stencils, stencils.weights[:, kind]) @ displacement for kind in (1, 2))
+        strain = np.stack([d_x[:, 0], d_y[:, 1], d_y[:, 0] + d_x[:, 1]], axis=1)
+        return np.asarray(strain @ self.material.stiffness.T)
 
     @cached_property
     def free_expansion(self) -> FloatArray:
@@ -215,6 +213,12 @@ class ElasticBody:
     def system(self) -> LinearSystem:
         """The factorised system; NumericalError where there is none."""
         return self.equations.factorised(self.timed)
+
+    @property
+    def content(self) -> str:
+        """A digest of the body with its conditions."""
+        chosen = [self.held, self.springs, self.free, self.first_row, self.rows]
+        return digest(self.model.content, self.equations.content, chosen)
 
     def condition_rows(self, surface: str, component: int) -> IntArray:
         """Row numbers (b,) of a surface's conditions in x (0) or y (1)."""

@@ -12,6 +12,7 @@ semi-normal step, and bodies that are almost incompressible get there in a few m
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as linalg
@@ -21,7 +22,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-from mlsanm_cli.operators.refinement import MOST, PRECISE, QUICK, Progress
+from mlsanm_cli.operators.refinement import MOST, PRECISE, QUICK, Progress, directions, length_of
 from mlsanm_cli.operators.system import Equations
 from mlsanm_cli.values import dataclass
 
@@ -98,10 +99,18 @@ class LeastSquares:
         return solution, lack
 
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
-        """What one more corrected semi-normal step would change of a ``solution`` (n, 1), relatively."""
-        change = self.factor.solve(self._gather(self.scaled(source) - self._apply(solution)))
+        """What one more corrected semi-normal step would change of a ``solution`` (n, 1), relatively.
+
+        The step itself is not made: what it has along some directions tells its length.
+        """
+        gradient = self._gather(self.scaled(source) - self._apply(solution))[:, 0]
         size = float(np.linalg.norm(solution))
-        return float(np.linalg.norm(change)) / (size if size > 0.0 else 1.0)
+        return length_of(self._looks @ gradient) / (size if size > 0.0 else 1.0)
+
+    @cached_property
+    def _looks(self) -> FloatArray:
+        """What takes a gradient to its step's products with the directions (d, n)."""
+        return np.ascontiguousarray(self.factor.solve(directions(self.rows.shape[1])).T)
 
     @property
     def note(self) -> str:

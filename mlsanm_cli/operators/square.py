@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-from mlsanm_cli.operators.refinement import BLOCK, PRECISE, QUICK, refine
+from mlsanm_cli.operators.refinement import BLOCK, PRECISE, QUICK, directions, length_of, refine
 from mlsanm_cli.operators.system import Equations
 from mlsanm_cli.values import dataclass
 
@@ -39,10 +40,18 @@ class Square:
         return result
 
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
-        """What one more step of refinement would change of a ``solution`` (n, 1), relatively."""
+        """What one more step of refinement would change of a ``solution`` (n, 1), relatively.
+
+        The step itself is not made: what it has along some directions tells its length.
+        """
+        lack = (self.scaled(source) - self.matrix @ solution)[:, 0]
         size = float(np.linalg.norm(solution))
-        change = float(np.linalg.norm(self._update(self.scaled(source))(solution)))
-        return change / (size if size > 0.0 else 1.0)
+        return length_of(self._looks @ lack) / (size if size > 0.0 else 1.0)
+
+    @cached_property
+    def _looks(self) -> FloatArray:
+        """What takes a lack to its step's products with the directions (d, n)."""
+        return np.ascontiguousarray(self.factor.solve(directions(self.matrix.shape[0]), transposed=True).T)
 
     def _update(self, rhs: FloatArray) -> Callable[[FloatArray], FloatArray]:
         return lambda solution: self.factor.solve(rhs - self.matrix @ solution)

@@ -18,12 +18,15 @@ from mlsanm_cli.app.collect import collect
 from mlsanm_cli.app.point import Point
 from mlsanm_cli.app.run import run
 from mlsanm_cli.app.sweep import Wishes, point_name, sweep
+from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.kernels.jit import load
 from tests.app.scenes import PATCH, Quiet, assert_same_bits
 
 ETA = "contact.interface.regularization.eta"
+PROBE = '[[probe]]\nname = "tip"\nbody = "upper"\npoint = [1.0, 1.5]\n'
+ROUGH = PATCH.replace('master = "', 'friction = 0.3\nmaster = "') + PROBE
 HYPERBOLIC = PATCH.replace('law = "exact"', 'law = "hyperbolic"')
 
 
@@ -77,6 +80,26 @@ def test_points_are_the_runs_that_they_stand_for(tmp_path: Path, case: Path) -> 
     assert [row["body.upper.spacing"] for row in rows] == ["0.25", "0.25", "0.2", "0.2"]
     assert {row["status"] for row in rows} == {"done"}
     assert all(float(row["contacts.interface.peak_pressure"]) == pytest.approx(100.0) for row in rows)
+
+
+@pytest.mark.parametrize(
+    "varied",
+    [
+        "load.press.fy=-200.0,-300.0",
+        "load.press.rotation='fixed','free'",
+        "body.upper.seed=0,1",
+        "material.steel.nu=0.3,0.25",
+        "contact.interface.reach='auto',0.5",
+        "probe.tip.point=[1.0, 1.5],[0.5, 1.5]",
+    ],
+)
+def test_what_a_process_keeps_serves_only_what_it_was_made_from(tmp_path: Path, varied: str) -> None:
+    case, rubbing = tmp_path / "rough.toml", "contact.interface.friction=0.3,0.0,0.4"
+    case.write_text(ROUGH)
+    assert counts(swept(case, tmp_path / "all", varied, rubbing, cache=False)) == [6, 0, 0, 0]
+    for values in points([parse_vary(varied), parse_vary(rubbing)]):
+        run(case, overrides=values, out=tmp_path / "one", force=True, console=Quiet())
+        assert_same_bits(tmp_path / "one", tmp_path / "all" / point_name(values))
 
 
 def test_operators_are_made_once_per_geometry(

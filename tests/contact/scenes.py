@@ -57,6 +57,7 @@ def synthetic(
         sources={},
         solutions={},
         solves=0,
+        content="",
     )
 
 

@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlsanm_cli.contact import history
+from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.history import Event, follow, start
+from mlsanm_cli.contact.sets import Sets, SetSystem
 from mlsanm_cli.contact.sliding import SlidingError
 from tests.contact.friction import HalfPlanes, half_planes
 
@@ -53,7 +56,7 @@ def test_laws_hold_at_every_event(beta: float, shift: float, friction: float) ->
             state = event.state
             assert not event.jumped
             assert residual(c, state) <= 1e-9
-            limit = friction * state.values.pressure * (1.0 + 1e-9) + 1e-14 * planes.peak
+            limit = friction * state.values.pressure * (1.0 + 1e-9) + 1e-13 * planes.peak
             assert (np.abs(state.values.traction) <= limit).all()
             assert state.factors == pytest.approx(begin + event.fraction * (np.array(target) - begin))
             # Work per node never falls, and stays what it was where nothing slips.
@@ -68,6 +71,21 @@ def test_laws_hold_at_every_event(beta: float, shift: float, friction: float) ->
         assert forces == pytest.approx(
             [target[0] * planes.force, -target[1] * friction * planes.force], abs=1e-9 * planes.force
         )
+
+
+def test_an_event_takes_one_new_system(planes: HalfPlanes, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[bytes] = []
+
+    class Counted(SetSystem):
+        def __init__(self, condensed: Condensed, sets: Sets) -> None:
+            made.append(sets.key)
+            super().__init__(condensed, sets)
+
+    monkeypatch.setattr(history, "SetSystem", Counted)
+    c = planes.condensed
+    events = list(follow(c, start(c, np.zeros(2)).state, np.array(PRESSED), [1.0]))
+    assert len(events) > 40
+    assert len(made) <= 1.2 * len(events)
 
 
 def test_stops_change_nothing() -> None:

@@ -19,6 +19,8 @@ from mlsanm_cli.operators.least_squares import LeastSquares, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.dissection import LEAF, nested_dissection
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.operators.square import Square
+from mlsanm_cli.operators.square import factorise as square_of
 
 
 def neighbour_graph(points: FloatArray, count: int) -> sparse.csr_array:
@@ -167,6 +169,26 @@ def test_residual_is_small_at_the_minimum_only() -> None:
     worse[11] *= 1.0 + 1e-6
     assert system.residual(b, worse) >= 1e-9
     assert system.residual(sparse.csc_array((300, 1)), np.zeros((120, 1))) == 0.0
+
+
+def square() -> Square:
+    rng = np.random.default_rng(3)
+    matrix = sparse.csr_array(
+        np.logspace(0, 2, 120)[:, None] * (20.0 * np.eye(120) + rng.normal(size=(120, 120)))
+    )
+    return square_of(matrix, sparse.eye_array(120, format="csr"), rng.normal(size=(60, 2)), SuperLUSolver())
+
+
+@pytest.mark.parametrize("kind", ["least squares", "square"])
+def test_residual_tells_the_size_of_a_step_without_making_it(kind: str) -> None:
+    system = square() if kind == "square" else least_squares(1.0)[0]
+    b = sparse.csc_array(np.random.default_rng(7).normal(size=(120 if kind == "square" else 300, 1)))
+    best, unit = system.solve(b), np.eye(120)
+    # One unknown alone, all together, and what the equations resist most and least.
+    shapes = np.linalg.svd(np.linalg.inv(system.inverse_normal(unit)))[0]
+    for shape in (unit[7], np.ones(120), shapes[:, 0], shapes[:, -1]):
+        off = best + 1e-4 * np.linalg.norm(best) * shape[:, None] / np.linalg.norm(shape)
+        assert 0.4e-4 <= system.residual(b, off) <= 2e-4
 
 
 @pytest.mark.parametrize("summed", [False, True])
