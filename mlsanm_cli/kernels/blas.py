@@ -23,6 +23,8 @@ def _function(module: str, name: str, arguments: str) -> Any:
     return numba.types.ExternalFunction(symbol, signature)
 
 
+dgemv = _function("cython_blas", "dgemv", "ciiddididdi")
+dtrsv = _function("cython_blas", "dtrsv", "cccididi")
 dgemm = _function("cython_blas", "dgemm", "cciiiddididdi")
 dsyrk = _function("cython_blas", "dsyrk", "cciiddiddi")
 dtrsm = _function("cython_blas", "dtrsm", "cccciiddidi")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlsanm_cli.kernels.dissection import dissect
 from mlsanm_cli.kernels.fill import advance_front, spacing_at
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 from mlsanm_cli.kernels.multifrontal import borders, factorise, products, solve
+from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, rows_of_nodes
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.kernels.stencils import mls_weights
 
@@ -28,11 +30,30 @@ def load_all() -> None:
     slope, series, factors = np.ones(2), np.ones((3, 2)), np.ones(3)
     shape = (slope, slope, 1.0, one, first, one, 1, 1.0, 1.0, none, slope[:0], none)
     hyperbola_orders(series, factors, *shape)
-    first, start, alone = np.zeros(1, dtype=np.int64), np.array([0, 1], dtype=np.int64), np.array([-1])
-    begin, border, most = borders(start, alone, start, first, first, first)
-    panel = np.array([0, 4], dtype=np.int64)
-    tree = (start, alone, begin, border, panel)
-    values, _ = factorise(*tree, most, start, first, np.eye(2)[None], first, first)
-    solve(start, begin, border, panel, values, np.ones(2), 1)
-    both = np.array([0, 1, 2], dtype=np.int64)
-    products(*tree, values, both, indices[:2].copy(), np.ones(2), 1, 2)
+    _load_factor()
+
+
+def _load_factor() -> None:
+    """Those of the normal equations of two rows on one node."""
+    narrow = np.int32
+    indptr, nodes = np.array([0, 1, 2], dtype=narrow), np.zeros(2, dtype=narrow)
+    begin, end, row, entry = (np.zeros(2, dtype=narrow) for _ in range(4))
+    rows_of_nodes(indptr, nodes, begin, row, entry)
+    count_neighbours(indptr, nodes, begin, row, np.full(1, -1, dtype=narrow), end)
+    neighbour, blocks = np.empty(1, dtype=narrow), np.zeros((1, 2, 2))
+    add_blocks(
+        indptr, nodes, np.eye(2), begin, row, entry, np.full(1, -1, dtype=narrow), end, neighbour, blocks
+    )
+    order, begins, alone = (
+        np.zeros(1, dtype=np.int64),
+        np.zeros(3, dtype=np.int64),
+        np.zeros(3, dtype=np.int64),
+    )
+    dissect(end, neighbour, np.zeros((2, 1), dtype=narrow), 1, order, begins, alone)
+    start, parent = np.array([0, 1], dtype=np.int64), alone[:1].copy()
+    edges, border, most = borders(start, parent, end, neighbour, order, order)
+    tree = (start, parent, edges, border, np.array([0, 4], dtype=np.int64))
+    values, _ = factorise(*tree, most, end, neighbour, blocks, order, order)
+    solve(start, edges, border, tree[4], values, np.ones(2), 1)
+    both, columns = np.array([0, 1, 2], dtype=np.int64), np.arange(2, dtype=np.int64)
+    products(*tree, values, both, columns, np.ones(2), 1, 2)
