@@ -147,3 +147,15 @@ def mls_weights(
                 for r in range(rows):
                     weights[start + r, which] = vector[r] * gauss[r] * factor
                 which += 1
+
+
+@kernel
+def apply_weights(
+    indptr: IntArray, indices: IntArray, weights: FloatArray, field: FloatArray, result: FloatArray
+) -> None:
+    """``result`` (e, kinds, c), zero at first: the sums by ``weights`` (nnz, kinds) of a ``field`` (n, c)."""
+    for e in range(len(indptr) - 1):
+        for entry in range(indptr[e], indptr[e + 1]):
+            for kind in range(weights.shape[1]):
+                for c in range(field.shape[1]):
+                    result[e, kind, c] += weights[entry, kind] * field[indices[entry], c]

@@ -10,7 +10,7 @@ from mlsanm_cli.kernels.hyperbola import hyperbola_orders
 from mlsanm_cli.kernels.multifrontal import borders, factorise, products, solve
 from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, rows_of_nodes
 from mlsanm_cli.kernels.sight import cut_lines
-from mlsanm_cli.kernels.stencils import mls_weights
+from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
 
 
 def load_all() -> None:
@@ -24,6 +24,7 @@ def load_all() -> None:
     indptr, indices = np.array([0, 4], dtype=np.int64), np.arange(4, dtype=np.int64)
     center, radius = square[:1].copy(), np.array([1.5])
     mls_weights(square, indptr, indices, center, center, radius, 1, 4.0, 1, np.empty((4, 3)), np.empty(1))
+    apply_weights(indptr, indices, np.ones((4, 3)), square, np.zeros((1, 3, 2)))
     along = np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 3.0], [3.0, 4.0]])
     cut_lines(center, square, indices[None], indptr, indices, edges, along, np.full(4, 4.0), square, 3.0)
     one, first, none = np.ones((1, 1)), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)

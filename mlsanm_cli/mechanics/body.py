@@ -8,7 +8,7 @@ it is not; then single held nodes. A corner node has the rows of both its surfac
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,12 +23,11 @@ from mlsanm_cli.cloud.quality import closest_node
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import (
-    XX,
-    XY,
-    YY,
+    divergence_of,
+    divergence_of_stress,
     equilibrium_rows,
     nested_equilibrium_rows,
-    stress_rows,
+    stress_of,
     traction_of,
     traction_rows,
     value_rows,
@@ -146,9 +145,25 @@ class BodyModel:
 
     def stress(self, displacement: FloatArray) -> FloatArray:
         """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2)."""
-        flat = displacement.ravel()
+        return stress_of(self.stencils.derivatives(displacement), self.material.stiffness)
+
+    def divergence(self, displacement: FloatArray) -> FloatArray:
+        """What the rows of :meth:`equilibrium` make (n, 2) of nodal ``displacement`` (N, 2)."""
+        return self.divergence_by(self.stencils.derivatives(displacement), self._stress_stencils.derivatives)
+
+    def divergence_by(
+        self, derivatives: FloatArray, of_stress: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """The same by the ``derivatives`` (n, 6, 2) of a displacement, and those ``of_stress`` (n, 3) at the
+        cloud's points, by whatever fits."""
         c = self.material.stiffness
-        return np.stack([stress_rows(self.stencils, c, a) @ flat for a in (XX, YY, XY)], axis=1)
+        nested = self.settings.degree == 1
+        if not nested and not self.material.nearly_incompressible:
+            return divergence_of(derivatives, c)
+        even = c if nested else self.material.bulk_part
+        rest = 0.0 if nested else divergence_of(derivatives, c - even)
+        result: FloatArray = divergence_of_stress(of_stress(stress_of(derivatives, even))) + rest
+        return result
 
     @cached_property
     def free_expansion(self) -> FloatArray:
