@@ -5,7 +5,7 @@
 The block of cases/hertz.toml with all spacings multiplied by each scale, with friction and without. CPU
 seconds, medians, all in one process with one thread:
 
-- ``factor`` and ``superlu``: normal equations to factor, nested dissection and our check included;
+- ``factor`` and ``superlu``: from the normal equations to the factor, nested dissection and our check included;
 - ``condense``: all functionals of all contact columns; ``blocks`` the same by solutions refined 64 at a time
   with our factor; ``superlu_solves`` one back-substitution by SuperLU for every column, without refinement;
 - ``error`` and ``blocks_error``: of a few columns against refinement in extended precision, relatively.
@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from mlsanm_cli.app.clouds import clouds  # noqa: E402
-from mlsanm_cli.app.scene import factorise, prepare  # noqa: E402
+from mlsanm_cli.app.scene import equip, prepare  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.case import load_case  # noqa: E402
 from mlsanm_cli.contact.linear_map import Columns  # noqa: E402
@@ -44,6 +44,7 @@ from mlsanm_cli.contact.sources import body_sources  # noqa: E402
 from mlsanm_cli.operators.least_squares import LeastSquares  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
+from mlsanm_cli.operators.normal import normal_equations
 from mlsanm_cli.operators.refinement import BLOCK, QUICK  # noqa: E402
 
 CASE, BODY = ROOT / "cases" / "hertz.toml", "block"
@@ -83,7 +84,7 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, float]:
     ]
     case = load_case(CASE, (*sizes, f"contact.interface.friction={friction}")).case
     prepared = prepare(case, clouds(case))
-    scene = factorise(case, prepared, CholeskySolver())
+    scene = equip(case, prepared, CholeskySolver())
     pairings = prepared.pairings
     count = sum(int(pairing.candidate.sum()) for pairing in pairings)
     rough = tuple(pairing for pairing in pairings if pairing.friction)
@@ -95,7 +96,7 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, float]:
     observed = sparse.csr_array(sparse.vstack(relative, format="csr"))
     system = body.system
     assert isinstance(system, LeastSquares)
-    matrix = sparse.csc_array(system.rows.T @ system.rows)
+    matrix = normal_equations(system.rows)
     ours, other = CholeskySolver(), SuperLUSolver()
     factor = other.factor_definite(matrix, body.model.nodes)
     block = np.random.default_rng(0).normal(size=(matrix.shape[0], BLOCK))
