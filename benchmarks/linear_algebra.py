@@ -5,7 +5,7 @@
 The block of cases/hertz.toml with all spacings multiplied by each scale, with friction and without. CPU
 seconds, medians, all in one process with one thread:
 
-- ``factor`` and ``superlu``: from the normal equations to the factor, nested dissection and our check included;
+- ``factor`` and ``superlu``: normal equations to factor, nested dissection and our check included;
 - ``condense``: all functionals of all contact columns; ``blocks`` the same by solutions refined 64 at a time
   with our factor; ``superlu_solves`` one back-substitution by SuperLU for every column, without refinement;
 - ``error`` and ``blocks_error``: of a few columns against refinement in extended precision, relatively.
@@ -44,7 +44,7 @@ from mlsanm_cli.contact.sources import body_sources  # noqa: E402
 from mlsanm_cli.operators.least_squares import LeastSquares  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
-from mlsanm_cli.operators.normal import normal_equations
+from mlsanm_cli.operators.normal import normal_equations  # noqa: E402
 from mlsanm_cli.operators.refinement import BLOCK, QUICK  # noqa: E402
 
 CASE, BODY = ROOT / "cases" / "hertz.toml", "block"

@@ -83,8 +83,8 @@ def test_rows_and_columns_of_any_size_are_as_good() -> None:
 
 
 def test_small_columns_are_corrected_beside_large_ones() -> None:
-    # As pressures beside loads: what the factor gets wrong of the small ones is nowhere in the large ones, and
-    # unless all count alike it is lost in the noise of these.
+    # What the factor gets wrong of the small ones is nowhere in the large ones: unless all count alike it is
+    # lost in the noise of these.
     rng = np.random.default_rng(0)
     exact = rng.normal(size=(120, 90))
     size = np.where(np.arange(90) < 45, 1.0, 1e-9)
