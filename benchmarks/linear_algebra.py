@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from mlsanm_cli.app.clouds import clouds  # noqa: E402
-from mlsanm_cli.app.scene import factorise, prepare  # noqa: E402
+from mlsanm_cli.app.scene import equip, prepare  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.case import load_case  # noqa: E402
 from mlsanm_cli.contact.linear_map import Columns  # noqa: E402
@@ -44,6 +44,7 @@ from mlsanm_cli.contact.sources import body_sources  # noqa: E402
 from mlsanm_cli.operators.least_squares import LeastSquares  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
+from mlsanm_cli.operators.normal import normal_equations  # noqa: E402
 from mlsanm_cli.operators.refinement import BLOCK, QUICK  # noqa: E402
 
 CASE, BODY = ROOT / "cases" / "hertz.toml", "block"
@@ -83,7 +84,7 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, float]:
     ]
     case = load_case(CASE, (*sizes, f"contact.interface.friction={friction}")).case
     prepared = prepare(case, clouds(case))
-    scene = factorise(case, prepared, CholeskySolver())
+    scene = equip(case, prepared, CholeskySolver())
     pairings = prepared.pairings
     count = sum(int(pairing.candidate.sum()) for pairing in pairings)
     rough = tuple(pairing for pairing in pairings if pairing.friction)
@@ -95,7 +96,7 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, float]:
     observed = sparse.csr_array(sparse.vstack(relative, format="csr"))
     system = body.system
     assert isinstance(system, LeastSquares)
-    matrix = sparse.csc_array(system.rows.T @ system.rows)
+    matrix = normal_equations(system.rows)
     ours, other = CholeskySolver(), SuperLUSolver()
     factor = other.factor_definite(matrix, body.model.nodes)
     block = np.random.default_rng(0).normal(size=(matrix.shape[0], BLOCK))

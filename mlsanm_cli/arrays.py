@@ -9,4 +9,6 @@ from numpy.typing import NDArray
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
+IndexArray: TypeAlias = NDArray[np.int32]
+"""Structure of sparse matrices."""
 BoolArray: TypeAlias = NDArray[np.bool_]

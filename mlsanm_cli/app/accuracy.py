@@ -75,7 +75,10 @@ def assess_accuracy(built: Built) -> Accuracy:
     # What friction has done on the way there would have to be followed again.
     if len(condensed.rubbing) and not built.case.adapt.passes:
         return Accuracy(None, untold, untold, state, None, {})
-    solved = {name: condensed.displacement(scene, name, *unknowns)[0] for name in scene.bodies}
+    solved = {}
+    for name in scene.bodies:
+        elastic = condensed.solution(scene, name, unknowns, QUICK)[0][:, 0]
+        solved[name] = (elastic + scene.loose_patterns(name) @ state.motion).reshape(-1, 2)
     largest = max(float(np.hypot(*u.T).max()) for u in solved.values())
     nothing = Accuracy(None, untold, untold, state, largest, {})
     if len(condensed.rubbing):
@@ -87,10 +90,9 @@ def assess_accuracy(built: Built) -> Accuracy:
     size = float(sum((u**2).sum() for u in solved.values()))
     try:
         halved = halved_pressure(condensed, state) if condensed.pairings else state.pressure
-        ways = [_corrected(built, state, defects, with_sums) for with_sums in (False, True)]
+        errors, pressures = _corrected(built, state, defects)
     except NumericalError:  # what was changed but a little has no contact state at all
         return Accuracy(None, untold, untold, state, largest, defects)
-    errors, pressures = zip(*ways, strict=True)
     from_contact = {pair.name: _distance(built, pair, state, halved) for pair in condensed.pairings}
     from_bulk = {
         pair.name: _middle([_distance(built, pair, state, p) for p in pressures])
@@ -101,22 +103,26 @@ def assess_accuracy(built: Built) -> Accuracy:
 
 
 def _corrected(
-    built: Built, state: ExactState, defects: Mapping[str, Defect], with_sums: bool
-) -> tuple[float, FloatArray]:
+    built: Built, state: ExactState, defects: Mapping[str, Defect]
+) -> tuple[FloatArray, list[FloatArray]]:
     """Sum of squares of what the defects change of all displacements, contact and platens solved again, and
-    the pressures (m,) then."""
+    the pressures (m,) then: without the bodies' sums, and with them."""
     condensed, scene = built.condensed, built.scene
-    change = {name: defect.correction(scene.bodies[name], with_sums) for name, defect in defects.items()}
-    corrected = corrected_state(condensed, scene, state, change)
-    moved = np.concatenate(
-        [0.0 * state.factors, corrected.motion - state.motion, corrected.pressure - state.pressure]
-    )
-    error = 0.0
+    changes, states = [], []
+    for with_sums in (False, True):
+        changes.append(
+            {name: defect.correction(scene.bodies[name], with_sums) for name, defect in defects.items()}
+        )
+        states.append(corrected_state(condensed, scene, state, changes[-1]))
+    motion = np.stack([one.motion - state.motion for one in states], axis=1)
+    pressure = np.stack([one.pressure - state.pressure for one in states], axis=1)
+    moved = np.concatenate([np.zeros((len(state.factors), 2)), motion, pressure])
+    errors = np.zeros(2)
     for name, body in scene.bodies.items():
-        source = sparse.csc_array((condensed.sources[name] @ moved)[:, None])
-        moving = scene.loose_patterns(name) @ (corrected.motion - state.motion)
-        error += float(((change[name] + body.system.solve(source, QUICK)[:, 0] + moving) ** 2).sum())
-    return error, corrected.pressure
+        followed = body.system.solve(sparse.csc_array(condensed.sources[name] @ moved), QUICK)
+        change = np.stack([one[name] for one in changes], axis=1)
+        errors += ((change + followed + scene.loose_patterns(name) @ motion) ** 2).sum(axis=0)
+    return errors, [one.pressure for one in states]
 
 
 def _middle(parts: list[float | None]) -> float | None:

@@ -13,7 +13,7 @@ from mlsanm_cli.case import Case
 
 START = 1.0
 PER_NODE = 1.0e-5
-FACTOR = 7.0e-7
+FACTOR = 5.0e-7
 COLUMN = 3.7e-8
 REFINED = 60
 SUPERLU = 3.0

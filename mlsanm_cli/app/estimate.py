@@ -14,6 +14,10 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.values import dataclass
 
 COUNT_LIMIT = 2e8
+PROCESS_MB = 280.0
+"""Memory of a process before its first body."""
+SUPERLU = 3.0
+"""Its factor, of both halves, against ours."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +31,10 @@ class Estimate:
 def estimate(case: Case) -> Estimate:
     """Nodes by quadrature of the spacing field or counted, memory by the model below."""
     nodes = {body.name: _nodes(body) for body in case.body}
-    stencil = mls_settings(case).stencil_size
-    return Estimate(nodes, 150.0 + sum(_body_memory_mb(count, stencil) for count in nodes.values()))
+    settings = mls_settings(case)
+    fill = SUPERLU if settings.square or case.solver.linear == "superlu" else 1.0
+    parts = [_body_memory_mb(count, settings.stencil_size, fill) for count in nodes.values()]
+    return Estimate(nodes, PROCESS_MB + sum(parts))
 
 
 def _nodes(body: Body) -> float:
@@ -37,12 +43,11 @@ def _nodes(body: Body) -> float:
     return estimate_nodes(outline_of(body), spacing_of(body), COUNT_LIMIT)
 
 
-def _body_memory_mb(nodes: float, stencil: int) -> float:
-    """Rows, normal equations and Cholesky factor, the latter growing like n log n under nested dissection."""
-    rows = 2.2 * nodes * 2 * stencil * 12
-    normal = 2 * nodes * 6.5 * stencil * 12
-    factor = 2 * nodes * 2.2 * stencil * math.log2(max(nodes, 2.0)) * 2 * 12
-    return (6 * rows + 3 * normal + factor) / 2**20
+def _body_memory_mb(nodes: float, stencil: int, fill: float) -> float:
+    """Stencils, rows, normal equations and sums of rows, and the factor, whose part per node grows like log n
+    under nested dissection; fitted to measured runs (docs/performance.md)."""
+    factor = 72.5 * fill * stencil * max(math.log2(max(nodes, 2.0)) - 7.2, 1.0)
+    return nodes * (270.0 * stencil + 1400.0 + factor) / 1e6
 
 
 def available_memory_mb() -> float:

@@ -35,6 +35,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, Probe, probe_rows, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
+from mlsanm_cli.operators.refinement import PRECISE
 from mlsanm_cli.values import dataclass
 
 EVEN = 1e-9
@@ -135,21 +136,27 @@ class Condensed:
                 break
         return chosen
 
+    def solution(
+        self, scene: Scene, body: str, unknowns: Sequence[FloatArray], tolerance: float = PRECISE
+    ) -> tuple[FloatArray, sparse.csc_array]:
+        """Solution (2N, 1) of a body's elastic system in a state f, q, p, t, and its right-hand side (r, 1).
+
+        One solve; none where there is no contact, since ``solutions`` (2n, loads + motions) of so few columns
+        are kept.
+        """
+        f, q, p, t = unknowns
+        source = self.source(body, f, q, p, t)
+        if body in self.solutions:
+            return (self.solutions[body] @ np.concatenate([f, q, p, t]))[:, None], source
+        return scene.bodies[body].system.solve(source, tolerance), source
+
     def displacement(
         self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> tuple[FloatArray, float]:
         """Displacements (N, 2) of all nodes of a body in one state, ghosts included and last, and the
-        residual of its elastic system.
-
-        One back-substitution; none where there is no contact, since ``solutions`` (2n, loads + motions) of so
-        few columns are kept.
-        """
-        source, system = self.source(body, f, q, p, t), scene.bodies[body].system
-        if body in self.solutions:
-            solution = (self.solutions[body] @ np.concatenate([f, q, p, t]))[:, None]
-        else:
-            solution = system.solve(source)
-        residual = system.residual(source, solution)
+        residual of its elastic system."""
+        solution, source = self.solution(scene, body, (f, q, p, t))
+        residual = scene.bodies[body].system.residual(source, solution)
         return (solution[:, 0] + scene.loose_patterns(body) @ q).reshape(-1, 2), residual
 
 

@@ -44,5 +44,6 @@ dgemm: Any = External("cython_blas", "dgemm", "cciiiddididdi")
 dsyrk: Any = External("cython_blas", "dsyrk", "cciiddiddi")
 dtrsm: Any = External("cython_blas", "dtrsm", "cccciiddidi")
 dpotrf: Any = External("cython_lapack", "dpotrf", "cidii")
-
-EXTERNALS: tuple[External, ...] = (dgemm, dsyrk, dtrsm, dpotrf)
+dgemv: Any = External("cython_blas", "dgemv", "ciiddididdi")
+dtrsv: Any = External("cython_blas", "dtrsv", "cccididi")
+EXTERNALS: tuple[External, ...] = (dgemm, dgemv, dsyrk, dtrsm, dtrsv, dpotrf)

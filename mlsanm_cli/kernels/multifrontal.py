@@ -2,8 +2,9 @@
 
 Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, counted in order of elimination, each with two
 unknowns, and changes its border: later nodes, which its ancestors eliminate. A front's descendants come right
-before it. Its panel of the factor, (pivots + border, pivots), is column-major, and so is the update of the
-border that it hands to its parent ``parent[f]``.
+before it. Its panel of the factor, (height, pivots), height that of pivots and border, is kept in blocks of
+BLOCK columns one after the other, each column-major and from its diagonal down; the update of the border that
+it hands to its parent ``parent[f]`` as columns from the diagonal down.
 """
 
 from __future__ import annotations
@@ -13,12 +14,14 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.kernels.blas import dgemm, dpotrf, dsyrk, dtrsm
+from mlsanm_cli.kernels.blas import dgemm, dgemv, dpotrf, dsyrk, dtrsm, dtrsv
 from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float1, Float2, Float3, FloatOut1, Int1
+from mlsanm_cli.kernels.signature import Float1, Float2, Float3, FloatOut1, Index1, Int1
 
 LOWER, RIGHT, PLAIN, TRANSPOSED = 0, 1, 2, 3
 """Places of BLAS' letters among those of :func:`_letters`."""
+BLOCK = 64
+"""Columns of the factor that are kept together."""
 
 
 @inner
@@ -64,9 +67,83 @@ def _multiply(
     )
 
 
+@inner
+def _solve_vector(trans: int, rows: int, triangle: FloatArray, height: int, x: FloatArray) -> None:
+    """Solve L x = b or L^T x = b in place, L lower of ``rows`` rows."""
+    c: Any = _letters()
+    i: Any = np.array([rows, height, 1], dtype=np.int32)
+    dtrsv(
+        *(c[LOWER:].ctypes, c[trans:].ctypes, c[PLAIN:].ctypes, i.ctypes, triangle.ctypes, i[1:].ctypes),
+        *(x.ctypes, i[2:].ctypes),
+    )
+
+
+@inner
+def _apply(trans: int, sizes: tuple[int, int], a: FloatArray, lda: int, x: FloatArray, y: FloatArray) -> None:
+    """Take a x or a^T x from y, a of ``sizes`` rows and columns."""
+    c: Any = _letters()
+    i: Any = np.array([sizes[0], sizes[1], lda, 1], dtype=np.int32)
+    factor: Any = np.array([-1.0, 1.0])
+    dgemv(
+        *(c[trans:].ctypes, i.ctypes, i[1:].ctypes, factor.ctypes, a.ctypes, i[2:].ctypes),
+        *(x.ctypes, i[3:].ctypes, factor[1:].ctypes, y.ctypes, i[3:].ctypes),
+    )
+
+
+@inner
+def _forward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int) -> None:
+    """Solve for a front's unknowns, the first ``pivots`` rows of ``x`` (height, c), and take from the others
+    what they lose by them."""
+    begin = 0
+    for first in range(0, pivots, BLOCK):
+        columns, rows = min(BLOCK, pivots - first), height - first
+        block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
+        # One vector is done faster by itself: products of matrices copy the panel first.
+        if c == 1:
+            _solve_vector(PLAIN, columns, block, rows, own)
+            if rows > columns:
+                _apply(PLAIN, (rows - columns, columns), block[columns:], rows, own, rest)
+        else:
+            _solve_right(TRANSPOSED, c, columns, block, rows, own, c)
+            if rows > columns:
+                sizes = (c, rows - columns, columns)
+                _multiply(TRANSPOSED, sizes, -1.0, own, c, block[columns:], rows, 1.0, rest, c)
+        begin += columns * rows
+
+
+@inner
+def _backward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int) -> None:
+    """Solve with the transposed panel for the first ``pivots`` rows of ``x`` (height, c)."""
+    begin = len(panel)
+    for first in range((pivots - 1) // BLOCK * BLOCK, -1, -BLOCK):
+        columns, rows = min(BLOCK, pivots - first), height - first
+        begin -= columns * rows
+        block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
+        if c == 1:
+            if rows > columns:
+                _apply(TRANSPOSED, (rows - columns, columns), block[columns:], rows, rest, own)
+            _solve_vector(TRANSPOSED, columns, block, rows, own)
+        else:
+            if rows > columns:
+                sizes = (c, columns, rows - columns)
+                _multiply(PLAIN, sizes, -1.0, rest, c, block[columns:], rows, 1.0, own, c)
+            _solve_right(PLAIN, c, columns, block, rows, own, c)
+
+
+@inner
+def _triangle(rows: int) -> int:
+    """Numbers on and below the diagonal."""
+    return rows * (rows + 1) // 2
+
+
 @kernel
 def borders(
-    start: Int1, parent: Int1, indptr: Int1, indices: Int1, order: Int1, place: Int1
+    start: Int1,
+    parent: Int1,
+    indptr: Index1,
+    indices: Index1,
+    order: Int1,
+    place: Int1,
 ) -> tuple[Int1, Int1, int]:
     """Border nodes of every front, in order of elimination: where they begin (f + 1,) and which they are; and
     the most numbers that updates waiting for their fronts take.
@@ -91,7 +168,7 @@ def borders(
         while below >= 0:
             for entry in range(begin[below], begin[below + 1]):
                 mark[nodes[entry]] = f
-            handed += 4 * (begin[below + 1] - begin[below]) ** 2
+            handed += _triangle(2 * (begin[below + 1] - begin[below]))
             below = sibling[below]
         # The ancestors eliminate all that a front touches, so that their nodes need no sorting.
         above = parent[f]
@@ -107,9 +184,8 @@ def borders(
                     count += 1
             above = parent[above]
         begin[f + 1] = count
-        area = 4 * (count - begin[f]) ** 2
-        most = max(most, waiting + area)
-        waiting += area - handed
+        waiting += _triangle(2 * (count - begin[f])) - handed
+        most = max(most, waiting)
         if parent[f] >= 0:
             sibling[f] = child[parent[f]]
             child[parent[f]] = f
@@ -136,19 +212,31 @@ def _extend_add(
     edge: int,
 ) -> None:
     """Add what a child with border ``nodes`` (b,) has ``handed`` up to its parent's panel and update."""
-    width = 2 * len(nodes)
+    rows, runs = 2 * len(nodes), 0
+    # Neighbours in the child's border mostly are neighbours in the parent too.
+    ends, shifts = np.empty(len(nodes), dtype=np.int64), np.empty(len(nodes), dtype=np.int64)
     for j in range(len(nodes)):
-        for column in range(2 * j, 2 * j + 2):
-            source = handed[width * column : width * (column + 1)]
-            to = local[nodes[j]] + column - 2 * j
-            if to < pivots:
-                target, shift = front[(pivots + edge) * to : (pivots + edge) * (to + 1)], 0
-            else:
-                target, shift = update[edge * (to - pivots) : edge * (to - pivots + 1)], pivots
-            for i in range(j, len(nodes)):
-                row = local[nodes[i]] - shift
-                target[row] += source[2 * i]
-                target[row + 1] += source[2 * i + 1]
+        if j == 0 or local[nodes[j]] != local[nodes[j - 1]] + 2:
+            shifts[runs] = local[nodes[j]] - 2 * j
+            runs += 1
+        ends[runs - 1] = 2 * (j + 1)
+    begin, run = 0, 0
+    for column in range(rows):
+        if ends[run] == column:
+            run += 1
+        to = column + shifts[run]
+        if to < pivots:
+            target, up = front[(pivots + edge) * to : (pivots + edge) * (to + 1)], 0
+        else:
+            target, up = update[edge * (to - pivots) : edge * (to - pivots + 1)], pivots
+        first = column
+        for k in range(run, runs):
+            part = target[first + shifts[k] - up : ends[k] + shifts[k] - up]
+            added = handed[begin : begin + ends[k] - first]
+            for i in range(len(part)):
+                part[i] += added[i]
+            begin += ends[k] - first
+            first = ends[k]
 
 
 @inner
@@ -172,6 +260,17 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int) ->
     return True
 
 
+@inner
+def _keep_columns(matrix: FloatArray, columns: int, height: int, block: int, kept: FloatArray) -> None:
+    """Copy the ``columns`` of a matrix (height, columns), by ``block`` columns from their diagonal down."""
+    at = 0
+    for column in range(columns):
+        first = column - column % block
+        for row in range(first, height):
+            kept[at] = matrix[height * column + row]
+            at += 1
+
+
 @kernel
 def factorise(
     start: Int1,
@@ -180,8 +279,8 @@ def factorise(
     border: Int1,
     panel: Int1,
     most: int,
-    indptr: Int1,
-    indices: Int1,
+    indptr: Index1,
+    indices: Index1,
     blocks: Float3,
     order: Int1,
     place: Int1,
@@ -192,14 +291,21 @@ def factorise(
     ``begin``, ``border`` and ``most`` are from :func:`borders`; ``indptr``, ``indices``, ``blocks`` (e, 2, 2)
     the symmetric matrix, node by node.
     """
-    values, waiting = np.zeros(panel[-1]), np.empty(most)
+    values, waiting = np.empty(panel[-1]), np.empty(most)
+    tallest, widest = 0, 0
+    for f in range(len(parent)):
+        pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
+        tallest, widest = max(tallest, pivots * (pivots + edge)), max(widest, edge)
+    whole, changed = np.empty(tallest), np.empty(widest**2)
     local = np.zeros(len(order), dtype=np.int64)
     owner = np.empty(len(parent), dtype=np.int64)
     top, depth = 0, 0
     for f in range(len(parent)):
         pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
         _locate(f, start, begin, border, local)
-        front = values[panel[f] : panel[f + 1]]
+        front, update = whole[: pivots * (pivots + edge)], changed[: edge**2]
+        front[:] = 0.0
+        update[:] = 0.0
         for position in range(start[f], start[f + 1]):
             for entry in range(indptr[order[position]], indptr[order[position] + 1]):
                 at = place[indices[entry]]
@@ -208,19 +314,16 @@ def factorise(
                         column = (pivots + edge) * (local[position] + side) + local[at]
                         front[column] = blocks[entry, side, 0]
                         front[column + 1] = blocks[entry, side, 1]
-        update = waiting[top : top + edge**2]
-        update[:] = 0.0
-        low = top
         while depth > 0 and parent[owner[depth - 1]] == f:
             depth -= 1
             nodes = border[begin[owner[depth]] : begin[owner[depth] + 1]]
-            low -= 4 * len(nodes) ** 2
-            _extend_add(nodes, waiting[low:top], local, pivots, front, update, edge)
+            top -= _triangle(2 * len(nodes))
+            _extend_add(nodes, waiting[top:], local, pivots, front, update, edge)
         if pivots > 0 and not _eliminate(front, update, pivots, edge):
             return values, f
-        for i in range(edge**2):
-            waiting[low + i] = update[i]
-        top = low + edge**2
+        _keep_columns(front, pivots, pivots + edge, BLOCK, values[panel[f] :])
+        _keep_columns(update, edge, edge, 1, waiting[top:])
+        top += _triangle(edge)
         owner[depth] = f
         depth += 1
     return values, -1
@@ -238,33 +341,30 @@ def solve(
 ) -> None:
     """Solve in place for c right-hand sides ``x`` (2n, c), flat, in order of elimination."""
     fronts = len(begin) - 1
-    widest = 0
+    tallest = 0
     for f in range(fronts):
-        widest = max(widest, begin[f + 1] - begin[f])
-    carried = np.empty(2 * widest * c)
+        tallest = max(tallest, start[f + 1] - start[f] + begin[f + 1] - begin[f])
+    local = np.empty(2 * tallest * c)
     for step in range(2 * fronts):
         forward = step < fronts
         f = step if forward else 2 * fronts - 1 - step
         pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
-        if pivots == 0:
-            continue
-        front, own = values[panel[f] : panel[f + 1]], x[2 * start[f] * c : 2 * start[f + 1] * c]
+        own, below = x[2 * start[f] * c : 2 * start[f + 1] * c], local[pivots * c :]
+        for i in range(pivots * c):
+            local[i] = own[i]
+        for j in range(begin[f], begin[f + 1]):
+            for i in range(2 * c):
+                # Forward, other fronts of the border's nodes still wait to take their part.
+                below[2 * (j - begin[f]) * c + i] = 0.0 if forward else x[2 * border[j] * c + i]
         if forward:
-            _solve_right(TRANSPOSED, c, pivots, front, pivots + edge, own, c)
-            if edge > 0:
-                sizes = (c, edge, pivots)
-                _multiply(TRANSPOSED, sizes, 1.0, own, c, front[pivots:], pivots + edge, 0.0, carried, c)
-                for j in range(begin[f], begin[f + 1]):
-                    for i in range(2 * c):
-                        x[2 * border[j] * c + i] -= carried[2 * (j - begin[f]) * c + i]
+            _forward(values[panel[f] : panel[f + 1]], pivots, pivots + edge, local, c)
+            for j in range(begin[f], begin[f + 1]):
+                for i in range(2 * c):
+                    x[2 * border[j] * c + i] += below[2 * (j - begin[f]) * c + i]
         else:
-            if edge > 0:
-                for j in range(begin[f], begin[f + 1]):
-                    for i in range(2 * c):
-                        carried[2 * (j - begin[f]) * c + i] = x[2 * border[j] * c + i]
-                sizes = (c, pivots, edge)
-                _multiply(PLAIN, sizes, -1.0, carried, c, front[pivots:], pivots + edge, 1.0, own, c)
-            _solve_right(PLAIN, c, pivots, front, pivots + edge, own, c)
+            _backward(values[panel[f] : panel[f + 1]], pivots, pivots + edge, local, c)
+        for i in range(pivots * c):
+            own[i] = local[i]
 
 
 @inner
@@ -342,13 +442,7 @@ def products(
                     x[to * c + at[active[depth][i]]] += handed[depth][j * width + i]
             depth -= 1
         if c > 0 and pivots > 0:
-            front = values[panel[f] : panel[f + 1]]
-            _solve_right(TRANSPOSED, c, pivots, front, pivots + edge, x, c)
-            if edge > 0:
-                sizes = (c, edge, pivots)
-                _multiply(
-                    TRANSPOSED, sizes, -1.0, x, c, front[pivots:], pivots + edge, 1.0, x[pivots * c :], c
-                )
+            _forward(values[panel[f] : panel[f + 1]], pivots, pivots + edge, x, c)
             _add_product(x, pivots, columns, left, result)
         if depth + 1 == len(handed):
             handed.append(x[:0])

@@ -1,9 +1,9 @@
 """What a kernel takes and returns, read from its annotations.
 
-``Float1``, ``Int2``, ``Bool3`` and their like are C-contiguous arrays of that many dimensions which the
-kernel only reads, ``FloatOut1`` and its like such as it writes to. Scalars are ``float`` and ``int``, a
-result is None, one of all these or a tuple of them. mypy sees plain arrays: the dimensions are for the
-compiler and for the check of every argument before machine code sees it.
+``Float1``, ``Int2``, ``Index1`` (32 bits), ``Bool3`` and their like are C-contiguous arrays of that many
+dimensions which the kernel only reads, ``FloatOut1`` and its like such as it writes to. Scalars are ``float``
+and ``int``, a result is None, one of all these or a tuple of them. mypy sees plain arrays: the dimensions are
+for the compiler and for the check of every argument before machine code sees it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IndexArray, IntArray
 
 Float1: TypeAlias = FloatArray
 Float2: TypeAlias = FloatArray
@@ -28,13 +28,22 @@ Int1: TypeAlias = IntArray
 Int2: TypeAlias = IntArray
 IntOut1: TypeAlias = IntArray
 IntOut2: TypeAlias = IntArray
+Index1: TypeAlias = IndexArray
+Index2: TypeAlias = IndexArray
+IndexOut1: TypeAlias = IndexArray
+IndexOut2: TypeAlias = IndexArray
 Bool1: TypeAlias = BoolArray
 Bool2: TypeAlias = BoolArray
 BoolOut1: TypeAlias = BoolArray
 BoolOut2: TypeAlias = BoolArray
 
-ARRAY = re.compile(r"(Float|Int|Bool)(Out)?([1-3])")
-DTYPES = {"Float": np.dtype(np.float64), "Int": np.dtype(np.int64), "Bool": np.dtype(np.bool_)}
+ARRAY = re.compile(r"(Float|Index|Int|Bool)(Out)?([1-3])")
+DTYPES: dict[str, np.dtype[Any]] = {
+    "Float": np.dtype(np.float64),
+    "Index": np.dtype(np.int32),
+    "Int": np.dtype(np.int64),
+    "Bool": np.dtype(np.bool_),
+}
 WORD = 2**63
 
 

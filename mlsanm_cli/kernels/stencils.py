@@ -8,7 +8,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, Int1
+from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, FloatOut3, Int1
 
 
 @inner
@@ -148,3 +148,13 @@ def mls_weights(
                 for r in range(rows):
                     weights[start + r, which] = vector[r] * gauss[r] * factor
                 which += 1
+
+
+@kernel
+def apply_weights(indptr: Int1, indices: Int1, weights: Float2, field: Float2, result: FloatOut3) -> None:
+    """``result`` (e, kinds, c), zero at first: the sums by ``weights`` (nnz, kinds) of a ``field`` (n, c)."""
+    for e in range(len(indptr) - 1):
+        for entry in range(indptr[e], indptr[e + 1]):
+            for kind in range(weights.shape[1]):
+                for c in range(field.shape[1]):
+                    result[e, kind, c] += weights[entry, kind] * field[indices[entry], c]

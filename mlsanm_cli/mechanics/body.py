@@ -8,7 +8,7 @@ it is not; then single held nodes. A corner node has the rows of both its surfac
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import cached_property
@@ -22,8 +22,11 @@ from mlsanm_cli.cloud.quality import closest_node
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import (
+    divergence_of,
+    divergence_of_stress,
     equilibrium_rows,
     nested_equilibrium_rows,
+    stress_of,
     traction_of,
     traction_rows,
     value_rows,
@@ -33,7 +36,6 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import Freedom
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
-from mlsanm_cli.operators.rows import scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from mlsanm_cli.operators.system import LinearSystem
@@ -144,10 +146,25 @@ class BodyModel:
 
     def stress(self, displacement: FloatArray) -> FloatArray:
         """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2)."""
-        stencils = self.stencils
-        d_x, d_y = (scalar_rows(stencils, stencils.weights[:, kind]) @ displacement for kind in (1, 2))
-        strain = np.stack([d_x[:, 0], d_y[:, 1], d_y[:, 0] + d_x[:, 1]], axis=1)
-        return np.asarray(strain @ self.material.stiffness.T)
+        return stress_of(self.stencils.derivatives(displacement), self.material.stiffness)
+
+    def divergence(self, displacement: FloatArray) -> FloatArray:
+        """What the rows of :meth:`equilibrium` make (n, 2) of nodal ``displacement`` (N, 2)."""
+        return self.divergence_by(self.stencils.derivatives(displacement), self._stress_stencils.derivatives)
+
+    def divergence_by(
+        self, derivatives: FloatArray, of_stress: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """The same by the ``derivatives`` (n, 6, 2) of a displacement, and those ``of_stress`` (n, 3) at the
+        cloud's points, by whatever fits."""
+        c = self.material.stiffness
+        nested = self.settings.degree == 1
+        if not nested and not self.material.nearly_incompressible:
+            return divergence_of(derivatives, c)
+        even = c if nested else self.material.bulk_part
+        rest = 0.0 if nested else divergence_of(derivatives, c - even)
+        result: FloatArray = divergence_of_stress(of_stress(stress_of(derivatives, even))) + rest
+        return result
 
     @cached_property
     def free_expansion(self) -> FloatArray:

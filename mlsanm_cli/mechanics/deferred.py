@@ -15,18 +15,24 @@ Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
 
 
 class Equations:
-    """A body's equations: the ``arrays`` that ``factorise`` makes a system of when it is first asked for."""
+    """A body's equations: the ``arrays`` that ``factorise`` makes a system of when it is first asked for.
+
+    Both are let go then: large as they are, the system has all that it needs.
+    """
 
     def __init__(self, arrays: Mapping[str, object], factorise: Callable[[], LinearSystem]) -> None:
-        self._arrays = arrays
-        self._factorise = factorise
+        self._arrays: Mapping[str, object] = arrays
+        self._factorise: Callable[[], LinearSystem] | None = factorise
         self._system: LinearSystem | None = None
 
     def factorised(self, timed: Timed) -> LinearSystem:
         """The system, factorised at most once, within ``timed()``; NumericalError where there is none."""
         if self._system is None:
+            assert self._factorise is not None
             with timed():
                 self._system = self._factorise()
+            self.content  # noqa: B018 (the digest of what is let go)
+            self._factorise, self._arrays = None, {}
         return self._system
 
     @property

@@ -59,6 +59,28 @@ def nested_equilibrium_rows(
     return sparse.csr_array(d_x @ stress_rows(stencils, c, first) + d_y @ stress_rows(stencils, c, second))
 
 
+def stress_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
+    """Stress (e, 3) by the ``derivatives`` (e, 3 | 6, 2) of the displacement, value first."""
+    by_x, by_y = derivatives[:, 1], derivatives[:, 2]
+    strain = np.stack([by_x[:, 0], by_y[:, 1], by_x[:, 1] + by_y[:, 0]], axis=1)
+    result: FloatArray = strain @ c.T
+    return result
+
+
+def divergence_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
+    """div sigma (e, 2) by the ``derivatives`` (e, 6, 2) of the displacement."""
+    xx, xy, yy = derivatives[:, 3], derivatives[:, 4], derivatives[:, 5]
+    by_x = np.stack([xx[:, 0], xy[:, 1], xx[:, 1] + xy[:, 0]], axis=1) @ c.T
+    by_y = np.stack([xy[:, 0], yy[:, 1], xy[:, 1] + yy[:, 0]], axis=1) @ c.T
+    return np.stack([by_x[:, XX] + by_y[:, XY], by_x[:, XY] + by_y[:, YY]], axis=1)
+
+
+def divergence_of_stress(derivatives: FloatArray) -> FloatArray:
+    """div sigma (e, 2) by the ``derivatives`` (e, 3 | 6, 3) of the stress."""
+    by_x, by_y = derivatives[:, 1], derivatives[:, 2]
+    return np.stack([by_x[:, XX] + by_y[:, XY], by_x[:, XY] + by_y[:, YY]], axis=1)
+
+
 def value_rows(stencils: Stencils, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of the displacement's x (0) or y (1) component."""
     value = stencils.weights[:, 0]

@@ -22,6 +22,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
+from mlsanm_cli.operators.normal import normal_equations
 from mlsanm_cli.operators.refinement import MOST, PRECISE, QUICK, Progress, directions, length_of
 from mlsanm_cli.operators.system import Equations
 from mlsanm_cli.values import dataclass
@@ -139,7 +140,7 @@ class LeastSquares:
 
     def equations(self, sources: sparse.csc_array) -> Equations:
         """The normal equations, bordered by the sums of rows."""
-        normal = sparse.csr_array(self.rows.T @ self.rows)
+        normal = sparse.csr_array(normal_equations(self.rows))
         weighted = sparse.csr_array(self.rows.T @ (sources * self.weight[:, None]))
         return Equations(normal, weighted, self.images, np.asarray(self.sums @ sources), definite=True)
 
@@ -213,8 +214,7 @@ def factorise(
     ``images`` (k, n) are the sums in the unknowns, where they are not simply those of the rows.
     """
     weighted = sparse.csr_array(rows.multiply(weight[:, None]))
-    normal = sparse.csc_array(weighted.T @ weighted)
-    factor: Factor = solver.factor_definite(normal, points)
+    factor: Factor = solver.factor_definite(normal_equations(weighted), points)
     if sums is None:
         sums = np.zeros((0, rows.shape[0]))
     if images is None:

@@ -7,7 +7,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.sight import Sight
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.kernels.stencils import mls_weights
+from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
@@ -44,6 +44,12 @@ class Stencils:
         return Stencils(
             indptr, self.indices[entry], self.weights[entry], self.nodes, self.enlarged, self.worst_ratio
         )
+
+    def derivatives(self, field: FloatArray) -> FloatArray:
+        """Value and derivatives (e, kinds, c), in the order of the weights, of a nodal ``field`` (n, c)."""
+        result = np.zeros((len(self.indptr) - 1, self.weights.shape[1], field.shape[1]))
+        apply_weights(self.indptr, self.indices, self.weights, np.ascontiguousarray(field), result)
+        return result
 
 
 def build_stencils(

@@ -220,3 +220,15 @@ def test_corners_of_clamped_and_free_sides_lower_the_weights_around_them() -> No
 )
 def test_other_corners_are_left_alone(held: dict[str, tuple[bool, bool]]) -> None:
     assert (corner_weight(jittered_square(9), held) == 1.0).all()
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4])
+@pytest.mark.parametrize("nu", [0.3, 0.4999])
+@pytest.mark.parametrize("scheme", ["least-squares", "ghost"])
+def test_divergence_is_what_the_rows_of_equilibrium_make(degree: int, nu: float, scheme: Scheme) -> None:
+    model = build(jittered_square(12), HELD, degree, isotropic(210.0, nu, "strain"), scheme=scheme).model
+    u = np.random.default_rng(0).normal(size=model.nodes.shape)
+    found = model.divergence(u)
+    for component in (0, 1):
+        expected = model.equilibrium(component) @ u.ravel()
+        assert np.abs(found[:, component] - expected).max() <= 1e-12 * np.abs(expected).max()

@@ -22,7 +22,7 @@ from mlsanm_cli.kernels.multifrontal import borders
 from mlsanm_cli.operators.linear import cholesky
 from mlsanm_cli.operators.linear.cholesky import SOUND, CholeskyFactor, CholeskySolver
 from mlsanm_cli.operators.linear.dissection import nested_dissection
-from mlsanm_cli.operators.linear.interface import Factor, backward_error
+from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
 
 CASES = sorted((Path(__file__).parents[2] / "cases").glob("*.toml"))
@@ -74,7 +74,7 @@ def test_borders_are_those_of_elimination(count: int, seed: int) -> None:
     tree = nested_dissection(points, graph)
     place = np.empty(count, dtype=np.int64)
     place[tree.order] = np.arange(count)
-    indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+    indptr, indices = graph.indptr.astype(np.int32), graph.indices.astype(np.int32)
     begin, border, _ = borders(tree.start, tree.parent, indptr, indices, tree.order, place)
     # One elimination after the other: the neighbours of what goes become neighbours of each other.
     joined = graph.toarray()[tree.order][:, tree.order] != 0.0
@@ -177,9 +177,9 @@ def test_a_factor_of_superlu_that_does_not_solve_is_refused() -> None:
 class Recorder(CholeskySolver):
     """Keeps every matrix and its factor."""
 
-    kept: list[tuple[sparse.csc_array, FloatArray, Factor]] = field(default_factory=list)
+    kept: list[tuple[Matrix, FloatArray, Factor]] = field(default_factory=list)
 
-    def factor_definite(self, matrix: sparse.csc_array, points: FloatArray) -> Factor:
+    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
         factor = super().factor_definite(matrix, points)
         self.kept.append((matrix, points, factor))
         return factor

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.kernels.multifrontal import borders, factorise, products, solve
+from mlsanm_cli.kernels.multifrontal import BLOCK, borders, factorise, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection
-from mlsanm_cli.operators.linear.interface import Factor, backward_error
+from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.values import dataclass
 
@@ -41,15 +41,17 @@ class Fronts:
     waiting: int
 
     @classmethod
-    def of(cls, points: FloatArray, graph: sparse.csr_array) -> Fronts:
-        """Those of the nested dissection of a ``graph`` (n, n) of nodes ``points`` (n, 2)."""
+    def of(cls, points: FloatArray, graph: sparse.bsr_array) -> Fronts:
+        """Those of the nested dissection of ``points`` (n, 2); pairs with a block are neighbours."""
         tree = nested_dissection(points, graph)
         place = np.empty_like(tree.order)
         place[tree.order] = np.arange(len(points))
-        indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
-        begin, border, waiting = borders(tree.start, tree.parent, indptr, indices, tree.order, place)
-        pivots, edge = 2 * np.diff(tree.start), 2 * np.diff(begin)
-        panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(pivots * (pivots + edge))])
+        begin, border, waiting = borders(tree.start, tree.parent, *structure(graph), tree.order, place)
+        pivots, height = 2 * np.diff(tree.start), 2 * np.diff(tree.start) + 2 * np.diff(begin)
+        whole = pivots // BLOCK
+        rest = pivots - BLOCK * whole
+        size = BLOCK * (whole * height - BLOCK * (whole * (whole - 1) // 2)) + rest * (height - BLOCK * whole)
+        panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size)])
         return cls(tree.order, place, tree.start, tree.parent, begin, border, panel, waiting)
 
 
@@ -82,30 +84,35 @@ class CholeskyFactor:
         return products(*tree, self.values, indptr, indices, both.data, left.shape[0], both.shape[1])
 
 
+def structure(graph: sparse.bsr_array) -> tuple[IndexArray, IndexArray]:
+    """Where the rows of a graph begin, (n + 1,), and its columns, of 32 bits as the kernels take them."""
+    indptr, indices = (part.astype(np.int32, copy=False) for part in (graph.indptr, graph.indices))
+    return indptr, indices
+
+
 class CholeskySolver(SuperLUSolver):
     """Our own method for positive definite matrices, SuperLU for what it cannot do."""
 
     name = "cholesky"
 
-    def factor_definite(self, matrix: sparse.csc_array, points: FloatArray) -> Factor:
+    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
         """Factorise; SuperLU does it, with a note, if a pivot is not positive or the factor does not solve.
 
         Raises NumericalError where neither has a factor that solves.
         """
-        blocks = sparse.csr_array(matrix).tobsr((2, 2))
-        indptr, indices = blocks.indptr.astype(np.int64), blocks.indices.astype(np.int64)
-        graph = sparse.csr_array((np.ones(len(indices)), indices, indptr), shape=(len(points),) * 2)
-        fronts = Fronts.of(points, graph)
+        blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
+        fronts = Fronts.of(points, blocks)
         values, failed = factorise(
             *(fronts.start, fronts.parent, fronts.begin, fronts.border, fronts.panel, fronts.waiting),
-            *(indptr, indices, np.ascontiguousarray(blocks.data), fronts.order, fronts.place),
+            *(*structure(blocks), np.ascontiguousarray(blocks.data), fronts.order, fronts.place),
         )
         if failed < 0:
             order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()
             factor = CholeskyFactor(fronts, order, values)
             if backward_error(matrix, factor) <= SOUND:
                 return factor
-        other = self.factor(matrix, self.analyse(matrix, points))
+        plain = sparse.csc_array(matrix)
+        other = self.factor(plain, self.analyse(plain, points))
         if not backward_error(matrix, other) <= SOUND:
             raise NumericalError(
                 "the elastic system of a body is singular to working precision",

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.kernels.dissection import dissect
 from mlsanm_cli.values import dataclass
 
-LEAF = 32
-DIRECTIONS = 4
+LEAF = 16
+"""Parts that are not cut any more: twice as many make the factor 5 % larger, half as many nothing smaller."""
+DIRECTIONS = 8
 
 
 @dataclass(frozen=True)
@@ -26,59 +28,25 @@ class Dissection:
     parent: IntArray
 
 
-def nested_dissection(points: FloatArray, graph: sparse.csr_array) -> Dissection:
+def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_array) -> Dissection:
     """Both halves of the vertices first, the separator between them last.
 
-    ``points`` (n, 2), ``graph`` (n, n) with a symmetric pattern. A part is cut at its median along the one of
-    DIRECTIONS directions that leaves the smallest separator: the vertices of one half that touch the other.
-    Graded clouds are far from boxes; one direction by their extent left up to half as much fill again.
+    ``points`` (n, 2); of the ``graph``, in compressed rows or blocks, the symmetric pattern counts. A part is
+    cut at its median along the one of DIRECTIONS directions that leaves the smallest separator: the vertices
+    of one half that touch the other. Graded clouds are far from boxes; one direction by their extent left up
+    to half as much fill again.
     """
     angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     heights = points @ np.stack([np.cos(angles), np.sin(angles)])
-    indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
-    mark = np.zeros(len(points), dtype=bool)
+    ranked = np.argsort(heights.T, axis=1, kind="stable").astype(np.int32)
+    indptr, indices = graph.indptr.astype(np.int32, copy=False), graph.indices.astype(np.int32, copy=False)
     order = np.empty(len(points), dtype=np.int64)
-    # Fronts from the last to the first: where they begin, and what their parent is, counted the same way.
-    begins, parents = [], []
-    stack = [(np.arange(len(points), dtype=np.int64), len(points), -1)]
-    while stack:
-        part, end, parent = stack.pop()
-        parents.append(parent)
-        if len(part) <= LEAF:
-            order[end - len(part) : end] = part
-            begins.append(end - len(part))
-            continue
-        smallest = len(part) + 1
-        for height in heights.T:
-            ranked = part[np.argsort(height[part], kind="stable")]
-            low, high = ranked[: len(part) // 2], ranked[len(part) // 2 :]
-            for half, other in ((low, high), (high, low)):
-                touches = _touching(indptr, indices, half, other, mark)
-                if touches.sum() < smallest:
-                    smallest = int(touches.sum())
-                    kept, separator, rest = half, other[touches], other[~touches]
-        order[end - smallest : end] = separator
-        begins.append(end - smallest)
-        stack.append((kept, end - smallest - len(rest), len(parents) - 1))
-        stack.append((rest, end - smallest, len(parents) - 1))
-    last = len(parents) - 1
+    begins, parents = np.empty((2, 2 * len(points) + 1), dtype=np.int64)
+    count = dissect(indptr, indices, ranked, LEAF, order, begins, parents)
+    # Fronts were found from the last to the first, and their parents counted the same way.
+    parent = parents[:count][::-1]
     return Dissection(
         order,
-        np.array([*reversed(begins), len(points)], dtype=np.int64),
-        np.array([last - parent if parent >= 0 else -1 for parent in reversed(parents)], dtype=np.int64),
+        np.append(begins[:count][::-1], len(points)),
+        np.where(parent >= 0, count - 1 - parent, -1),
     )
-
-
-def _touching(
-    indptr: IntArray, indices: IntArray, half: IntArray, other: IntArray, mark: BoolArray
-) -> BoolArray:
-    """Which vertices of ``other`` have a neighbour in ``half``; ``mark`` (n,) is false and stays so."""
-    mark[half] = True
-    count = indptr[other + 1] - indptr[other]
-    first = np.cumsum(count) - count
-    entry = np.repeat(indptr[other] - first, count) + np.arange(count.sum())
-    # A vertex without neighbours has no entries, which reduceat does not know.
-    found = np.append(mark[indices[entry]], False)
-    touches = np.logical_or.reduceat(found, first) & (count > 0)
-    mark[half] = False
-    return np.asarray(touches, dtype=bool)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+
+Matrix: TypeAlias = "sparse.csc_array | sparse.bsr_array"
+"""A symmetric matrix, in columns or in blocks."""
 
 
 class Factor(Protocol):
@@ -32,7 +35,7 @@ class DirectSolver(Protocol):
 
     name: str
 
-    def factor_definite(self, matrix: sparse.csc_array, points: FloatArray) -> Factor:
+    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
         """Factorise a symmetric positive definite matrix (2n, 2n); NumericalError for a singular one."""
         ...
 
@@ -49,7 +52,7 @@ class DirectSolver(Protocol):
         ...
 
 
-def backward_error(matrix: sparse.csc_array, factor: Factor) -> float:
+def backward_error(matrix: Matrix, factor: Factor) -> float:
     """What a solution of a symmetric ``matrix`` (n, n) leaves of its right-hand side, relatively.
 
     With D its diagonal: max_i |b - A x|_i / (|b|_i + sqrt(D_i) sum_j sqrt(D_j) |x_j|), whatever the units of

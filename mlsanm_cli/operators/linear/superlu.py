@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.dissection import nested_dissection
-from mlsanm_cli.operators.linear.interface import Factor
+from mlsanm_cli.operators.linear.interface import Factor, Matrix
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
@@ -59,9 +59,10 @@ class SuperLUSolver:
         nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2])).order
         return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
 
-    def factor_definite(self, matrix: sparse.csc_array, points: FloatArray) -> Factor:
+    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
         """Order and factorise."""
-        return self.factor(matrix, self.analyse(matrix, points))
+        plain = sparse.csc_array(matrix)
+        return self.factor(plain, self.analyse(plain, points))
 
     def factor(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
         """Factorise without pivoting, which a positive definite matrix does not need."""

@@ -1,0 +1,95 @@
+"""CPU time and memory of whole runs as their clouds get finer.
+
+    python benchmarks/scale.py [--case hertz] [--scale 1.0 0.36 0.147 0.104] [--out benchmarks/results]
+
+A case of ``cases/`` with all spacings multiplied by each scale, every run a process of its own with one
+thread, compiled kernels and no cache of operators. Tells CPU seconds (user and system, of the process), those
+of the phases, peak memory, and the exponents of CPU time in the number of nodes, from line to line and over
+all. Writes scale.json, where lines of other cases stay.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def finer(case: Path, scale: float) -> list[str]:
+    """Options that multiply all spacings of a case."""
+    options = []
+    for body in tomllib.loads(case.read_text())["body"]:
+        key = f"body.{body['name']}"
+        options.append(f"{key}.spacing={body['spacing'] * scale}")
+        for number, zone in enumerate(body.get("refine", [])):
+            options.append(f"{key}.refine.{number}.spacing={zone['spacing'] * scale}")
+    return [part for option in options for part in ("--set", option)]
+
+
+def measure(case: Path, scale: float) -> dict[str, Any]:
+    """One run."""
+    environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    with tempfile.TemporaryDirectory() as directory:
+        out = Path(directory) / "run"
+        command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet", "--no-cache"]
+        subprocess.run(
+            [*command, "--out", str(out), *finer(case, scale)], check=True, env=environment, cwd=ROOT
+        )
+        summary = json.loads((out / "summary.json").read_text())
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return {
+        "case": case.stem,
+        "scale": scale,
+        "nodes": summary["nodes"],
+        "contact_unknowns": summary["contact_unknowns"],
+        "cpu": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
+        "seconds": summary["seconds"],
+        "peak_memory_mb": summary["peak_memory_mb"],
+    }
+
+
+def exponent(one: dict[str, Any], other: dict[str, Any]) -> float:
+    """Of CPU time in the number of nodes between two lines."""
+    return math.log(other["cpu"] / one["cpu"]) / math.log(other["nodes"] / one["nodes"])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--case", default="hertz")
+    parser.add_argument("--scale", type=float, nargs="+", default=[1.0, 0.36, 0.147, 0.104])
+    parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
+    wishes = parser.parse_args()
+    subprocess.run([sys.executable, "-m", "mlsanm_cli.cli", "warmup"], check=True, cwd=ROOT)
+    lines: list[dict[str, Any]] = []
+    for scale in sorted(wishes.scale, reverse=True):
+        line = measure(ROOT / "cases" / f"{wishes.case}.toml", scale)
+        step = f", exponent {exponent(lines[-1], line):.2f}" if lines else ""
+        lines.append(line)
+        print(
+            f"{line['nodes']:7} nodes: {line['cpu']:.2f} s{step}, {line['peak_memory_mb']:.0f} MB, "
+            f"{line['peak_memory_mb'] * 1024 / line['nodes']:.1f} KB a node",
+            flush=True,
+        )
+    if len(lines) > 1:
+        print(f"exponent over all: {exponent(lines[0], lines[-1]):.2f}")
+    path = wishes.out / "scale.json"
+    kept = json.loads(path.read_text()) if path.exists() else []
+    wishes.out.mkdir(parents=True, exist_ok=True)
+    others = [line for line in kept if line["case"] != wishes.case]
+    path.write_text(json.dumps([*others, *lines], indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

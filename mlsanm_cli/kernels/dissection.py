@@ -1,0 +1,152 @@
+"""Nested dissection of a graph whose vertices are ranked along several directions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import IndexArray, IntArray
+from mlsanm_cli.kernels.jit import inner, kernel
+from mlsanm_cli.kernels.signature import Index1, IndexOut2, IntOut1
+
+DEPTH = 256
+"""Parts that can wait; every cut halves a part."""
+
+
+@inner
+def _extents(
+    indptr: IndexArray, indices: IndexArray, rank: IndexArray, lowest: IndexArray, highest: IndexArray
+) -> None:
+    """Smallest and largest ``rank`` (d, n) of every vertex and its neighbours, along every direction."""
+    for direction in range(len(rank)):
+        for vertex in range(rank.shape[1]):
+            low = high = rank[direction, vertex]
+            for entry in range(indptr[vertex], indptr[vertex + 1]):
+                other = rank[direction, indices[entry]]
+                low, high = min(low, other), max(high, other)
+            lowest[direction, vertex], highest[direction, vertex] = low, high
+
+
+@inner
+def _touches(vertex: int, indptr: IndexArray, indices: IndexArray, side: IntArray, other: int) -> bool:
+    """Whether a neighbour is on the ``other`` side."""
+    found = False
+    for entry in range(indptr[vertex], indptr[vertex + 1]):
+        if side[indices[entry]] == other:
+            found = True
+            break
+    return found
+
+
+@inner
+def _separator(
+    part: IndexArray,
+    cut: int,
+    upper: bool,
+    indptr: IndexArray,
+    indices: IndexArray,
+    extents: tuple[IndexArray, IndexArray, IndexArray],
+    side: IntArray,
+    names: tuple[int, int],
+    limit: int,
+) -> int:
+    """How many vertices of the upper or lower half of a ``part``, in order of rank and cut before ``cut``,
+    touch the other half; ``limit`` if at least as many.
+
+    ``extents`` (n,) are the ranks and those of :func:`_extents`, ``side`` (n,) tells by ``names`` who is in
+    the lower and in the upper half. Vertices are looked at from the cut on; those whose neighbours all rank
+    on their own side are passed over.
+    """
+    rank, lowest, highest = extents
+    count = 0
+    for step in range(len(part) - cut if upper else cut):
+        vertex = part[cut + step] if upper else part[cut - 1 - step]
+        near = lowest[vertex] < rank[part[cut]] if upper else highest[vertex] > rank[part[cut - 1]]
+        if near and _touches(vertex, indptr, indices, side, names[0] if upper else names[1]):
+            count += 1
+            if count >= limit:
+                return limit
+    return count
+
+
+@inner
+def _rearrange(nodes: IndexArray, low: int, high: int, group: IndexArray, sizes: tuple[int, int]) -> None:
+    """Sort ``nodes[low:high]`` by their ``group`` (n,) 0 to 2, of the ``sizes`` given, otherwise in order."""
+    part = nodes[low:high].copy()
+    at = np.array([low, low + sizes[0], low + sizes[0] + sizes[1]])
+    for vertex in part:
+        nodes[at[group[vertex]]] = vertex
+        at[group[vertex]] += 1
+
+
+@kernel
+def dissect(
+    indptr: Index1,
+    indices: Index1,
+    ranked: IndexOut2,
+    leaf: int,
+    order: IntOut1,
+    begins: IntOut1,
+    parents: IntOut1,
+) -> int:
+    """Cut parts of more than ``leaf`` vertices in halves and a separator; how many fronts there are.
+
+    ``ranked`` (d, n) are the vertices in order along d directions, and are rearranged; ``order`` (n,),
+    ``begins`` and ``parents`` (2n + 1,) receive the fronts from the last to the first: where each begins in
+    the order, and which is its parent, -1 for the first. A part is cut in the middle along the direction, and
+    on the side of the cut, that make the smallest separator.
+    """
+    directions, count = ranked.shape
+    rank = np.empty((directions, count), dtype=np.int32)
+    lowest = np.empty((directions, count), dtype=np.int32)
+    highest = np.empty((directions, count), dtype=np.int32)
+    for direction in range(directions):
+        for place in range(count):
+            rank[direction, ranked[direction, place]] = place
+    _extents(indptr, indices, rank, lowest, highest)
+    # In which half of which cut every vertex was last; then its group.
+    side, group = np.full(count, -1, dtype=np.int64), np.zeros(count, dtype=np.int32)
+    waiting = np.zeros((DEPTH, 4), dtype=np.int64)
+    waiting[0, 1], waiting[0, 2], waiting[0, 3] = count, count, -1
+    depth, fronts, cuts = 1, 0, 0
+    while depth > 0:
+        depth -= 1
+        low, high, end, parent = waiting[depth]
+        size = high - low
+        parents[fronts] = parent
+        fronts += 1
+        if size <= leaf:
+            order[end - size : end] = ranked[0, low:high]
+            begins[fronts - 1] = end - size
+            continue
+        half, smallest, chosen, above = size // 2, size + 1, 0, False
+        for direction in range(directions):
+            part = ranked[direction, low:high]
+            cuts += 1
+            names = (2 * cuts, 2 * cuts + 1)
+            for place in range(size):
+                side[part[place]] = names[0] if place < half else names[1]
+            extents = (rank[direction], lowest[direction], highest[direction])
+            for upper in (True, False):
+                found = _separator(part, half, upper, indptr, indices, extents, side, names, smallest)
+                if found < smallest:
+                    smallest, chosen, above = found, direction, upper
+        cuts += 1
+        names = (2 * cuts, 2 * cuts + 1)
+        part = ranked[chosen, low:high]
+        for place in range(size):
+            side[part[place]] = names[0] if (place < half) == above else names[1]
+        for place in range(size):
+            vertex = part[place]
+            group[vertex] = 0
+            if side[vertex] == names[1]:
+                group[vertex] = 2 if _touches(vertex, indptr, indices, side, names[0]) else 1
+        kept = half if above else size - half
+        rest = size - kept - smallest
+        for direction in range(directions):
+            _rearrange(ranked[direction], low, high, group, (kept, rest))
+        order[end - smallest : end] = ranked[0, high - smallest : high]
+        begins[fronts - 1] = end - smallest
+        waiting[depth] = (low, low + kept, end - smallest - rest, fronts - 1)
+        waiting[depth + 1] = (low + kept, low + kept + rest, end - smallest, fronts - 1)
+        depth += 2
+    return fronts

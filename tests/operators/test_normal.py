@@ -1,0 +1,31 @@
+"""Normal equations in blocks against the product of sparse matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mlsanm_cli.operators.normal import normal_equations
+
+
+@settings(max_examples=40)
+@given(rows=st.integers(1, 40), nodes=st.integers(1, 15), seed=st.integers(0, 1000))
+def test_blocks_are_those_of_the_product(rows: int, nodes: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    # Some rows act on one unknown of a node only, some nodes have no row.
+    matrix = sparse.csr_array(sparse.random_array((rows, 2 * nodes), density=0.3, rng=rng))
+    found = normal_equations(matrix)
+    assert found.blocksize == (2, 2)
+    expected = (matrix.T @ matrix).toarray()
+    assert np.abs(found.toarray() - expected).max() <= 1e-14 * max(1.0, np.abs(expected).max())
+    # One block for each pair of nodes, even if the entries come in any order.
+    mixed = sparse.csr_array(matrix)
+    for row in range(rows):
+        own = slice(mixed.indptr[row], mixed.indptr[row + 1])
+        order = rng.permutation(own.stop - own.start)
+        mixed.indices[own], mixed.data[own] = mixed.indices[own][order], mixed.data[own][order]
+    again = normal_equations(mixed)
+    assert len(again.indices) == len(found.indices)
+    assert np.abs(again.toarray() - expected).max() <= 1e-14 * max(1.0, np.abs(expected).max())
