@@ -13,7 +13,7 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.clouds import clouds
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.contacts import refuse_overlap
-from mlsanm_cli.app.estimate import refuse_too_large
+from mlsanm_cli.app.estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.scene import Prepared, equip, prepare
 from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import BoolArray, FloatArray
@@ -34,6 +34,8 @@ from mlsanm_cli.values import dataclass
 
 LINEAR = {"auto": CholeskySolver, "superlu": SuperLUSolver}
 """Direct solvers by ``solver.linear``."""
+MANY = 50_000
+"""Scenes of more nodes are announced: they take a while, and may be a typing error."""
 WIDER = 1.5
 WIDENINGS = 6
 _WITHOUT_SIZE = {"load", "stage", "solver", "output"}
@@ -75,13 +77,17 @@ def load_kernels(clock: Clock, console: Console) -> Loaded:
 def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo = AFRESH) -> Prepared:
     """All that can show that a case cannot be run as written, on its own clouds.
 
-    Raises RunError for a scene that memory cannot hold, CaseError for contacts and platens without sense.
+    Raises CaseError for a scene that memory cannot hold, and for contacts and platens without sense.
     """
     load_kernels(clock, console)
-    with clock.phase("cloud"):
-        memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
     try:
+        with clock.phase("cloud"):
+            size = memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
+        if sum(size.nodes.values()) > MANY:
+            nodes, memory = sum(size.nodes.values()), size.memory_mb / 1024
+            console.note(f"about {nodes:.2g} nodes, which need about {memory:.2g} GB of memory")
         prepared = place(loaded.case, clock, console, memo=memo)
+        refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(prepared.pairings)
     except CaseError as error:
         raise loaded.located(error) from error

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from mlsanm_cli.app.clouds import outline_of, spacing_of
 from mlsanm_cli.app.foreign import foreign
 from mlsanm_cli.app.scene import mls_settings
 from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.size import estimate_nodes
-from mlsanm_cli.errors import RunError
+from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.values import dataclass
 
 COUNT_LIMIT = 2e8
@@ -18,6 +22,8 @@ PROCESS_MB = 280.0
 """Memory of a process before its first body."""
 SUPERLU = 3.0
 """Its factor, of both halves, against ours."""
+DENSE = 8.0
+"""Square matrices of the contact unknowns that are there at the same time; 5 to 6 were measured."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +37,12 @@ class Estimate:
 def estimate(case: Case) -> Estimate:
     """Nodes by quadrature of the spacing field or counted, memory by the model below."""
     nodes = {body.name: _nodes(body) for body in case.body}
-    settings = mls_settings(case)
-    fill = SUPERLU if settings.square or case.solver.linear == "superlu" else 1.0
-    parts = [_body_memory_mb(count, settings.stencil_size, fill) for count in nodes.values()]
-    return Estimate(nodes, PROCESS_MB + sum(parts))
+    return Estimate(nodes, _memory_mb(case, nodes, mls_settings(case).stencil_size))
+
+
+def _memory_mb(case: Case, nodes: Mapping[str, float], stencil: int) -> float:
+    fill = SUPERLU if mls_settings(case).square or case.solver.linear == "superlu" else 1.0
+    return PROCESS_MB + sum(_body_memory_mb(count, stencil, fill) for count in nodes.values())
 
 
 def _nodes(body: Body) -> float:
@@ -56,14 +64,47 @@ def available_memory_mb() -> float:
 
 
 def refuse_too_large(case: Case) -> Estimate:
-    """Raise RunError when the scene would not fit into memory."""
+    """Raise CaseError, with the key that makes it so large, when the scene would not fit into memory."""
     size = estimate(case)
     room = available_memory_mb()
     if size.memory_mb > room:
         counts = ", ".join(f"{name} {count:.3g}" for name, count in size.nodes.items())
-        raise RunError(
+        message = (
             f"the scene needs about {size.memory_mb / 1024:.3g} GB of memory, the machine has "
-            f"{room / 1024:.3g} GB (nodes: {counts})",
-            "use larger spacings, smaller refinement radii or a larger growth",
+            f"{room / 1024:.3g} GB (nodes: {counts})"
         )
+        key, hint = _cause(case, size, room)
+        raise CaseError((CaseProblem(key, message, hint=hint),))
     return size
+
+
+def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
+    """Raise CaseError, with the largest contact, where the dense systems of the path would not fit."""
+    unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in pairings}
+    memory_mb = DENSE * sum(unknowns.values()) ** 2 * 8 / 2**20
+    room = available_memory_mb()
+    if memory_mb > room:
+        name = max(unknowns, key=lambda name: unknowns[name])
+        message = (
+            f"{sum(unknowns.values())} unknowns of contact need about {memory_mb / 1024:.3g} GB of memory, "
+            f"the machine has {room / 1024:.3g} GB"
+        )
+        hint = f"use larger spacings along {next(c.slave for c in case.contact if c.name == name)}"
+        raise CaseError((CaseProblem(f"contact.{name}", message, hint=hint),))
+
+
+def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
+    """The key to change, and how."""
+    usual = replace(mls_settings(case), neighbors=None).stencil_size
+    if _memory_mb(case, size.nodes, usual) <= room:
+        return "mls.neighbors", f'"auto" takes {usual}'
+    body = max(case.body, key=lambda body: size.nodes[body.name])
+    if body.brings_nodes:
+        return f"body.{body.name}.shape.file", "use a coarser mesh"
+    hint = "use larger spacings, smaller refinement radii or a larger growth"
+    assert body.spacing is not None
+    even = estimate_nodes(outline_of(body), Spacing(body.spacing), COUNT_LIMIT)
+    if even >= 0.5 * size.nodes[body.name] or not body.refine:
+        return f"body.{body.name}.spacing", hint
+    finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)
+    return f"body.{body.name}.refine.{finest}.spacing", hint

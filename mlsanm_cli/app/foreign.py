@@ -18,11 +18,14 @@ from mlsanm_cli.cloud.curves import Curve, Segment
 from mlsanm_cli.cloud.elements import Marks, boundary_loops
 from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, trace
 from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
-from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.errors import GeometryError, RunError
+from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.io.meshes import read_mesh
 from mlsanm_cli.io.point_files import read_points
 from mlsanm_cli.values import dataclass
 
+LARGEST = 256 * MB
+"""Largest file of a body, in bytes: a million nodes or more."""
 LEVEL = 1e-9
 """Components of a normal below this are round-off."""
 
@@ -51,10 +54,13 @@ def foreign(shape: FileShape) -> Foreign:
     """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
     path = Path(shape.file)
     try:
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise GeometryError(f"cannot read {path}: {error.strerror or error}") from error
+        content = read_input(path, LARGEST)
+    except RunError as error:
+        raise GeometryError(error.message, error.hint) from error
+    digest = hashlib.sha256(content).hexdigest()
     try:
+        if not content:
+            raise GeometryError("it is empty")
         if shape.sha256 not in (None, digest):
             raise GeometryError("it has changed since the case was resolved", "remove sha256 to use it")
         return _read(shape.model_copy(update={"sha256": digest}))

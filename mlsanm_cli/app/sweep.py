@@ -19,7 +19,7 @@ from mlsanm_cli.app.finished import finished, held_case
 from mlsanm_cli.app.foreign import load_with_files
 from mlsanm_cli.app.point import Point
 from mlsanm_cli.app.run import RESULTS
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.io import run_dir
@@ -157,12 +157,13 @@ def point_name(values: Sequence[str]) -> str:
 
 def geometry(case: Case) -> str:
     """Equal for cases that share their operators; only the order of points depends on it."""
+    content = resolved_mapping(case)
     contacts = [
-        (contact.model_dump(exclude={"regularization", "friction"}), contact.friction > 0.0)
-        for contact in case.contact
+        {key: value for key, value in contact.items() if key != "regularization"}
+        | {"friction": contact["friction"] > 0.0}
+        for contact in content.get("contact", [])
     ]
-    whole = case.model_dump(include={"model", "material", "body", "support", "mls"})
-    return digest(whole, contacts)
+    return digest(*(content.get(key) for key in ("model", "material", "body", "support", "mls")), contacts)
 
 
 def _results(engine: Engine, planned: Sequence[Sequence[Point]]) -> Iterator[Mapping[str, Any]]:

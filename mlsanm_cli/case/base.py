@@ -22,6 +22,8 @@ from mlsanm_cli.case.expressions import ExpressionError, compile_expression
 from mlsanm_cli.values import dataclass
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*")
+LONGEST_NAME = 80
+"""Names become parts of the names of files."""
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
 
 
@@ -62,6 +64,8 @@ def _two_items(value: Any) -> Any:
 
 
 def _name(value: Any) -> str:
+    if isinstance(value, str) and len(value) > LONGEST_NAME:
+        raise PydanticCustomError("name", f"a name has {LONGEST_NAME} characters at most")
     if not isinstance(value, str) or NAME_PATTERN.fullmatch(value) is None:
         raise PydanticCustomError(
             "name", "a name has letters, digits, _ and - only, and is no number: it is used in keys and files"
@@ -128,7 +132,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 Name = Annotated[
     str,
     PlainValidator(_name),
-    WithJsonSchema({"type": "string", "pattern": f"^{NAME_PATTERN.pattern}$"}),
+    WithJsonSchema({"type": "string", "pattern": f"^{NAME_PATTERN.pattern}$", "maxLength": LONGEST_NAME}),
 ]
 """The name of a body, load, contact or material."""
 

@@ -24,6 +24,11 @@ from mlsanm_cli.case.report import Report, suggestion
 from mlsanm_cli.case.round_shapes import Annulus, Sector
 from mlsanm_cli.case.shapes import AnyShape, Rectangle
 
+ROUND_OFF = 1e-9
+"""Smallest spacing, in parts of the largest coordinate."""
+MOST_NEIGHBORS = 20
+"""Most nodes of a stencil, in coefficients of the polynomial."""
+
 
 def run_checks(draft: Draft, report: Report) -> None:
     """Adds every problem that the sound parts of the case have with each other."""
@@ -105,6 +110,14 @@ def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None
     path: KeyPath = ("body", index)
     if body.spacing is None:
         return
+    far = max(abs(shape.centre[0]), abs(shape.centre[1])) + shape.size
+    for key, spacing in (
+        ((*path, "spacing"), body.spacing),
+        *(((*path, "refine", place, "spacing"), refine.spacing) for place, refine in enumerate(body.refine)),
+    ):
+        if spacing < ROUND_OFF * far:
+            message = f"{spacing:g} is lost in round-off at places up to {far:g} from the origin"
+            report.add(key, message, f"at least {ROUND_OFF * far:.2g}")
     if body.spacing > shape.size > 0.0:
         report.add((*path, "spacing"), f"{body.spacing:g} is larger than the body itself ({shape.size:g})")
     for place, refine in enumerate(body.refine):
@@ -212,6 +225,9 @@ def _check_numerics(draft: Draft, report: Report) -> None:
         if mls.neighbors < terms:
             message = f"{mls.neighbors} nodes cannot carry the {terms} terms of degree {mls.degree}"
             report.add(("mls", "neighbors"), message, f'at least {terms}, better twice as many, or "auto"')
+        elif mls.neighbors > MOST_NEIGHBORS * terms:
+            message = f"{mls.neighbors} nodes are far too many for the {terms} terms of degree {mls.degree}"
+            report.add(("mls", "neighbors"), message, f'at most {MOST_NEIGHBORS * terms}, or "auto"')
     _check_laws(draft, report, draft.contacts.values())
     fixed = [body.name for body in draft.bodies.values() if body.brings_nodes]
     if draft.adapt is not None and draft.adapt.passes and fixed:

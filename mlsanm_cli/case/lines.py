@@ -13,6 +13,9 @@ from dataclasses import dataclass, field
 
 KeyPath = tuple[str | int, ...]
 
+DEEPEST = 40
+"""Keys have fewer parts; deeper ones are placed where their first parts are."""
+
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
@@ -76,7 +79,7 @@ class _Scanner:
             self.at += 1
 
     def note(self, path: KeyPath, line: int) -> None:
-        for length in range(1, len(path) + 1):
+        for length in range(1, min(len(path), DEEPEST) + 1):
             self.lines.setdefault(path[:length], line)
 
     def header(self) -> KeyPath:

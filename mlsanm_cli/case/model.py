@@ -166,7 +166,7 @@ class Mls(Section):
 class Adapt(Section):
     """Refinement of the clouds by what was found on coarser ones."""
 
-    passes: Annotated[int, Field(ge=0)] = 0
+    passes: Annotated[int, Field(ge=0, le=20)] = 0
     """So often the scene is solved, refined where contact begins and ends and where local fits are poor, and
     solved again; it ends earlier when nothing changes any more."""
 
@@ -188,7 +188,7 @@ class Solver(Section):
     """Use Padé approximants where they lengthen a step."""
     polish: bool = False
     """End every saved level with the exact laws."""
-    max_steps: Annotated[int, Field(ge=1)] = 2000
+    max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """A path that needs more steps fails."""
     linear: Literal["auto", "superlu"] = "auto"
     """Direct solver of the bodies' linear systems."""

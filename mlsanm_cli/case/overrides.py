@@ -8,7 +8,8 @@ import tomllib
 from collections.abc import Sequence
 from typing import Any
 
-from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.limits import text_problem
+from mlsanm_cli.case.lines import DEEPEST, KeyPath
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import CaseProblem
 
@@ -69,6 +70,8 @@ def _parts(key: str) -> list[str]:
     at = 0
     more = True
     while more:
+        if len(parts) == DEEPEST:
+            raise _BadOverride(f"is a key of {DEEPEST} parts or more")
         found = _PART.match(key, at)
         if found is None:
             raise _BadOverride("is no dotted key", "as in contact.interface.reach or body.0.spacing")
@@ -79,6 +82,9 @@ def _parts(key: str) -> list[str]:
 
 
 def _value(key: str, text: str) -> Any:
+    _, problem = text_problem(text)
+    if problem:
+        raise _BadOverride(f"the value has {problem}")
     try:
         parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,8 @@ from pydantic import ValidationError
 from mlsanm_cli.case.checks import run_checks
 from mlsanm_cli.case.draft import look_into_files, make_draft
 from mlsanm_cli.case.files import Survey, no_files
-from mlsanm_cli.case.lines import KeyPath, key_lines, line_of
+from mlsanm_cli.case.limits import number_problems, size_problems, text_problem
+from mlsanm_cli.case.lines import KeyPath, key_lines
 from mlsanm_cli.case.model import Case
 from mlsanm_cli.case.overrides import apply_overrides, key_path
 from mlsanm_cli.case.report import Report
@@ -24,7 +25,11 @@ from mlsanm_cli.case.schema_errors import report_schema_errors
 from mlsanm_cli.case.tables import inline_tables
 from mlsanm_cli.case.unsupported import refusals
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
+from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.values import dataclass
+
+LARGEST = 16 * MB
+"""Largest case file, in bytes."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +47,11 @@ class LoadedCase:
 
     def located(self, error: CaseError) -> CaseError:
         """The same problems with file and line, found by their keys (list items by name)."""
-        lines = key_lines(self.raw)
-        content = tomllib.loads(self.raw)
-        return CaseError(
-            tuple(
-                replace(problem, source=str(self.path), line=line_of(lines, key_path(content, problem.key)))
-                for problem in error.problems
-            )
-        )
+        content, changed, _ = apply_overrides(tomllib.loads(self.raw), self.overrides)
+        report = Report(content, key_lines(self.raw), str(self.path), changed)
+        for problem in error.problems:
+            report.add(key_path(content, problem.key), problem.message, problem.hint)
+        return CaseError(report.problems)
 
 
 def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey = no_files) -> LoadedCase:
@@ -59,17 +61,14 @@ def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey = no_fil
 
     Raises RunError when the file cannot be read and CaseError with every problem found otherwise.
     """
+    content = read_input(path, LARGEST, what="case file", streams=True)
     try:
         # A byte order mark, as some editors write it, is no part of the text.
-        text = path.read_text(encoding="utf-8-sig")
+        text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
     except UnicodeDecodeError as error:
         raise RunError(
             f"{path} is no UTF-8 text (byte {error.start})", "a case is a TOML text file"
         ) from error
-    except FileNotFoundError as error:
-        raise RunError(f"there is no case file {path}") from error
-    except OSError as error:
-        raise RunError(f"cannot read {path}: {error.strerror or error}") from error
     return parse_case(text, path, overrides, survey)
 
 
@@ -80,7 +79,9 @@ def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Sur
     """
     source = str(path)
     content, lines = _parse_toml(text, source)
+    _refuse_sizes(content, Report(content, lines, source))
     content, changed, bad_overrides = apply_overrides(content, overrides)
+    _refuse_sizes(content, Report(content, lines, source, changed))
     data = _anchored({key: _frozen(value) for key, value in content.items()}, path.parent)
     data, bad_tables = inline_tables(data, path.parent)
     report = Report(data, lines, source, changed)
@@ -88,6 +89,9 @@ def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Sur
     for table, message in bad_tables:
         report.add(table, message)
         covered.append(table)
+    for key, message, hint in number_problems(data):
+        report.add(key, message, hint)
+        covered.append(key)
     for refusal in refusals(data):
         report.add(refusal.path, refusal.message, refusal.hint)
         covered.append(refusal.covers)
@@ -163,7 +167,17 @@ def case_hash(case: Case) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def _refuse_sizes(content: dict[str, Any], report: Report) -> None:
+    for key, message, hint in size_problems(content):
+        report.add(key, message, hint)
+    if report.problems:
+        raise CaseError(report.problems)
+
+
 def _parse_toml(text: str, source: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+    line, problem = text_problem(text)
+    if line:
+        raise CaseError((CaseProblem("(file)", problem, line, source, "no case needs that"),))
     try:
         return tomllib.loads(text), key_lines(text)
     except RecursionError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Mapping
 from itertools import pairwise
@@ -10,10 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.inputs import MB, read_input
 
 HEADERS = {"pressure": ("s", "pressure"), "traction": ("s", "tx", "ty")}
 """Columns of the table of every kind of load that may have one; s is the arc length."""
 MOST_ROWS = 100_000
+LARGEST = 16 * MB
+"""Largest table, in bytes."""
 
 
 class TableError(ValueError):
@@ -49,12 +54,10 @@ def read_table(path: Path, header: tuple[str, ...] | None) -> tuple[tuple[float,
     if header is None:
         raise TableError("loads of this kind have no table")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if any(row)]
-    except FileNotFoundError as error:
-        raise TableError(f"there is no file {path}") from error
-    except OSError as error:
-        raise TableError(f"cannot read {path}: {error.strerror or error}") from error
+        file = io.StringIO(read_input(path, LARGEST).decode("utf-8-sig"), newline="")
+        lines = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if any(row)]
+    except RunError as error:
+        raise TableError(f"{error.message} ({error.hint})" if error.hint else error.message) from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise TableError(f"{path} is no CSV text") from error
     found = tuple(cell.strip() for cell in lines[0][1]) if lines else ()

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import TextIO
 
 from mlsanm_cli.cli.settings import Settings, is_terminal
-from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, table
+from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, printable, table
 
 _COLUMNS = 80
 _CLEAR = "\r\x1b[K"
@@ -70,12 +70,12 @@ class TerminalConsole:
         """Something worth knowing."""
         self._finish_steps()
         if not self._quiet:
-            self._line(text)
+            self._line(printable(text))
 
     def warning(self, text: str) -> None:
         """Something to look at; shown with ``quiet`` too."""
         self._finish_steps()
-        self._line(f"{paint('warning:', YELLOW, self._color)} {text}")
+        self._line(f"{paint('warning:', YELLOW, self._color)} {printable(text)}")
 
     def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
         """A small table of names and values."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -15,10 +16,12 @@ import click
 
 from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.cli.text import RED, YELLOW, paint
+from mlsanm_cli.cli.text import RED, YELLOW, paint, printable
 from mlsanm_cli.errors import CaseError, MlsanmError
 
 USAGE, BUG, STOPPED = 2, 70, 75
+SHOWN = 200
+"""Problems of a case that are printed; of more nobody reads."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,9 +54,11 @@ def _report(error: BaseException, settings: Settings) -> int:
     if settings.debug and not isinstance(error, click.ClickException):
         traceback.print_exception(error)
     if isinstance(error, CaseError):
-        for problem in error.problems:
-            _print("", str(problem), settings)
+        for problem in error.problems[:SHOWN]:
+            _print("", str(problem).replace("\n", "\\n"), settings)
         count = len(error.problems)
+        if count > SHOWN:
+            _print("", f"and {count - SHOWN} more", settings)
         _print("error", f"{count} problem{'' if count == 1 else 's'}, nothing was run", settings)
         return error.exit_code
     if isinstance(error, MlsanmError):
@@ -61,7 +66,9 @@ def _report(error: BaseException, settings: Settings) -> int:
         _print("hint", error.hint, settings)
         return error.exit_code
     if isinstance(error, click.ClickException):
-        error.show(file=sys.stderr)
+        shown = io.StringIO()
+        error.show(file=shown)
+        print(printable(shown.getvalue()), end="", file=sys.stderr)
         return USAGE
     if isinstance(error, click.Abort | KeyboardInterrupt):
         _print("error", str(error) or "stopped by a signal", settings)
@@ -83,7 +90,7 @@ def _print(kind: str, text: str, settings: Settings) -> None:
     if text:
         color = settings.paints(sys.stderr)
         prefix = paint(f"{kind}:", RED if kind == "error" else YELLOW, color) + " " if kind else ""
-        print(prefix + text, file=sys.stderr)
+        print(prefix + printable(text), file=sys.stderr)
 
 
 @contextmanager

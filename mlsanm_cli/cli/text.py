@@ -7,12 +7,30 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+LONGEST_LINE = 2000
 BOLD, RED, YELLOW, DIM = "1", "31", "33", "2"
 
 
 def paint(text: str, code: str, color: bool) -> str:
     """The text in a terminal style, or as it is."""
     return f"\x1b[{code}m{text}\x1b[0m" if color and text else text
+
+
+def printable(text: str) -> str:
+    """The text without characters that a terminal would obey, and without the middle of endless lines.
+
+    >>> printable("a\x1b[2Jb")
+    'a\\x1b[2Jb'
+    """
+    return "\n".join(_line(line) for line in text.split("\n"))
+
+
+def _line(line: str) -> str:
+    if len(line) > LONGEST_LINE:
+        line = f"{line[: LONGEST_LINE // 2]} [...] {line[-LONGEST_LINE // 2 :]}"
+    if line.isprintable():
+        return line
+    return "".join(c if c.isprintable() or c == "\t" else ascii(c)[1:-1] for c in line)
 
 
 def plain(value: Any) -> Any:
@@ -50,7 +68,7 @@ def number(value: Any) -> str:
         return f"{value:.6g}"
     if isinstance(value, list):
         return ", ".join(number(item) for item in value) or "none"
-    return str(value)
+    return printable(str(value))
 
 
 def label(key: str) -> str:

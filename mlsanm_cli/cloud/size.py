@@ -7,16 +7,18 @@ import numpy as np
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.errors import RunError
 
 NODES_PER_SQUARE = 0.89
 """Nodes per area h^2 that the advancing front leaves, fitted to 16 even and graded clouds."""
+MOST_CELLS = 500_000
 NODES_PER_STEP = 0.44
 """Nodes to add per boundary node, from the same fit: half of its area lies outside."""
 
 
 def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> float:
     """Estimated number of nodes: the integrals of 1/h^2 over the region, by quadtree, and of 1/h along its
-    outline; stops past ``limit``."""
+    outline; ``limit`` for all that is more."""
     chains = [curve.points(np.linspace(0.0, curve.length, 65)) for curve in outline.curves]
     edges = np.concatenate([np.hstack([chain[:-1], chain[1:]]) for chain in chains])
     low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
@@ -29,8 +31,14 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
         fine = size <= 4.0 * h
         inside = inside_polygon(edges, cells[fine])
         total += NODES_PER_SQUARE * float((size**2 / h[fine] ** 2)[inside].sum())
-        if total > limit or len(cells) > 4_000_000:
-            return max(total, limit)
+        if total > limit:
+            return limit
+        if len(cells) > MOST_CELLS:
+            # At least 16 nodes in each of so many: what is left need not be known better.
+            coarse = inside_polygon(edges, cells[~fine])
+            rest = NODES_PER_SQUARE * float((size**2 / h[~fine] ** 2)[coarse].sum())
+            total += rest
+            break
         quarter = 0.25 * size
         corners = np.array(
             [(-quarter, -quarter), (quarter, -quarter), (-quarter, quarter), (quarter, quarter)]
@@ -39,4 +47,8 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
         outside = ((cells < low - quarter) | (cells > high + quarter)).any(axis=1)
         cells = cells[~outside]
         size *= 0.5
-    return total + NODES_PER_STEP * sum(len(spacing.steps_along(curve)) - 1 for curve in outline.curves)
+    try:
+        steps = sum(len(spacing.steps_along(curve)) - 1 for curve in outline.curves)
+    except RunError:
+        return limit
+    return min(total + NODES_PER_STEP * steps, limit)

@@ -8,8 +8,12 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Segment
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
 from mlsanm_cli.values import dataclass
+
+MOST_STEPS = 2_000_000
+"""Most nodes along one curve; with those behind them they would be more than fit into any memory."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +64,11 @@ class Spacing:
         """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h.
 
         Equal increments of the integral, and not steps of h rescaled at the end, keep a fine zone where it
-        was asked for; two bodies' fine zones would otherwise no longer face each other.
+        was asked for; two bodies' fine zones would otherwise no longer face each other. Raises RunError for
+        more than MOST_STEPS.
         """
+        if not curve.length <= MOST_STEPS * self.far:
+            raise _too_many()
         s = np.linspace(0.0, curve.length, 257)
         for _ in range(40):
             # Sample until 1/h changes by little from sample to sample, then the trapezoid rule is enough.
@@ -72,10 +79,18 @@ class Spacing:
             if not coarse.any():
                 break
             s = np.sort(np.concatenate([s, (0.5 * (s[1:] + s[:-1]))[coarse]]))
+            if len(s) > 2 * MOST_STEPS:
+                raise _too_many()
         density = 1.0 / self.at(curve.points(s))
         integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (density[1:] + density[:-1]))])
+        if not integral[-1] <= MOST_STEPS:
+            raise _too_many()
         # The small shift decides ties the same way in every system of units.
         count = max(8 if curve.closed else 2, int(np.floor(integral[-1] + 0.5 - 1e-6)))
         steps = np.interp(np.linspace(0.0, integral[-1], count + 1), integral, s)
         steps[0], steps[-1] = 0.0, curve.length
         return steps
+
+
+def _too_many() -> RunError:
+    return RunError(f"more than {MOST_STEPS} nodes along one boundary", "use larger spacings")

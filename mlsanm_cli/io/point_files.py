@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 
 COLUMNS = ("x", "y", "tag", "nx", "ny")
 NEEDED = COLUMNS[:3]
+MOST_NODES = 2_000_000
+"""More than any memory has room for the operators of."""
 UNIT = 1e-3
 """Normals may differ from unit length by this much; they are scaled."""
 
@@ -62,6 +64,10 @@ def read_points(path: Path) -> PointFile:
     return PointFile(points, tags, normals / length[:, None], places)
 
 
+def _too_many(count: int) -> GeometryError:
+    return GeometryError(f"there are {count} nodes", f"{MOST_NODES} at most")
+
+
 Table = Mapping[str, Sequence[str]]
 
 
@@ -70,6 +76,8 @@ def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise GeometryError(f"it is no UTF-8 text (byte {error.start})") from error
+    if text.count("\n") > MOST_NODES:
+        raise _too_many(text.count("\n"))
     lines = csv.reader(text.splitlines())
     header = [name.strip() for name in next(lines, [])]
     _check_columns(header, "line 1")
@@ -94,6 +102,9 @@ def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
         with h5py.File(path, "r") as file:
             found = [name for name in COLUMNS if isinstance(file.get(name), h5py.Dataset)]
             _check_columns(found, "the datasets")
+            most = max(file[name].size for name in found)
+            if most > MOST_NODES:
+                raise _too_many(most)
             table = {name: [_text(value) for value in np.ravel(file[name][()])] for name in found}
     except OSError as error:
         raise GeometryError(f"it is no HDF5 file ({error})", "a cloud is a .csv or an HDF5 file") from error

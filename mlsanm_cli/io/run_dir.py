@@ -193,7 +193,7 @@ def _is_run(file: Path) -> bool:
     try:
         with opened(file) as root:
             return "mlsanm_version" in root.attrs
-    except (OSError, RuntimeError):
+    except (OSError, KeyError, ValueError, RuntimeError, TypeError):
         return file.stat().st_size == 0 or bool(h5py.is_hdf5(file))
 
 

@@ -17,7 +17,8 @@ from mlsanm_cli.app import engines, point
 from mlsanm_cli.app.collect import collect
 from mlsanm_cli.app.point import Point
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.sweep import Wishes, point_name, sweep
+from mlsanm_cli.app.sweep import Wishes, geometry, point_name, sweep
+from mlsanm_cli.case import load_case
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
@@ -257,3 +258,13 @@ def test_a_dask_cluster_that_loses_a_worker_finds_the_same(tmp_path: Path, case:
     assert len(console.notes) == 6
     assert counts(result) == [6, 0, 0, 0]
     assert_same_points(tmp_path / "dask", swept(case, tmp_path / "here", values))
+
+
+def test_geometries_of_materials_with_axes() -> None:
+    """Expansion along three axes is a list or a number, which the library that writes it had stumbled on."""
+    path = Path(__file__).parents[2] / "cases" / "orthotropic.toml"
+    one, same, other = (
+        geometry(load_case(path, overrides).case)
+        for overrides in ((), ("solver.order=10",), ("material.wood.alpha=[4e-6, 35e-6, 36e-6]",))
+    )
+    assert one == same != other

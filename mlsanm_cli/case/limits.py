@@ -1,0 +1,100 @@
+"""What no case needs: refused before anything is done with it, so that a typing error costs no time.
+
+Counts, depths and magnitudes far beyond any scene that could be solved. Where work grows faster than what it
+comes from, as with polygons whose sides must not cross, the limit is where it would take seconds.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from mlsanm_cli.case.lines import DEEPEST, KeyPath
+
+MOST: Mapping[str, int] = {
+    "material": 500,
+    "body": 500,
+    "refine": 500,
+    "holes": 500,
+    "support": 500,
+    "load": 500,
+    "contact": 500,
+    "probe": 1000,
+    "stage": 5000,
+    "points": 2000,
+    "at": 10_000,
+}
+"""Most items by the key of their list or table."""
+SMALLEST, LARGEST = 1e-60, 1e60
+"""Magnitudes of numbers: products of a few of them must not leave what floating point can hold."""
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
+MOST_TABLES, MOST_KEYS, MOST_VALUES = 20_000, 100_000, 1_000_000
+MOST_IN_TABLE = 2000
+TABLE = re.compile(r"""(?m)^[ \t]*\[\[?[ \t]*[A-Za-z"'_]""")
+
+Problem = tuple[KeyPath, str, str]
+
+
+def text_problem(text: str) -> tuple[int, str]:
+    """Line and message of what would keep the TOML parser busy for minutes; line 0 where there is nothing."""
+    # A key needs two characters for each of its parts.
+    for number, line in enumerate(text.split("\n"), start=1):
+        if len(line) >= 2 * DEEPEST and LONG_KEY.search(line):
+            return number, f"a key of {DEEPEST} parts or more"
+    if sum(1 for _ in TABLE.finditer(text)) > MOST_TABLES:
+        return 1, f"more than {MOST_TABLES} tables"
+    for sign, most, what in (("=", MOST_KEYS, "keys"), (",", MOST_VALUES, "values")):
+        if text.count(sign) > most:
+            return 1, f"more than {most} {what}"
+    return 0, ""
+
+
+def size_problems(content: Mapping[str, Any]) -> list[Problem]:
+    """Lists with far too many items and tables nested far too deep; the rest of them is not looked at."""
+    problems: list[Problem] = []
+    waiting: list[tuple[KeyPath, Any]] = [((), content)]
+    while waiting:
+        path, value = waiting.pop()
+        if len(path) > DEEPEST:
+            return [(path[:1], f"is nested more than {DEEPEST} deep", "")]
+        named = next((step for step in reversed(path) if isinstance(step, str)), "")
+        counted = isinstance(value, list | tuple) or path == ("material",)
+        most = MOST.get(named)
+        if counted and path[-1:] == (named,) and most is not None and len(value) > most:
+            problems.append((path, f"has {len(value)} items", f"{most} at most"))
+            continue
+        if isinstance(value, Mapping) and len(value) > MOST_IN_TABLE:
+            problems.append((path, f"has {len(value)} keys", "no table needs so many"))
+            continue
+        waiting += [((*path, step), item) for step, item in _items(value) if isinstance(item, _NESTED)]
+    return problems
+
+
+def number_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
+    """Numbers with which nothing can be calculated."""
+    for path, value in _numbers((), content):
+        # Coordinates and components may be what round-off left of 0.
+        small = 0.0 < abs(value) < SMALLEST and not isinstance(path[-1], int)
+        if small or LARGEST < abs(value) < float("inf"):
+            size = "small" if small else "large"
+            shown = f"{value:g}" if isinstance(value, float) else "a number"
+            hint = f"magnitudes from {SMALLEST:g} to {LARGEST:g} in any units"
+            yield path, f"{shown} is too {size} to calculate with", hint
+
+
+_NESTED = (Mapping, list, tuple)
+
+
+def _items(value: Any) -> Sequence[tuple[str | int, Any]]:
+    if isinstance(value, Mapping):
+        return list(value.items())
+    return list(enumerate(value)) if isinstance(value, list | tuple) else []
+
+
+def _numbers(path: KeyPath, value: Any) -> Iterator[tuple[KeyPath, int | float]]:
+    if isinstance(value, int | float):
+        yield path, value
+    for step, item in _items(value):
+        yield from _numbers((*path, step), item)
