@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshes import Grading, hertz_mesh, patch_mesh
-from scenes import HALF_WIDTH, STICK
+from scenes import HALF_WIDTH, RADIUS, STICK
 
 HERE = Path(__file__).resolve().parent
 CASES = HERE.parents[1] / "cases"
@@ -101,12 +101,17 @@ def cloud(
 ) -> list[str]:
     """Settings of both bodies: spacing far away; spacing, radius, growth of the zone and at +-points."""
 
-    def refinement(at: float, spacing: float, radius: float, growth: float) -> str:
-        return f"{{at=[{at:.6g}, 0.0], spacing={spacing}, radius={radius}, growth={growth}}}"
+    def refinements(body: str) -> str:
+        places = [(0.0, *zone), *((sign * at, *edge) for at in points for sign in (-1, 1))]
+        # On the arc, not beside it: a fine radius may be smaller than the arc's height there.
+        height = {"cylinder": lambda x: RADIUS - (RADIUS**2 - x**2) ** 0.5, "block": lambda _x: 0.0}[body]
+        return ", ".join(
+            f"{{at=[{x:.6g}, {height(x):.6g}], spacing={spacing}, radius={radius}, growth={growth}}}"
+            for x, spacing, radius, growth in places
+        )
 
-    parts = [refinement(0.0, *zone), *(refinement(sign * at, *edge) for at in points for sign in (-1, 1))]
     bodies = ("cylinder", "block")
-    refine = [f"body.{body}.refine=[{', '.join(parts)}]" for body in bodies]
+    refine = [f"body.{body}.refine=[{refinements(body)}]" for body in bodies]
     return [*refine, *(f"body.{body}.spacing={coarse}" for body in bodies)]
 
 
@@ -116,7 +121,7 @@ def stages(*factors: str) -> str:
 
 
 KINKS = (-HALF_WIDTH, -STICK, STICK, HALF_WIDTH)
-FINE_EDGE = (0.0003, 0.002, 0.12)
+FINE_EDGE = (0.00015, 0.0015, 0.12)
 GRADED = {
     "coarse": Grading(0.0008, 0.008, 0.6, 0.4),
     "medium": Grading(0.0004, 0.005, 0.5, 0.3),
@@ -131,9 +136,10 @@ KINKED = {
 CLOUDS = {
     "1.8k": [*cloud(0.231, (0.00518, 0.0677, 0.233), (0.000943, 0.00254, 0.179)), "mls.degree=2"],
     "2.3k": [*cloud(0.165, (0.00415, 0.0479, 0.154), (0.000206, 0.00048, 0.219)), "mls.degree=2"],
-    "4.9k": [*cloud(0.108, (0.0033, 0.0409, 0.123), (0.000241, 0.00125, 0.113)), "mls.degree=2"],
+    "5k": [*cloud(0.12, (0.003, 0.055, 0.11), (0.00025, 0.001, 0.11)), "mls.degree=2"],
     "degree 4, 4.9k": [*cloud(0.1, (0.004, 0.07, 0.12), (0.0005, 0.004, 0.12)), "mls.degree=4"],
-    "degree 4, 8.3k": [*cloud(0.1, (0.0028, 0.07, 0.1), (0.00035, 0.004, 0.1)), "mls.degree=4"],
+    "degree 4, 7k": [*cloud(0.1, (0.0025, 0.07, 0.12), (0.00016, 0.0012, 0.12)), "mls.degree=4"],
+    "degree 4, 7.5k": [*cloud(0.1, (0.0025, 0.07, 0.12), (0.00008, 0.0006, 0.12)), "mls.degree=4"],
 }
 LEVELS = stages(*(f"{{press={k / 50}}}" for k in range(1, 51)))
 SLIP = [stages("{press=1.0}", "{shear=1.0}"), "output.at=[2.0]"]
@@ -147,7 +153,7 @@ PARTS: dict[str, list[Entry]] = {
         calculix("medium", GRADED["medium"]),
     ],
     "levels": [
-        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.8k", "4.9k")),
+        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.8k", "5k")),
         *(
             scikit_fem(f"scikit-fem, {way}", label, "hertz", GRADED[label], "--levels", "50", *option)
             for way, option in (("condensed", ()), ("sparse", ("--sparse",)))
@@ -157,7 +163,7 @@ PARTS: dict[str, list[Entry]] = {
     "slip": [
         mlsanm("as in cases/", "cattaneo_mindlin", *SLIP),
         mlsanm("coarser", "cattaneo_mindlin", *SLIP, *cloud(0.2, (0.004, 0.056, 0.15), (0.001, 0.003, 0.15))),
-        mlsanm("finer", "cattaneo_mindlin", *SLIP, *cloud(0.1, (0.0015, 0.056, 0.12), FINE_EDGE, KINKS[2:])),
+        mlsanm("finer", "cattaneo_mindlin", *SLIP, *cloud(0.1, (0.0012, 0.056, 0.12), FINE_EDGE, KINKS[2:])),
         *(
             scikit_fem(
                 "scikit-fem, condensed", f"{label}, {levels} levels", "slip", grading, "--levels", levels

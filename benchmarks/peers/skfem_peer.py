@@ -141,7 +141,9 @@ def sparse_steps(scene: Scene, friction: float) -> Solve:
         matrix = sparse.csc_matrix(sparse.bmat(blocks))
         free, size = scene.stiffness.shape[0], len(unknown)
         right = np.concatenate([np.zeros(free), system.right_hand_side(state, unknown, forces)])
-        solution = splu(matrix, permc_spec="COLAMD").solve(right)
+        factor = splu(matrix, permc_spec="COLAMD")
+        solution = factor.solve(right)
+        solution += factor.solve(right - matrix @ solution)
         multipliers = spread @ solution[free : free + size]
         return system.answer(
             multipliers, scene.jump @ solution[:free] + system.platen @ solution[free + size :]
