@@ -110,7 +110,9 @@ def draw(path: Path, results: dict[str, list[dict[str, Any]]]) -> None:
                 if point["program"] == program and "error" in point
             )
             if points:
-                axes.loglog(*zip(*points, strict=True), "osDP^vX"[number % 7] + "-", label=program)
+                axes.loglog(
+                    *zip(*points, strict=True), "osDP^vX"[number % 7], color=f"C{number}", label=program
+                )
         axes.set(title=titles[part], xlabel="CPU seconds of the whole process", ylabel="error, L2 [%]")
         axes.grid(which="both", alpha=0.3)
         axes.legend(fontsize=7)
