@@ -38,7 +38,7 @@ MANY = 50_000
 """Scenes of more nodes are announced: they take a while, and may be a typing error."""
 WIDER = 1.5
 WIDENINGS = 6
-_WITHOUT_SIZE = {"load", "stage", "solver", "output"}
+_WITHOUT_SIZE = {"load", "stage", "output"}
 _CONTACTS_WITHOUT_SIZE = {"friction", "regularization"}
 """What of a case and of its contacts does not change its size."""
 FIRST_PARTS = (0.5, 0.1, 0.01)

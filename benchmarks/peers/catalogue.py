@@ -1,0 +1,190 @@
+"""What is run: for every part the programs, each with the meshes or clouds that were found cheapest."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from meshes import Grading, hertz_mesh, patch_mesh
+from scenes import HALF_WIDTH, RADIUS, STICK
+
+HERE = Path(__file__).resolve().parent
+CASES = HERE.parents[1] / "cases"
+
+
+@dataclass(frozen=True)
+class Job:
+    """A command, the file it leaves, and what its mesh cost before."""
+
+    command: list[str]
+    result: Path
+    mesh_seconds: float
+    nodes: Callable[[], int]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One point of a picture. ``needs`` is the package without which it is left out."""
+
+    program: str
+    label: str
+    needs: str
+    prepare: Callable[[Path], Job]
+
+
+def missing() -> dict[str, str]:
+    """Programs that cannot run here, and why."""
+    absent = {}
+    if importlib.util.find_spec("gmsh") is None:
+        reason = "its meshes need gmsh (pip install gmsh)"
+        return {"skfem": reason, "ccx": reason}
+    if importlib.util.find_spec("skfem") is None:
+        absent["skfem"] = "pip install scikit-fem"
+    if shutil.which("ccx") is None:
+        absent["ccx"] = "no ccx on the path (Debian: calculix-ccx)"
+    return absent
+
+
+def scikit_fem(program: str, label: str, problem: str, grading: Grading | None, *options: str) -> Entry:
+    """The scikit-fem script on a mesh; without a grading on the patch test's."""
+
+    def prepare(stem: Path) -> Job:
+        mesh, out = stem.with_suffix(".npz"), stem.with_suffix(".csv")
+        start = time.process_time()
+        nodes = patch_mesh(mesh) if grading is None else hertz_mesh(mesh, grading)
+        command = [sys.executable, str(HERE / "skfem_peer.py"), problem, str(mesh), str(out), *options]
+        return Job(command, out, time.process_time() - start, lambda: nodes)
+
+    return Entry(program, label, "skfem", prepare)
+
+
+def calculix(label: str, grading: Grading, *options: str) -> Entry:
+    """The CalculiX script on a mesh."""
+
+    def prepare(stem: Path) -> Job:
+        mesh, out = stem.with_suffix(".npz"), stem.with_suffix(".csv")
+        start = time.process_time()
+        nodes = hertz_mesh(mesh, grading)
+        command = [sys.executable, str(HERE / "calculix_peer.py"), str(mesh), str(out), *options]
+        return Job(command, out, time.process_time() - start, lambda: nodes)
+
+    return Entry("CalculiX", label, "ccx", prepare)
+
+
+def mlsanm(label: str, case: str, *settings: str) -> Entry:
+    """``mlsanm run`` without caches and pictures, with the exact laws."""
+
+    def prepare(stem: Path) -> Job:
+        given = ["output.vtu=false", 'contact.interface.regularization.law="exact"', *settings]
+        command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(CASES / f"{case}.toml"), "--quiet"]
+        command += ["--no-cache", "--force", "--threads", "1", "--out", str(stem)]
+        command += [part for text in given for part in ("--set", text)]
+        summary = stem / "summary.json"
+        return Job(
+            command, stem / "interface.csv", 0.0, lambda: int(json.loads(summary.read_text())["nodes"])
+        )
+
+    return Entry("mlsanm", label, "mlsanm", prepare)
+
+
+def cloud(
+    coarse: float,
+    zone: tuple[float, float, float],
+    edge: tuple[float, float, float],
+    points: tuple[float, ...] = (HALF_WIDTH,),
+) -> list[str]:
+    """Settings of both bodies: spacing far away; spacing, radius, growth of the zone and at +-points."""
+
+    def refinements(body: str) -> str:
+        places = [(0.0, *zone), *((sign * at, *edge) for at in points for sign in (-1, 1))]
+        # On the arc, not beside it: a fine radius may be smaller than the arc's height there.
+        height = {"cylinder": lambda x: RADIUS - (RADIUS**2 - x**2) ** 0.5, "block": lambda _x: 0.0}[body]
+        return ", ".join(
+            f"{{at=[{x:.6g}, {height(x):.6g}], spacing={spacing}, radius={radius}, growth={growth}}}"
+            for x, spacing, radius, growth in places
+        )
+
+    bodies = ("cylinder", "block")
+    refine = [f"body.{body}.refine=[{refinements(body)}]" for body in bodies]
+    return [*refine, *(f"body.{body}.spacing={coarse}" for body in bodies)]
+
+
+def stages(*factors: str) -> str:
+    """An override of a case's stages."""
+    return f"stage=[{', '.join(factors)}]"
+
+
+KINKS = (-HALF_WIDTH, -STICK, STICK, HALF_WIDTH)
+FINE_EDGE = (0.00015, 0.0015, 0.12)
+GRADED = {
+    "coarse": Grading(0.0008, 0.008, 0.6, 0.4),
+    "medium": Grading(0.0004, 0.005, 0.5, 0.3),
+    "fine": Grading(0.0002, 0.003, 0.3, 0.3),
+    "finest": Grading(0.0001, 0.002, 0.22, 0.25),
+}
+EVEN = {f"a/{n}": Grading(1.0, HALF_WIDTH / n, 0.3, 0.3, even=1.2 * HALF_WIDTH) for n in (10, 20, 40, 80)}
+KINKED = {
+    "coarse": Grading(0.0008, 0.006, 0.5, 0.3, KINKS),
+    "fine": Grading(0.0002, 0.0025, 0.3, 0.3, KINKS),
+}
+CLOUDS = {
+    "1.8k": [*cloud(0.231, (0.00518, 0.0677, 0.233), (0.000943, 0.00254, 0.179)), "mls.degree=2"],
+    "2.3k": [*cloud(0.165, (0.00415, 0.0479, 0.154), (0.000206, 0.00048, 0.219)), "mls.degree=2"],
+    "5k": [*cloud(0.12, (0.003, 0.055, 0.11), (0.00025, 0.001, 0.11)), "mls.degree=2"],
+    "degree 4, 4.9k": [*cloud(0.1, (0.004, 0.07, 0.12), (0.0005, 0.004, 0.12)), "mls.degree=4"],
+    "degree 4, 7k": [*cloud(0.1, (0.0025, 0.07, 0.12), (0.00016, 0.0012, 0.12)), "mls.degree=4"],
+    "degree 4, 7.5k": [*cloud(0.1, (0.0025, 0.07, 0.12), (0.00008, 0.0006, 0.12)), "mls.degree=4"],
+}
+LEVELS = stages(*(f"{{press={k / 50}}}" for k in range(1, 51)))
+SLIP = [stages("{press=1.0}", "{shear=1.0}"), "output.at=[2.0]"]
+
+PARTS: dict[str, list[Entry]] = {
+    "hertz": [
+        *(mlsanm(label, "hertz", *settings) for label, settings in CLOUDS.items()),
+        *(scikit_fem("scikit-fem, graded", label, "hertz", grading) for label, grading in GRADED.items()),
+        *(scikit_fem("scikit-fem, even", label, "hertz", grading) for label, grading in EVEN.items()),
+        calculix("coarse", GRADED["coarse"]),
+        calculix("medium", GRADED["medium"]),
+    ],
+    "levels": [
+        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.8k", "5k")),
+        *(
+            scikit_fem(f"scikit-fem, {way}", label, "hertz", GRADED[label], "--levels", "50", *option)
+            for way, option in (("condensed", ()), ("sparse", ("--sparse",)))
+            for label in ("coarse", "medium")
+        ),
+    ],
+    "slip": [
+        mlsanm("as in cases/", "cattaneo_mindlin", *SLIP),
+        mlsanm("coarser", "cattaneo_mindlin", *SLIP, *cloud(0.2, (0.004, 0.056, 0.15), (0.001, 0.003, 0.15))),
+        mlsanm("finer", "cattaneo_mindlin", *SLIP, *cloud(0.1, (0.0012, 0.056, 0.12), FINE_EDGE, KINKS[2:])),
+        *(
+            scikit_fem(
+                "scikit-fem, condensed", f"{label}, {levels} levels", "slip", grading, "--levels", levels
+            )
+            for label, grading in KINKED.items()
+            for levels in ("2", "20")
+        ),
+        scikit_fem(
+            "scikit-fem, sparse", "fine, 20 levels", "slip", KINKED["fine"], "--levels", "20", "--sparse"
+        ),
+    ],
+    "history": [
+        mlsanm("as in cases/", "cattaneo_mindlin", "output.at=[4.0]"),
+        *(
+            scikit_fem(f"scikit-fem, {way}", label, "history", KINKED[label], "--levels", "60", *option)
+            for way, option in (("condensed", ()), ("sparse", ("--sparse",)))
+            for label in KINKED
+        ),
+    ],
+    "patch": [
+        mlsanm("cases/patch.toml", "patch"),
+        scikit_fem("scikit-fem, mortar", "same spacings", "patch", None),
+    ],
+}
