@@ -62,7 +62,6 @@ def preload() -> None:
     os.environ.setdefault("MPLCONFIGDIR", tempfile.mkdtemp(prefix="mlsanm-fonts-"))
     import h5py  # noqa: F401
     import scipy.optimize  # noqa: F401
-    from mlsanm_cli.kernels.warm import load_all
 
     import mlsanm_cli.app.check
     import mlsanm_cli.app.collect
@@ -73,8 +72,9 @@ def preload() -> None:
     import mlsanm_cli.app.resume
     import mlsanm_cli.app.run
     import mlsanm_cli.app.sweep  # noqa: F401
+    from mlsanm_cli.kernels.jit import load
 
-    load_all()
+    load()
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 import time
 from types import FrameType, TracebackType
@@ -18,6 +19,7 @@ class Stopper:
     where it does no harm; a second one raises it at once. Otherwise the first raises it at once and is
     remembered, for an exception in a callback of a compiled library can be lost. ``max_wall`` seconds later
     a signal comes by itself. Nothing changes outside the main thread, but that the limit is kept there too.
+    SIGTERM ends a process of a pool at once: the pool waits for it.
     """
 
     def __init__(self, max_wall: float | None = None) -> None:
@@ -46,7 +48,8 @@ class Stopper:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            self._before = {number: signal.signal(number, self._handle) for number in STOPPING}
+            chosen = [number for number in STOPPING if number != signal.SIGTERM or not _in_a_pool()]
+            self._before = {number: signal.signal(number, self._handle) for number in chosen}
             if self._max_wall is not None:
                 signal.setitimer(signal.ITIMER_REAL, self._max_wall)
         return self
@@ -58,3 +61,10 @@ class Stopper:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in self._before.items():
             signal.signal(number, handler)
+
+
+def _in_a_pool() -> bool:
+    """Whether another Python process has spawned this one."""
+    # What is not imported has spawned nothing.
+    process = sys.modules.get("multiprocessing.process")
+    return process is not None and process.parent_process() is not None

@@ -17,7 +17,7 @@ def paint(text: str, code: str, color: bool) -> str:
 
 
 def printable(text: str) -> str:
-    """The text without characters that a terminal would obey, and without the middle of endless lines.
+    r"""The text without characters that a terminal would obey, and without the middle of endless lines.
 
     >>> printable("a\x1b[2Jb")
     'a\\x1b[2Jb'

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
@@ -19,6 +18,7 @@ from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
 from mlsanm_cli.operators.refinement import QUICK
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
 DEGREES = (2, 3, 4)

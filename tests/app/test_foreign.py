@@ -162,7 +162,7 @@ def ring_case(text: str) -> str:
 
 # The case, the file's name and content, what the message names, and how the line told begins.
 BAD = {
-    "missing file": (PULLED, "other.msh", GOOD, ("cannot read", "plate.msh"), "file ="),
+    "missing file": (PULLED, "other.msh", GOOD, ("there is no file", "plate.msh"), "file ="),
     "broken mesh": (
         PULLED,
         "plate.msh",

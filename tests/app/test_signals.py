@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
+from mlsanm_cli.app.point import Point, solve_point
 from mlsanm_cli.app.signals import STOPPING, Stopper
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import hertz
+
+PATIENCE = 60.0
 
 
 @pytest.mark.parametrize("number", STOPPING)
@@ -64,3 +71,23 @@ def test_the_wall_time_holds_in_a_thread() -> None:
     thread.start()
     thread.join()
     assert found == ["the wall time of 0.05 s is over"]
+
+
+def test_a_process_of_a_pool_ends_at_once(tmp_path: Path) -> None:
+    """Its pool terminates it and waits: an orderly end would leave it waiting for points for good."""
+    positions = ", ".join(str(0.2 + 0.0002 * k) for k in range(4001))
+    case, run = tmp_path / "case.toml", tmp_path / "run"
+    case.write_text(hertz() + f"\n[output]\nvtu = false\nat = [{positions}]\n")
+    point = Point(case, (), run, "run", threads=1, cache=False, memory=1, argv=(), done=False)
+    process = multiprocessing.get_context("spawn").Process(target=solve_point, args=(point,))
+    process.start()
+    deadline = time.monotonic() + PATIENCE
+    log = run / "events.jsonl"
+    while not log.is_file() or log.read_text().count('"step"') < 3:
+        assert process.is_alive()
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    process.terminate()
+    process.join(PATIENCE)
+    assert process.exitcode == -signal.SIGTERM
+    assert read_run(run).path.rows >= 3
