@@ -9,7 +9,8 @@ import numpy as np
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.marks import BEGINNING, Start
-from mlsanm_cli.app.rubbing_path import RubbingMark, rubbing_path
+from mlsanm_cli.app.rubbing_path import rubbing_path
+from mlsanm_cli.app.rubbing_point import RubbingMark
 from mlsanm_cli.app.series_path import SmoothMark, is_holonomic, smooth_path
 from mlsanm_cli.app.states import PathStep, State, factors_at, stops, wanted_positions
 from mlsanm_cli.arrays import BoolArray, FloatArray

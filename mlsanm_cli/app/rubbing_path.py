@@ -9,6 +9,17 @@ import numpy as np
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.rubbing_events import Barrier, Hits, continued
+from mlsanm_cli.app.rubbing_point import (
+    RETURNS,
+    Point,
+    RubbingMark,
+    inside,
+    mark_of,
+    marked,
+    moved,
+    series_of,
+    state_of,
+)
 from mlsanm_cli.app.series_path import (
     at,
     at_target,
@@ -19,67 +30,22 @@ from mlsanm_cli.app.series_path import (
     path_options,
     path_step,
     regularization,
-    series_arrays,
-    smooth_status,
     states_in,
     stopped,
 )
-from mlsanm_cli.app.states import PathStep, State, wanted_positions
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.app.states import PathStep, wanted_positions
 from mlsanm_cli.contact.rubbing import RubbingContact, Tally
 from mlsanm_cli.contact.set_search import NoStateError
 from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.contact.sliding import SlidingError, slides_freely
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, StopReason, correct, follow
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.values import dataclass
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
 OPENINGS = 20
-RETURNS = 3
-"""Behind an event so many updates are made at most; tractions past their limits are put back as often."""
 FREE = 1e-3
 """Before the first load tractions are below this part of their limits."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """Where the path is: its problem, unknowns, fraction of the stage, work dissipated (n,) so far."""
-
-    problem: RubbingContact
-    x: FloatArray
-    lam: float
-    work: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class RubbingMark:
-    """Where a path is: what makes up its :class:`_Point`, and what the walk along the stage knows besides.
-
-    ``tangent`` are the unknowns at which the tangent was made that nearby points share; ``held`` the sets of
-    the piece of path behind, which ``began`` at a fraction of the stage and is over if an ``event`` ended it.
-    Before the first step of a stage there is no ``piece``.
-    """
-
-    stage: int
-    lam: float
-    x: FloatArray
-    work: FloatArray
-    sets: Sets
-    anchor: FloatArray
-    threshold: FloatArray
-    tangent: FloatArray | None = None
-    event: bool = False
-    held: Sets | None = None
-    began: float = 0.0
-    standing: int = 0
-    piece: Branch | None = None
-
-    @property
-    def within(self) -> bool:
-        """Whether the stage is under way."""
-        return self.piece is not None and self.lam < 1.0
 
 
 def rubbing_path(built: Built, mark: RubbingMark | None = None) -> Iterator[PathStep]:
@@ -87,11 +53,11 @@ def rubbing_path(built: Built, mark: RubbingMark | None = None) -> Iterator[Path
     wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
     if mark is None:
         point = _first(built, options)
-        state = _state(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
+        state = state_of(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
         saved = (state,) if 0.0 in wanted else ()
-        yield PathStep(state, saved, factorizations=point.problem.tally.taken(), mark=_mark(point, 0))
+        yield PathStep(state, saved, factorizations=point.problem.tally.taken(), mark=mark_of(point, 0))
     else:
-        point = _marked(built, mark)
+        point = marked(built, mark)
     for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
         if mark is not None and (stage < mark.stage or (stage == mark.stage and mark.lam == 1.0)):
             continue
@@ -114,32 +80,12 @@ def rubbing_path(built: Built, mark: RubbingMark | None = None) -> Iterator[Path
         point = walk.point
 
 
-def _mark(point: _Point, stage: int) -> RubbingMark:
-    """The mark of a point with no stage under way."""
-    problem = point.problem
-    return RubbingMark(
-        stage, point.lam, point.x, point.work, problem.sets, problem.anchor, problem.law.threshold
-    )
-
-
-def _marked(built: Built, mark: RubbingMark) -> _Point:
-    """The point where a mark was made."""
-    coupling = coupling_of(built, regularization(built)).softened()
-    base = replace(coupling, law=replace(coupling.law, threshold=mark.threshold))
-    begin, end = built.stages[mark.stage], built.stages[mark.stage + 1]
-    problem = RubbingContact(base, begin, end, mark.sets, mark.anchor)
-    if mark.tangent is not None:
-        problem.tangent(mark.tangent, mark.lam)
-        problem.tally.taken()
-    return _Point(problem, mark.x, mark.lam, mark.work)
-
-
 def _slides(stage: int, lam: float) -> NumericalError:
     error = SlidingError(lam)
     return NumericalError(f"{error.message} at position {stage + lam:.9g}", error.hint)
 
 
-def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
+def _first(built: Built, options: AnmOptions | NewtonOptions) -> Point:
     """The state before the first load: as drawn, no traction anywhere.
 
     Pressed nodes stick from the very start; friction of the others begins when they reach the law's
@@ -166,21 +112,21 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> _Point:
         traction[:] = 0.0
         # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
         anchor = c.slip(begin, coupling.told_apart(motion)[0], pressure, nothing)
-    return _Point(problem, x, 0.0, nothing)
+    return Point(problem, x, 0.0, nothing)
 
 
 class _Walk:
     """One stage: pieces of path between events."""
 
     def __init__(self, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions) -> None:
-        self.point: _Point
+        self.point: Point
         self._stage, self._wanted, self._options = stage, wanted, options
         self._levels = levels_in(wanted, stage)
         self._began, self._standing = 0.0, 0
         self._held: Sets | None = None
         self._previous: Branch | None = None
 
-    def steps(self, point: _Point) -> Iterator[PathStep]:
+    def steps(self, point: Point) -> Iterator[PathStep]:
         """Steps from the start of the stage to its end. Raises NoStateError, NumericalError."""
         self.point = point
         if not point.problem.change.any():
@@ -189,7 +135,7 @@ class _Walk:
         self._put_on(point, Hits.none(point.problem.n))
         yield from self._pieces()
 
-    def go_on(self, point: _Point, mark: RubbingMark) -> Iterator[PathStep]:
+    def go_on(self, point: Point, mark: RubbingMark) -> Iterator[PathStep]:
         """Steps from a point within the stage to its end. Raises as `steps` does."""
         self.point = point
         self._began, self._standing = mark.began, mark.standing
@@ -241,7 +187,7 @@ class _Walk:
     def _mark(self, *, event: bool, piece: Branch | None) -> RubbingMark:
         problem = self.point.problem
         return replace(
-            _mark(self.point, self._stage),
+            mark_of(self.point, self._stage),
             tangent=problem.expanded_at,
             event=event,
             held=self._held,
@@ -257,7 +203,7 @@ class _Walk:
             return True
         return bool((before.stuck & ~self._held.stuck).any() or (before.closed & ~self._held.closed).any())
 
-    def _put_on(self, point: _Point, hits: Hits) -> None:
+    def _put_on(self, point: Point, hits: Hits) -> None:
         """Put the path on the sets that hold beyond a point."""
         problem, x = continued(point.problem, point.x, point.lam, hits)
         # What the event's place, known to the series' tolerance, and the new sets disagree by.
@@ -266,17 +212,17 @@ class _Walk:
             if np.abs(lack).max() <= self._options.goal:
                 break
             x = x - problem.tangent(x, point.lam).solve(lack)
-        self.point = _inside(replace(point, problem=problem, x=x))
+        self.point = inside(replace(point, problem=problem, x=x))
 
     def _event(self, step: Step, hits: Hits, piece: Branch | None) -> Iterator[PathStep]:
         """A step that ends at an event, its end already as the path goes on from it."""
         before = self.point
-        point, failure = _moved(before, step.x, step.lam), None
+        point, failure = moved(before, step.x, step.lam), None
         try:
             self._put_on(point, hits)
         except NoStateError as error:
             failure = error
-            self.point = _inside(point)
+            self.point = inside(point)
         problem = self.point.problem
         residual = float(np.abs(problem.residual(self.point.x, step.lam)).max())
         step = replace(step, residual=residual)
@@ -286,20 +232,20 @@ class _Walk:
 
     def _step(self, step: Step, piece: Branch | None) -> PathStep:
         before = self.point
-        self.point = _moved(before, step.x, step.lam)
+        self.point = moved(before, step.x, step.lam)
         return replace(self._told(before, step), mark=self._mark(event=False, piece=piece))
 
-    def _told(self, before: _Point, step: Step) -> PathStep:
+    def _told(self, before: Point, step: Step) -> PathStep:
         """The step from ``before`` to where the path is now."""
         stage = self._stage
-        end = _state(self.point, stage, step.residual)
+        end = state_of(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
         step, states = states_in(before.problem, step, stage, places)
         saved = [
-            _state(_moved(before, before.problem.within_cone(x), lam), stage, residual)
+            state_of(moved(before, before.problem.within_cone(x), lam), stage, residual)
             for x, lam, residual in states
         ]
-        series = _series(before.problem, step.branch, stage)
+        series = series_of(before.problem, step.branch, stage)
         # Points share tangents, of which the followers know nothing.
         step = replace(step, factorizations=self.point.problem.tally.taken())
         return path_step(step, end, stage, at(places, saved, end), series)
@@ -308,61 +254,7 @@ class _Walk:
         """A stage that changes nothing."""
         residual = float(np.abs(self.point.problem.residual(self.point.x, 1.0)).max())
         self.point = replace(self.point, lam=1.0)
-        state = _state(self.point, self._stage, residual)
+        state = state_of(self.point, self._stage, residual)
         places = [p for p in self._wanted if self._stage < p <= self._stage + 1]
         saved = tuple(replace(state, position=position) for position in places)
-        yield PathStep(state, saved, mark=_mark(self.point, self._stage))
-
-
-def _inside(point: _Point) -> _Point:
-    """The point with no sticking node beyond its limit, at rest where it is now.
-
-    What tractions put back change elsewhere is solved for, which may move others past their limits again.
-    """
-    for _ in range(RETURNS):
-        x = point.problem.within_cone(point.x)
-        if np.array_equal(x, point.x):
-            return point
-        problem = point.problem.rested(x, point.lam)
-        x = x - problem.tangent(x, point.lam).solve(problem.residual(x, point.lam))
-        point = replace(point, x=x, problem=problem)
-    x = point.problem.within_cone(point.x)
-    return replace(point, x=x, problem=point.problem.rested(x, point.lam))
-
-
-def _moved(point: _Point, x: FloatArray, lam: float) -> _Point:
-    """A later point of the same piece of path; slipping nodes have dissipated what they rubbed through."""
-    problem = point.problem
-    mean = 0.5 * (problem.split(point.x)[3] + problem.split(x)[3])
-    slipped = problem.yielded(x, lam) - problem.yielded(point.x, point.lam)
-    work = point.work - np.where(problem.sets.sense != 0.0, mean * slipped, 0.0)
-    return _Point(problem, x, lam, work)
-
-
-def _series(problem: RubbingContact, branch: Branch, stage: int) -> dict[str, FloatArray]:
-    names = ("pressure", "gap", "motion", "traction")
-    pressure, gap, motion, traction = problem.split(branch.x)
-    parts = (pressure, gap, problem.base.told_apart(motion)[0], traction)
-    return series_arrays(branch, stage, dict(zip(names, parts, strict=True)))
-
-
-def _state(point: _Point, stage: int, residual: float) -> State:
-    problem, c = point.problem, point.problem.condensed
-    pressure, gap, motion, traction = problem.split(point.x)
-    factors = problem.factors(point.lam)
-    status = smooth_status(problem.law, pressure, gap, c.rubbing[problem.sets.stuck])
-    slip = problem.yielded(point.x, point.lam) - problem.law.creep * traction
-    motion, displacement = problem.base.told_apart(motion)
-    return State(
-        stage + point.lam,
-        factors,
-        pressure,
-        gap,
-        motion,
-        traction,
-        slip,
-        point.work,
-        status,
-        residual,
-        displacement,
-    )
+        yield PathStep(state, saved, mark=mark_of(self.point, self._stage))

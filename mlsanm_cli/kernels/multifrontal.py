@@ -14,80 +14,22 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.kernels.blas import dgemm, dgemv, dpotrf, dsyrk, dtrsm, dtrsv
+from mlsanm_cli.kernels.blas import dpotrf, dsyrk
+from mlsanm_cli.kernels.dense import (
+    LOWER,
+    PLAIN,
+    TRANSPOSED,
+    apply,
+    letters,
+    multiply,
+    solve_right,
+    solve_vector,
+)
 from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.signature import Float1, Float2, Float3, FloatOut1, Index1, Int1
 
-LOWER, RIGHT, PLAIN, TRANSPOSED = 0, 1, 2, 3
-"""Places of BLAS' letters among those of :func:`_letters`."""
 BLOCK = 64
 """Columns of the factor that are kept together."""
-
-
-@inner
-def _letters() -> Any:
-    """L, R, N, T."""
-    return np.array([76, 82, 78, 84], dtype=np.uint8)
-
-
-@inner
-def _solve_right(
-    trans: int, rows: int, columns: int, triangle: FloatArray, height: int, x: FloatArray, width: int
-) -> None:
-    """Solve x L = b or x L^T = b in place, x (rows, columns), L lower; leading dimensions last."""
-    c: Any = _letters()
-    i: Any = np.array([rows, columns, height, width], dtype=np.int32)
-    one: Any = np.ones(1)
-    dtrsm(
-        *(c[RIGHT:].ctypes, c[LOWER:].ctypes, c[trans:].ctypes, c[PLAIN:].ctypes, i.ctypes, i[1:].ctypes),
-        *(one.ctypes, triangle.ctypes, i[2:].ctypes, x.ctypes, i[3:].ctypes),
-    )
-
-
-@inner
-def _multiply(
-    trans: int,
-    sizes: tuple[int, int, int],
-    alpha: float,
-    a: FloatArray,
-    lda: int,
-    b: FloatArray,
-    ldb: int,
-    beta: float,
-    product: FloatArray,
-    ldc: int,
-) -> None:
-    """product = alpha a b + beta product, a (m, k), b (k, n) or its transpose; ``sizes`` m, n, k."""
-    c: Any = _letters()
-    i: Any = np.array([sizes[0], sizes[1], sizes[2], lda, ldb, ldc], dtype=np.int32)
-    factor: Any = np.array([alpha, beta])
-    dgemm(
-        *(c[PLAIN:].ctypes, c[trans:].ctypes, i.ctypes, i[1:].ctypes, i[2:].ctypes, factor.ctypes),
-        *(a.ctypes, i[3:].ctypes, b.ctypes, i[4:].ctypes, factor[1:].ctypes, product.ctypes, i[5:].ctypes),
-    )
-
-
-@inner
-def _solve_vector(trans: int, rows: int, triangle: FloatArray, height: int, x: FloatArray) -> None:
-    """Solve L x = b or L^T x = b in place, L lower of ``rows`` rows."""
-    c: Any = _letters()
-    i: Any = np.array([rows, height, 1], dtype=np.int32)
-    dtrsv(
-        *(c[LOWER:].ctypes, c[trans:].ctypes, c[PLAIN:].ctypes, i.ctypes, triangle.ctypes, i[1:].ctypes),
-        *(x.ctypes, i[2:].ctypes),
-    )
-
-
-@inner
-def _apply(trans: int, sizes: tuple[int, int], a: FloatArray, lda: int, x: FloatArray, y: FloatArray) -> None:
-    """Take a x or a^T x from y, a of ``sizes`` rows and columns."""
-    c: Any = _letters()
-    i: Any = np.array([sizes[0], sizes[1], lda, 1], dtype=np.int32)
-    factor: Any = np.array([-1.0, 1.0])
-    dgemv(
-        *(c[trans:].ctypes, i.ctypes, i[1:].ctypes, factor.ctypes, a.ctypes, i[2:].ctypes),
-        *(x.ctypes, i[3:].ctypes, factor[1:].ctypes, y.ctypes, i[3:].ctypes),
-    )
 
 
 @inner
@@ -100,14 +42,14 @@ def _forward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int)
         block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
         # One vector is done faster by itself: products of matrices copy the panel first.
         if c == 1:
-            _solve_vector(PLAIN, columns, block, rows, own)
+            solve_vector(PLAIN, columns, block, rows, own)
             if rows > columns:
-                _apply(PLAIN, (rows - columns, columns), block[columns:], rows, own, rest)
+                apply(PLAIN, (rows - columns, columns), block[columns:], rows, own, rest)
         else:
-            _solve_right(TRANSPOSED, c, columns, block, rows, own, c)
+            solve_right(TRANSPOSED, c, columns, block, rows, own, c)
             if rows > columns:
                 sizes = (c, rows - columns, columns)
-                _multiply(TRANSPOSED, sizes, -1.0, own, c, block[columns:], rows, 1.0, rest, c)
+                multiply(TRANSPOSED, sizes, -1.0, own, c, block[columns:], rows, 1.0, rest, c)
         begin += columns * rows
 
 
@@ -121,13 +63,13 @@ def _backward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int
         block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
         if c == 1:
             if rows > columns:
-                _apply(TRANSPOSED, (rows - columns, columns), block[columns:], rows, rest, own)
-            _solve_vector(TRANSPOSED, columns, block, rows, own)
+                apply(TRANSPOSED, (rows - columns, columns), block[columns:], rows, rest, own)
+            solve_vector(TRANSPOSED, columns, block, rows, own)
         else:
             if rows > columns:
                 sizes = (c, columns, rows - columns)
-                _multiply(PLAIN, sizes, -1.0, rest, c, block[columns:], rows, 1.0, own, c)
-            _solve_right(PLAIN, c, columns, block, rows, own, c)
+                multiply(PLAIN, sizes, -1.0, rest, c, block[columns:], rows, 1.0, own, c)
+            solve_right(PLAIN, c, columns, block, rows, own, c)
 
 
 @inner
@@ -242,7 +184,7 @@ def _extend_add(
 @inner
 def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int) -> bool:
     """Factorise a panel in place and take its product from ``update``; whether all pivots are positive."""
-    c: Any = _letters()
+    c: Any = letters()
     i: Any = np.array([pivots, pivots + edge, edge, 0], dtype=np.int32)
     factor: Any = np.array([-1.0, 1.0])
     whole: Any = front
@@ -252,7 +194,7 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int) ->
     if edge > 0:
         below: Any = front[pivots:]
         change: Any = update
-        _solve_right(TRANSPOSED, edge, pivots, front, pivots + edge, below, pivots + edge)
+        solve_right(TRANSPOSED, edge, pivots, front, pivots + edge, below, pivots + edge)
         dsyrk(
             *(c[LOWER:].ctypes, c[PLAIN:].ctypes, i[2:].ctypes, i.ctypes, factor.ctypes, below.ctypes),
             *(i[1:].ctypes, factor[1:].ctypes, change.ctypes, i[2:].ctypes),
@@ -389,7 +331,7 @@ def _add_product(x: FloatArray, pivots: int, columns: IntArray, left: int, resul
     rest = c - split
     if split > 0 and rest > 0:
         part = np.empty(split * rest)
-        _multiply(TRANSPOSED, (rest, split, pivots), 1.0, x[split:], c, x, c, 0.0, part, rest)
+        multiply(TRANSPOSED, (rest, split, pivots), 1.0, x[split:], c, x, c, 0.0, part, rest)
         for i in range(split):
             for j in range(rest):
                 result[columns[i], columns[split + j] - left] += part[i * rest + j]

@@ -1,0 +1,80 @@
+"""BLAS on parts of flat arrays, for kernels: matrices by columns, their leading dimensions last."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.kernels.blas import dgemm, dgemv, dtrsm, dtrsv
+from mlsanm_cli.kernels.jit import inner
+
+LOWER, RIGHT, PLAIN, TRANSPOSED = 0, 1, 2, 3
+"""Places of BLAS' letters among those of :func:`letters`."""
+
+
+@inner
+def letters() -> Any:
+    """L, R, N, T."""
+    return np.array([76, 82, 78, 84], dtype=np.uint8)
+
+
+@inner
+def solve_right(
+    trans: int, rows: int, columns: int, triangle: FloatArray, height: int, x: FloatArray, width: int
+) -> None:
+    """Solve x L = b or x L^T = b in place, x (rows, columns), L lower; leading dimensions last."""
+    c: Any = letters()
+    i: Any = np.array([rows, columns, height, width], dtype=np.int32)
+    one: Any = np.ones(1)
+    dtrsm(
+        *(c[RIGHT:].ctypes, c[LOWER:].ctypes, c[trans:].ctypes, c[PLAIN:].ctypes, i.ctypes, i[1:].ctypes),
+        *(one.ctypes, triangle.ctypes, i[2:].ctypes, x.ctypes, i[3:].ctypes),
+    )
+
+
+@inner
+def multiply(
+    trans: int,
+    sizes: tuple[int, int, int],
+    alpha: float,
+    a: FloatArray,
+    lda: int,
+    b: FloatArray,
+    ldb: int,
+    beta: float,
+    product: FloatArray,
+    ldc: int,
+) -> None:
+    """product = alpha a b + beta product, a (m, k), b (k, n) or its transpose; ``sizes`` m, n, k."""
+    c: Any = letters()
+    i: Any = np.array([sizes[0], sizes[1], sizes[2], lda, ldb, ldc], dtype=np.int32)
+    factor: Any = np.array([alpha, beta])
+    dgemm(
+        *(c[PLAIN:].ctypes, c[trans:].ctypes, i.ctypes, i[1:].ctypes, i[2:].ctypes, factor.ctypes),
+        *(a.ctypes, i[3:].ctypes, b.ctypes, i[4:].ctypes, factor[1:].ctypes, product.ctypes, i[5:].ctypes),
+    )
+
+
+@inner
+def solve_vector(trans: int, rows: int, triangle: FloatArray, height: int, x: FloatArray) -> None:
+    """Solve L x = b or L^T x = b in place, L lower of ``rows`` rows."""
+    c: Any = letters()
+    i: Any = np.array([rows, height, 1], dtype=np.int32)
+    dtrsv(
+        *(c[LOWER:].ctypes, c[trans:].ctypes, c[PLAIN:].ctypes, i.ctypes, triangle.ctypes, i[1:].ctypes),
+        *(x.ctypes, i[2:].ctypes),
+    )
+
+
+@inner
+def apply(trans: int, sizes: tuple[int, int], a: FloatArray, lda: int, x: FloatArray, y: FloatArray) -> None:
+    """Take a x or a^T x from y, a of ``sizes`` rows and columns."""
+    c: Any = letters()
+    i: Any = np.array([sizes[0], sizes[1], lda, 1], dtype=np.int32)
+    factor: Any = np.array([-1.0, 1.0])
+    dgemv(
+        *(c[trans:].ctypes, i.ctypes, i[1:].ctypes, factor.ctypes, a.ctypes, i[2:].ctypes),
+        *(x.ctypes, i[3:].ctypes, factor[1:].ctypes, y.ctypes, i[3:].ctypes),
+    )
