@@ -17,6 +17,7 @@ LOOK = 5
 """Neighbours are looked up anew every so many sweeps."""
 NEIGHBORS = 9
 STEEPNESS = 4
+"""An even power, of which only squares of distances are needed."""
 STEP = 0.05
 LONGEST = 0.2
 """Longest step, in spacings: a node cannot leap over its neighbours or leave the body."""
@@ -36,12 +37,13 @@ def relax(points: FloatArray, fixed: int, spacing: Spacing) -> FloatArray:
         if sweep % LOOK == 0:
             nearest = cKDTree(points).query(points[fixed:], k=np.arange(2, count + 2))
             neighbour = np.asarray(nearest[1])
-        h = spacing.at(points[fixed:])[:, None]
-        away = points[fixed:, None, :] - points[neighbour]
-        distance = np.sqrt((away**2).sum(axis=2))
-        push = ((h / distance) ** STEEPNESS / distance)[:, :, None]
-        force = (push * away).sum(axis=1)
-        size = np.sqrt((force**2).sum(axis=1, keepdims=True))
+        h = spacing.at(points[fixed:])
+        x, y = points[fixed:].T
+        away_x, away_y = x[:, None] - points[neighbour, 0], y[:, None] - points[neighbour, 1]
+        square = away_x**2 + away_y**2
+        push = ((h**2)[:, None] / square) ** (STEEPNESS // 2) / np.sqrt(square)
+        force = np.stack([(push * away_x).sum(axis=1), (push * away_y).sum(axis=1)], axis=1)
+        size = np.sqrt((force**2).sum(axis=1))
         length = np.minimum(STEP * size / (1.0 + 0.25 * size), LONGEST)
-        points[fixed:] += h * length * force / np.maximum(size, np.finfo(float).tiny)
+        points[fixed:] += (h * length / np.maximum(size, np.finfo(float).tiny))[:, None] * force
     return points
