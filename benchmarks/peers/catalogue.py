@@ -98,11 +98,16 @@ def cloud(
     zone: tuple[float, float, float],
     edge: tuple[float, float, float],
     points: tuple[float, ...] = (HALF_WIDTH,),
+    beside: tuple[tuple[float, float, float], ...] = (),
 ) -> list[str]:
-    """Settings of both bodies: spacing far away; spacing, radius, growth of the zone and at +-points."""
+    """Settings of both bodies: spacing far away; spacing, radius, growth of the zone, and of ``edge`` and
+    what lies ``beside`` it at +-points."""
 
     def refinements(body: str) -> str:
-        places = [(0.0, *zone), *((sign * at, *edge) for at in points for sign in (-1, 1))]
+        places = [
+            (0.0, *zone),
+            *((sign * at, *one) for one in (edge, *beside) for at in points for sign in (-1, 1)),
+        ]
         # On the arc, not beside it: a fine radius may be smaller than the arc's height there.
         height = {"cylinder": lambda x: RADIUS - (RADIUS**2 - x**2) ** 0.5, "block": lambda _x: 0.0}[body]
         return ", ".join(
@@ -115,9 +120,26 @@ def cloud(
     return [*refine, *(f"body.{body}.spacing={coarse}" for body in bodies)]
 
 
+def hertz_cloud(
+    degree: int,
+    neighbors: int,
+    coarse: float,
+    zone: tuple[float, float, float],
+    edge: tuple[float, float, float],
+    *beside: tuple[float, float, float],
+) -> list[str]:
+    """Settings of a cloud and of the local polynomials on it."""
+    return [*cloud(coarse, zone, edge, beside=beside), f"mls.degree={degree}", f"mls.neighbors={neighbors}"]
+
+
 def stages(*factors: str) -> str:
     """An override of a case's stages."""
     return f"stage=[{', '.join(factors)}]"
+
+
+def graded_slip(coarse: float, under: float, kinks: tuple[float, float, float]) -> list[str]:
+    """A cloud whose spacing ``under`` the contact is finer where it and its stick zone end."""
+    return [*cloud(coarse, (under, 0.057, 0.2), kinks, (STICK, HALF_WIDTH)), "mls.neighbors=18"]
 
 
 KINKS = (-HALF_WIDTH, -STICK, STICK, HALF_WIDTH)
@@ -134,12 +156,16 @@ KINKED = {
     "fine": Grading(0.0002, 0.0025, 0.3, 0.3, KINKS),
 }
 CLOUDS = {
-    "1.8k": [*cloud(0.231, (0.00518, 0.0677, 0.233), (0.000943, 0.00254, 0.179)), "mls.degree=2"],
-    "2.3k": [*cloud(0.165, (0.00415, 0.0479, 0.154), (0.000206, 0.00048, 0.219)), "mls.degree=2"],
-    "5k": [*cloud(0.12, (0.003, 0.055, 0.11), (0.00025, 0.001, 0.11)), "mls.degree=2"],
-    "degree 4, 4.9k": [*cloud(0.1, (0.004, 0.07, 0.12), (0.0005, 0.004, 0.12)), "mls.degree=4"],
-    "degree 4, 7k": [*cloud(0.1, (0.0025, 0.07, 0.12), (0.00016, 0.0012, 0.12)), "mls.degree=4"],
-    "degree 4, 7.5k": [*cloud(0.1, (0.0025, 0.07, 0.12), (0.00008, 0.0006, 0.12)), "mls.degree=4"],
+    "1.6k": hertz_cloud(2, 20, 0.29, (0.0087, 0.061, 0.26), (0.00093, 0.0025, 0.18)),
+    "degree 4, 1.6k": hertz_cloud(4, 34, 0.2, (0.0084, 0.01, 0.18), (0.00057, 0.0016, 0.2)),
+    "degree 4, 2.2k": hertz_cloud(4, 38, 0.19, (0.0067, 0.011, 0.17), (0.00031, 0.00087, 0.17)),
+    "degree 4, 3k": hertz_cloud(
+        4, 34, 0.21, (0.0071, 0.057, 0.24), (0.0001, 0.00031, 0.16), (0.0064, 0.0055, 0.16)
+    ),
+    "degree 4, 4k": hertz_cloud(
+        4, 34, 0.2, (0.0068, 0.044, 0.24), (0.0001, 0.00031, 0.13), (0.0052, 0.009, 0.13)
+    ),
+    "as in cases/": ["mls.degree=2"],
 }
 LEVELS = stages(*(f"{{press={k / 50}}}" for k in range(1, 51)))
 SLIP = [stages("{press=1.0}", "{shear=1.0}"), "output.at=[2.0]"]
@@ -153,7 +179,7 @@ PARTS: dict[str, list[Entry]] = {
         calculix("medium", GRADED["medium"]),
     ],
     "levels": [
-        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.8k", "5k")),
+        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.6k", "degree 4, 2.2k")),
         *(
             scikit_fem(f"scikit-fem, {way}", label, "hertz", GRADED[label], "--levels", "50", *option)
             for way, option in (("condensed", ()), ("sparse", ("--sparse",)))
@@ -163,6 +189,8 @@ PARTS: dict[str, list[Entry]] = {
     "slip": [
         mlsanm("as in cases/", "cattaneo_mindlin", *SLIP),
         mlsanm("coarser", "cattaneo_mindlin", *SLIP, *cloud(0.2, (0.004, 0.056, 0.15), (0.001, 0.003, 0.15))),
+        mlsanm("graded, 3.4k", "cattaneo_mindlin", *SLIP, *graded_slip(0.2, 0.005, (0.0004, 0.0012, 0.15))),
+        mlsanm("graded, 6.2k", "cattaneo_mindlin", *SLIP, *graded_slip(0.17, 0.002, (0.0002, 0.001, 0.15))),
         mlsanm("finer", "cattaneo_mindlin", *SLIP, *cloud(0.1, (0.0012, 0.056, 0.12), FINE_EDGE, KINKS[2:])),
         *(
             scikit_fem(

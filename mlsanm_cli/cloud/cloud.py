@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.crowding import Crowding, crowding
 from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.relax import relax
@@ -97,6 +98,11 @@ class Cloud:
     def sight(self) -> Sight | None:
         """Which nodes see each other past the body's slits; None without slits."""
         return look(self.points, self.edges)
+
+    @cached_property
+    def crowding(self) -> Crowding:
+        """How the nodes stand to their nearest ones."""
+        return crowding(self.points, self.spacing, self.sight)
 
     @cached_property
     def triangles(self) -> IntArray:

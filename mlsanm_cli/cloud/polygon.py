@@ -6,12 +6,20 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 
+TOGETHER = 2**18
+"""Pairs of a point and an edge that are looked at together: enough for speed, few enough for memory."""
+
 
 def inside_polygon(edges: FloatArray, points: FloatArray) -> BoolArray:
     """Even-odd rule for ``points`` (n, 2) among ``edges`` (e, 4), which form closed loops."""
+    x0, y0, x1, y1 = edges[edges[:, 1] != edges[:, 3]].T
     inside = np.zeros(len(points), dtype=bool)
-    for x0, y0, x1, y1 in edges:
-        if y0 != y1:
-            crosses = (y0 > points[:, 1]) != (y1 > points[:, 1])
-            inside ^= crosses & (points[:, 0] < x0 + (points[:, 1] - y0) / (y1 - y0) * (x1 - x0))
+    step = max(1, TOGETHER // max(1, len(x0)))
+    for first in range(0, len(points), step):
+        x, y = points[first : first + step].T
+        # Few edges cross the level of a point: only there is the crossing's place worth finding.
+        point, edge = np.nonzero((y0 > y[:, None]) != (y1 > y[:, None]))
+        crossing = x0[edge] + (y[point] - y0[edge]) / (y1[edge] - y0[edge]) * (x1[edge] - x0[edge])
+        odd = np.bincount(point[x[point] < crossing], minlength=len(x)) % 2
+        inside[first : first + step] = odd == 1
     return inside

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
-
-NEIGHBORS = 6
 
 
 @dataclass(frozen=True)
@@ -27,33 +24,13 @@ class CloudQuality:
 
 def measure(cloud: Cloud) -> CloudQuality:
     """Quality figures of a cloud."""
-    distance, neighbour = _neighbours(cloud)
-    growth = np.abs(cloud.spacing[neighbour] - cloud.spacing[:, None]) / distance
     return CloudQuality(
         nodes=len(cloud.points),
         boundary_nodes=len(cloud.boundary_nodes),
-        closest=float((distance / cloud.spacing[:, None]).min()),
+        closest=cloud.crowding.closest,
         hole=_largest_hole(cloud),
-        growth=float(growth.max()),
+        growth=cloud.crowding.growth,
     )
-
-
-def closest_node(cloud: Cloud) -> tuple[int, float]:
-    """The node with the smallest distance to another one over the local spacing, and that figure."""
-    nearest = (_neighbours(cloud)[0] / cloud.spacing[:, None]).min(axis=1)
-    node = int(np.argmin(nearest))
-    return node, float(nearest[node])
-
-
-def _neighbours(cloud: Cloud) -> tuple[FloatArray, IntArray]:
-    """Distances and numbers (n, k) of the nearest nodes; those across a slit are infinitely far."""
-    count = min(NEIGHBORS, len(cloud.points) - 1)
-    found = cKDTree(cloud.points).query(cloud.points, k=np.arange(2, count + 2))
-    distance, neighbour = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
-    if cloud.sight is not None:
-        one = np.repeat(np.arange(len(neighbour)), count)
-        distance[cloud.sight.apart(one, neighbour.ravel()).reshape(neighbour.shape)] = np.inf
-    return distance, neighbour
 
 
 def _largest_hole(cloud: Cloud) -> float:

@@ -17,6 +17,7 @@ LOOK = 5
 """Neighbours are looked up anew every so many sweeps."""
 NEIGHBORS = 9
 STEEPNESS = 4
+"""An even power, of which only squares of distances are needed."""
 STEP = 0.05
 LONGEST = 0.2
 """Longest step, in spacings: a node cannot leap over its neighbours or leave the body."""

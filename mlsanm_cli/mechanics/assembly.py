@@ -26,6 +26,7 @@ from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.force_sums import force_sums, spring_sums
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
+from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.rows import nodal_rows
@@ -71,10 +72,10 @@ def assemble(
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
     pulls = _pulls(cloud, table, count)
     rows = sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls)
-    arrays: dict[str, object] = {"rows": rows, "points": model.nodes, "solver": solver.name}
     factorise: Callable[[], LinearSystem]
+    weight = np.zeros(0)
     if model.settings.square:
-        arrays["choice"] = choice = choose_equations(cloud, held, single, table, model.ghosts)
+        choice = choose_equations(cloud, held, single, table, model.ghosts)
         factorise = partial(square.factorise, rows, choice, model.nodes, solver)
     else:
         limit = stiffest_soft(cloud, model.material)
@@ -83,18 +84,16 @@ def assemble(
         whole = spring_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
         images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
         sums = np.concatenate([sums, whole])
-        arrays |= {"weight": weight, "sums": sums, "images": images}
         factorise = partial(least_squares.factorise, rows, weight, model.nodes, solver, sums, images)
-    body = ElasticBody(
-        model, held, springs, free, first_row, table.total, Equations(arrays, factorise), timed
-    )
+    # What rows and sums are made from, in place of them: they are many times as large. The weights tell what
+    # nodes and normals do not of the curves behind them.
+    content = digest(model.rows_content, weight, held, held_nodes, springs, solver.name)
+    equations = Equations(content, factorise)
+    body = ElasticBody(model, held, springs, free, first_row, table.total, equations, timed)
     if not free.components:
         return body
-    # What the pins are taken back with comes from the cloud and the free motions.
-    whole_content = {**arrays, "model": model.content, "free": free.patterns(model.nodes)}
     pinned = replace(body, timed=nullcontext)
-    freed = Equations(whole_content, partial(_freed, pinned, single[len(held_nodes) :]))
-    return replace(body, equations=freed)
+    return replace(body, equations=Equations(content, partial(_freed, pinned, single[len(held_nodes) :])))
 
 
 def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:

@@ -18,7 +18,6 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud, Surface
-from mlsanm_cli.cloud.quality import closest_node
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import (
@@ -104,6 +103,12 @@ class BodyModel:
     def content(self) -> str:
         """A digest of the nodes, the material and the operators' settings."""
         return digest(model_key(self.name, self.cloud, self.material, self.settings), self.ghosts)
+
+    @cached_property
+    def rows_content(self) -> str:
+        """A digest of what the body's rows depend on; neither its name nor how it expands is."""
+        kind = [self.settings.degree, self.settings.neighbors, self.settings.scheme]
+        return digest(self.cloud.content, self.ghosts, self.material.stiffness, kind)
 
     @property
     def unknowns(self) -> int:
@@ -197,9 +202,9 @@ def model_key(
 
 
 def _refuse_coincident(name: str, cloud: Cloud) -> None:
-    node, distance = closest_node(cloud)
-    if distance < COINCIDENT:
-        x, y = cloud.points[node]
+    if cloud.crowding.closest < COINCIDENT:
+        x, y = cloud.points[cloud.crowding.node]
+        distance = cloud.crowding.closest
         raise NumericalError(
             f"body {name}: two nodes near ({x:.6g}, {y:.6g}) are only {distance:.2g} of the spacing apart",
             "make the spacing smaller there, or leave out the short side, small arc or sharp tip",

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager
-from functools import cached_property
 from typing import TypeAlias
 
-from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.system import LinearSystem
 
 Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
@@ -15,13 +13,14 @@ Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
 
 
 class Equations:
-    """A body's equations: the ``arrays`` that ``factorise`` makes a system of when it is first asked for.
+    """A body's equations: what ``factorise`` makes a system of when it is first asked for.
 
-    Both are let go then: large as they are, the system has all that it needs.
+    It is let go then: large as its rows are, the system has all that it needs. ``content`` is a digest of all
+    that the equations follow from.
     """
 
-    def __init__(self, arrays: Mapping[str, object], factorise: Callable[[], LinearSystem]) -> None:
-        self._arrays: Mapping[str, object] = arrays
+    def __init__(self, content: str, factorise: Callable[[], LinearSystem]) -> None:
+        self.content = content
         self._factorise: Callable[[], LinearSystem] | None = factorise
         self._system: LinearSystem | None = None
 
@@ -31,16 +30,10 @@ class Equations:
             assert self._factorise is not None
             with timed():
                 self._system = self._factorise()
-            self.content  # noqa: B018 (the digest of what is let go)
-            self._factorise, self._arrays = None, {}
+            self._factorise = None
         return self._system
 
     @property
     def note(self) -> str:
         """What users should know of how the system was factorised, if it was."""
         return "" if self._system is None else self._system.note
-
-    @cached_property
-    def content(self) -> str:
-        """A digest of all that the system is made of."""
-        return digest(self._arrays)

@@ -136,12 +136,12 @@ class LeastSquares:
 
     def _weighted(self, sources: sparse.csc_array) -> tuple[sparse.csc_array, FloatArray]:
         """Right-hand sides (r, c) multiplied by the weights, and their sums (k, c)."""
-        return sparse.csc_array(sources * self.weight[:, None]), np.asarray(self.sums @ sources)
+        return _scaled_rows(sources, self.weight), np.asarray(self.sums @ sources)
 
     def equations(self, sources: sparse.csc_array) -> Equations:
         """The normal equations, bordered by the sums of rows."""
         normal = sparse.csr_array(normal_equations(self.rows))
-        weighted = sparse.csr_array(self.rows.T @ (sources * self.weight[:, None]))
+        weighted = sparse.csr_array(self.rows.T @ _scaled_rows(sources, self.weight))
         return Equations(normal, weighted, self.images, np.asarray(self.sums @ sources), definite=True)
 
     def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
@@ -189,6 +189,12 @@ class UpdatedFactor:
         return first - self.image_products(left, np.asarray(right.T @ self.solved).T)
 
 
+def _scaled_rows(columns: sparse.csc_array, weight: FloatArray) -> sparse.csc_array:
+    """``columns`` (r, c), every row multiplied by its ``weight`` (r,)."""
+    data = columns.data * weight[columns.indices]
+    return sparse.csc_array((data, columns.indices, columns.indptr), shape=columns.shape)
+
+
 def _strength(small: FloatArray) -> float:
     """Factor on the sums, ``small`` (k, k) being B N^-1 B^T without it.
 
@@ -213,7 +219,9 @@ def factorise(
 
     ``images`` (k, n) are the sums in the unknowns, where they are not simply those of the rows.
     """
-    weighted = sparse.csr_array(rows.multiply(weight[:, None]))
+    weighted = sparse.csr_array(
+        (rows.data * np.repeat(weight, np.diff(rows.indptr)), rows.indices, rows.indptr), shape=rows.shape
+    )
     factor: Factor = solver.factor_definite(normal_equations(weighted), points)
     if sums is None:
         sums = np.zeros((0, rows.shape[0]))

@@ -232,3 +232,27 @@ def test_divergence_is_what_the_rows_of_equilibrium_make(degree: int, nu: float,
     for component in (0, 1):
         expected = model.equilibrium(component) @ u.ravel()
         assert np.abs(found[:, component] - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+def test_equal_rows_are_known_by_their_content() -> None:
+    cloud, held = jittered_square(8), {"bottom": (True, True)}
+    usual = build(cloud, held).equations.content
+    assert build(jittered_square(8), dict(held)).equations.content == usual
+    warm = isotropic(210.0, 0.3, "strain", expansion=1e-5)
+    assert build(cloud, held, material=warm).equations.content == usual
+    others = [
+        build(jittered_square(8, seed=1), held),
+        build(cloud, {"bottom": (False, True)}),
+        build(cloud, {"bottom": (True, True), "top": (True, False)}),
+        build(cloud, held, material=isotropic(210.0, 0.2, "strain")),
+        build(cloud, held, degree=4),
+        # Of the same mean modulus, and so with the same weights.
+        build(cloud, held, material=anisotropic(np.diag([300.0, 200.0, 80.0]), "strain")),
+        build(cloud, held, material=anisotropic(np.diag([200.0, 300.0, 80.0]), "strain")),
+        build(cloud, held, scheme="collocation"),
+        build(cloud, {"bottom": (False, True)}, scheme="collocation"),
+        build(cloud, held, scheme="ghost"),
+        build(cloud, held, held_nodes=((3, 0),)),
+    ]
+    contents = {usual, *(body.equations.content for body in others)}
+    assert len(contents) == 1 + len(others)

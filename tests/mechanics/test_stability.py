@@ -73,5 +73,5 @@ def test_equations_that_hardly_know_a_mode_are_found_out() -> None:
     weight[np.concatenate([dropped, nodes + dropped])] *= 1e-3
     rows = sparse.csr_array(system.rows.multiply((1.0 / system.weight)[:, None]))
     weak = least_squares.factorise(rows, weight, body.model.nodes, CholeskySolver())
-    spoilt = replace(body, equations=Equations({}, lambda: weak))
+    spoilt = replace(body, equations=Equations("weak", lambda: weak))
     assert bulk_stability(spoilt) <= 0.5 * bulk_stability(body)

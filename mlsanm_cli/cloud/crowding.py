@@ -1,0 +1,37 @@
+"""How the nodes of a cloud stand to their nearest ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.sight import Sight
+from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.values import dataclass
+
+NEIGHBORS = 6
+
+
+@dataclass(frozen=True)
+class Crowding:
+    """``closest``: smallest distance to another node over the local spacing, that of ``node``; ``growth``:
+    largest change of spacing per unit distance between neighbours."""
+
+    node: int
+    closest: float
+    growth: float
+
+
+def crowding(points: FloatArray, spacing: FloatArray, sight: Sight | None) -> Crowding:
+    """By the nearest nodes of all ``points`` (n, 2), ``spacing`` (n,) asked for there; those that ``sight``
+    hides across a slit are infinitely far."""
+    count = min(NEIGHBORS, len(points) - 1)
+    found = cKDTree(points).query(points, k=np.arange(2, count + 2))
+    distance, neighbour = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
+    if sight is not None:
+        one = np.repeat(np.arange(len(neighbour)), count)
+        distance[sight.apart(one, neighbour.ravel()).reshape(neighbour.shape)] = np.inf
+    nearest = distance.min(axis=1) / spacing
+    node = int(np.argmin(nearest))
+    growth = np.abs(spacing[neighbour] - spacing[:, None]) / distance
+    return Crowding(node, float(nearest[node]), float(growth.max()))
