@@ -36,6 +36,11 @@ def write_vertices(path: Path, points: NDArray[np.float64], data: Mapping[str, N
         "offsets": np.arange(1, count + 1),
         "types": np.full(count, VERTEX, dtype=np.uint8),
     }
+    sections: tuple[tuple[str, Mapping[str, NDArray[Any]]], ...] = (
+        ("Points", {"Points": points}),
+        ("Cells", cells),
+        ("PointData", data),
+    )
     with replacing(path) as temporary, temporary.open("wb") as stream:
         _put(
             stream,
@@ -44,15 +49,16 @@ def write_vertices(path: Path, points: NDArray[np.float64], data: Mapping[str, N
             "<UnstructuredGrid>",
             f'<Piece NumberOfPoints="{count}" NumberOfCells="{count}">',
         )
-        for section, arrays in (("Points", {"Points": points}), ("Cells", cells), ("PointData", data)):
+        for section, arrays in sections:
             _put(stream, f"<{section}>")
             for name, array in arrays.items():
-                _array(stream, name, np.ascontiguousarray(array))
+                _array(stream, name, array)
             _put(stream, f"</{section}>")
         _put(stream, "</Piece>", "</UnstructuredGrid>", "</VTKFile>")
 
 
 def _array(stream: BinaryIO, name: str, array: NDArray[Any]) -> None:
+    array = np.ascontiguousarray(array, array.dtype.newbyteorder("="))
     width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
     kind = _TYPES[array.dtype.str[1:]]
     _put(stream, f'<DataArray type="{kind}" Name="{escape(name)}"{width} format="binary">')

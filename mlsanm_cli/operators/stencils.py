@@ -46,7 +46,12 @@ class Stencils:
         )
 
     def derivatives(self, field: FloatArray) -> FloatArray:
-        """Value and derivatives (e, kinds, c), in the order of the weights, of a nodal ``field`` (n, c)."""
+        """Value and derivatives (e, kinds, c), in the order of the weights, of a nodal ``field`` (n, c).
+
+        Raises ValueError for a field of another n.
+        """
+        if len(field) != self.nodes:
+            raise ValueError(f"a field of {len(field)} nodes for stencils of {self.nodes}")
         result = np.zeros((len(self.indptr) - 1, self.weights.shape[1], field.shape[1]))
         apply_weights(self.indptr, self.indices, self.weights, np.ascontiguousarray(field), result)
         return result
@@ -82,7 +87,8 @@ def build_stencils(
     while len(pending):
         size = min(size, len(points))
         indices, weights, ratio = _fit(points, tree, targets[pending], size, order, settings, sight)
-        sound = ratio >= settings.rank_tolerance
+        # Above one it is no ratio: the nodes are so close together that no radius separates them.
+        sound = (ratio >= settings.rank_tolerance) & (ratio <= 1.0)
         parts.append((pending[sound], indices[sound], weights[sound]))
         worst = float(min(worst, ratio[sound].min(initial=1.0)))
         pending = pending[~sound]
