@@ -240,7 +240,7 @@ class _Walk:
         stage = self._stage
         end = state_of(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
-        step, states = states_in(before.problem, step, stage, places)
+        step, states = states_in(before.problem.aside(), step, stage, places)
         saved = [
             state_of(moved(before, before.problem.within_cone(x), lam), stage, residual)
             for x, lam, residual in states
