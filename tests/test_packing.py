@@ -1,0 +1,45 @@
+"""What a run keeps of itself comes back as it was, or is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.marks import Start
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.packing import packed, unpacked
+from mlsanm_cli.values import dataclass
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A method's mark."""
+
+    lam: float
+    x: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Older:
+    """The same mark of another version, which knew more."""
+
+    lam: float
+    x: FloatArray
+    pace: float
+
+
+def test_what_was_packed_comes_back() -> None:
+    mark = Mark(0.1, np.array([-0.0, np.nan, np.inf, 1.0 / 3.0])[::2])
+    back = unpacked(Mark, packed(mark))
+    assert packed(back) == packed(mark)
+    assert back.x.tobytes() == mark.x.tobytes()
+
+
+@pytest.mark.parametrize(("kept", "asked"), [(Older, Mark), (Mark, Older)])
+def test_a_mark_of_another_version_is_refused(kept: type[Mark], asked: type[Mark]) -> None:
+    values = {"lam": 0.5, "x": np.ones(3), **({"pace": 1.0} if kept is Older else {})}
+    start = Start(3, packed(kept(**values)))
+    assert start.mark(kept) is not None
+    with pytest.raises(RunError, match="checkpoint of the run cannot be read"):
+        start.mark(asked)
