@@ -36,10 +36,12 @@ def test_what_was_packed_comes_back() -> None:
     assert back.x.tobytes() == mark.x.tobytes()
 
 
-@pytest.mark.parametrize(("kept", "asked"), [(Older, Mark), (Mark, Older)])
-def test_a_mark_of_another_version_is_refused(kept: type[Mark], asked: type[Mark]) -> None:
-    values = {"lam": 0.5, "x": np.ones(3), **({"pace": 1.0} if kept is Older else {})}
-    start = Start(3, packed(kept(**values)))
-    assert start.mark(kept) is not None
+OF_THIS, OF_ANOTHER = Mark(0.5, np.ones(3)), Older(0.5, np.ones(3), 1.0)
+
+
+@pytest.mark.parametrize(("kept", "other"), [(OF_THIS, Older), (OF_ANOTHER, Mark)])
+def test_a_mark_of_another_version_is_refused(kept: object, other: type[object]) -> None:
+    start = Start(3, packed(kept))
+    assert start.mark(type(kept)) is not None
     with pytest.raises(RunError, match="checkpoint of the run cannot be read"):
-        start.mark(asked)
+        start.mark(other)
