@@ -84,6 +84,8 @@ def _made(kind: Any, plain: Any, arrays: _Arrays) -> Any:
     if isinstance(kind, type) and is_dataclass(kind):
         own: Any = kind
         hints = _hints(own)
+        if plain.keys() != set(_names(own)):
+            raise KeyError(own.__name__)
         return own(**{name: _made(hints[name], plain[name], arrays) for name in _names(own)})
     if origin is tuple:
         return tuple(_made(inner[0], part, arrays) for part in plain)

@@ -8,10 +8,22 @@ from __future__ import annotations
 
 from typing import TypeVar
 
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.packing import unpacked
 from mlsanm_cli.values import dataclass
 
 Mark = TypeVar("Mark")
+
+
+def restored(kind: type[Mark], content: bytes) -> Mark:
+    """What a run packed to go on from; RunError if it is damaged, or of another version."""
+    try:
+        return unpacked(kind, content)
+    except ValueError as error:
+        raise RunError(
+            f"the checkpoint of the run cannot be read: {error}",
+            "it is damaged, or of another version of mlsanm; run the case again with --force",
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -22,8 +34,8 @@ class Start:
     packed: bytes = b""
 
     def mark(self, kind: type[Mark]) -> Mark | None:
-        """The mark, of a method's own class; None at the beginning. ValueError if it is of another."""
-        return unpacked(kind, self.packed) if self.packed else None
+        """The mark, of a method's own class; None at the beginning. RunError if it is of another."""
+        return restored(kind, self.packed) if self.packed else None
 
 
 BEGINNING = Start()

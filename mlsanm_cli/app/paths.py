@@ -75,8 +75,8 @@ def _limited(built: Built, start: Start, path: Iterator[PathStep]) -> Iterator[P
     most = built.case.solver.max_steps
     for count, step in enumerate(path, start.steps):
         if count > most:
-            where = f"before position {step.state.position:.9g}"
-            raise NumericalError(f"the path takes more than {most} steps {where}", "raise solver.max_steps")
+            why = f"max steps, more than {most} steps come before position {step.state.position:.9g}"
+            raise NumericalError(f"the path stopped: {why}", "raise solver.max_steps")
         yield step
 
 

@@ -18,6 +18,7 @@ from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.foreign import survey
+from mlsanm_cli.app.marks import Mark, restored
 from mlsanm_cli.app.recorder import CLOUDS, PATH, Earlier, Recorded, Recorder
 from mlsanm_cli.app.run import carry_out
 from mlsanm_cli.app.signals import Stopper
@@ -27,7 +28,6 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_reader import RunOrigin, read_origin
 from mlsanm_cli.io.summary import read_json
-from mlsanm_cli.packing import Value, unpacked
 
 
 def resume(
@@ -64,15 +64,10 @@ def resume(
     return {**summary, "directory": str(rundir)}
 
 
-def _stored(origin: RunOrigin, name: str, kind: type[Value]) -> Value | None:
+def _stored(origin: RunOrigin, name: str, kind: type[Mark]) -> Mark | None:
     """What a run goes on from; None if it was not written yet."""
     content = origin.checkpoint.get(name)
-    try:
-        return None if content is None else unpacked(kind, content)
-    except ValueError as error:
-        raise RunError(
-            f"the checkpoint of the run cannot be read: {error}", "run the case again with --force"
-        ) from error
+    return None if content is None else restored(kind, content)
 
 
 def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:

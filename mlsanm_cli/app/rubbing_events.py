@@ -165,8 +165,7 @@ def continued(
 
     def solve(sets: Sets) -> tuple[RubbingContact, Values, FloatArray]:
         anchor = np.where(sets.stuck & ~before.stuck, now, problem.anchor)
-        end = problem.start + problem.change
-        system = RubbingContact(problem.base, problem.start, end, sets, anchor, problem.tally)
+        system = RubbingContact(problem.base, problem.start, problem.end, sets, anchor, problem.tally)
         try:
             rates, slipped = system.rates(x, lam)
         except np.linalg.LinAlgError as error:

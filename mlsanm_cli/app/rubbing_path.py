@@ -140,6 +140,8 @@ class _Walk:
         self.point = point
         self._began, self._standing = mark.began, mark.standing
         self._held, self._previous = mark.held, mark.piece
+        if mark.no_state is not None:
+            raise NoStateError(mark.no_state)
         if mark.event:
             self._count()
         else:
@@ -226,7 +228,10 @@ class _Walk:
         problem = self.point.problem
         residual = float(np.abs(problem.residual(self.point.x, step.lam)).max())
         step = replace(step, residual=residual)
-        yield replace(self._told(before, step), mark=self._mark(event=True, piece=piece))
+        mark = self._mark(event=True, piece=piece)
+        if failure is not None:
+            mark = replace(mark, no_state=failure.sliding)
+        yield replace(self._told(before, step), mark=mark)
         if failure is not None:
             raise failure
 
@@ -240,7 +245,7 @@ class _Walk:
         stage = self._stage
         end = state_of(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
-        step, states = states_in(before.problem, step, stage, places)
+        step, states = states_in(before.problem.aside(), step, stage, places)
         saved = [
             state_of(moved(before, before.problem.within_cone(x), lam), stage, residual)
             for x, lam, residual in states

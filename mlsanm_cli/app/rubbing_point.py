@@ -35,7 +35,8 @@ class RubbingMark:
 
     ``tangent`` are the unknowns at which the tangent was made that nearby points share; ``held`` the sets of
     the piece of path behind, which ``began`` at a fraction of the stage and is over if an ``event`` ended it.
-    Before the first step of a stage there is no ``piece``.
+    Before the first step of a stage there is no ``piece``. Where no state goes on from here ``no_state``
+    tells whether that is for sliding, else it is None.
     """
 
     stage: int
@@ -51,6 +52,7 @@ class RubbingMark:
     began: float = 0.0
     standing: int = 0
     piece: Branch | None = None
+    no_state: bool | None = None
 
     @property
     def within(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -26,7 +27,6 @@ from mlsanm_cli.continuation import (
     Outcome,
     Problem,
     Step,
-    StopReason,
     correct,
     follow,
 )
@@ -37,6 +37,7 @@ from mlsanm_cli.values import dataclass
 BRANCH_HINT = (
     'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
 )
+UNLIMITED = sys.maxsize
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +142,11 @@ def problem_of(built: Built, coupling: Coupling, stage: int) -> Memoryless:
 
 
 def path_options(built: Built) -> AnmOptions | NewtonOptions:
-    """The case's method and its options."""
+    """The case's method and its options; steps are counted over the whole path, not by those of a stage."""
     solver = built.case.solver
     if solver.method == "newton":
-        return NewtonOptions(tolerance=solver.tolerance, max_steps=solver.max_steps)
-    return AnmOptions(
-        order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=solver.max_steps
-    )
+        return NewtonOptions(tolerance=solver.tolerance, max_steps=UNLIMITED)
+    return AnmOptions(order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=UNLIMITED)
 
 
 def levels_in(wanted: tuple[float, ...], stage: int) -> list[float]:
@@ -159,7 +158,7 @@ def stopped(stage: int, outcome: Outcome) -> NumericalError:
     """What to say of a path that did not reach the end of its stage."""
     return NumericalError(
         f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value} ({outcome.message})",
-        "raise solver.max_steps" if outcome.reason is StopReason.MAX_STEPS else BRANCH_HINT,
+        BRANCH_HINT,
     )
 
 

@@ -15,6 +15,7 @@ are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -148,7 +149,8 @@ class RubbingContact:
         self.tally = tally or Tally()
         condensed, law = base.condensed, base.law
         self.base, self.condensed, self.law = base, condensed, law
-        self.start, self.change, self.sets, self.anchor = start, end - start, sets, anchor
+        self.start, self.end, self.change = start, end, end - start
+        self.sets, self.anchor = sets, anchor
         self.m, self.k, self.n = len(condensed.weight), len(base.motion), len(condensed.rubbing)
         self.size = 2 * self.m + self.k + self.n
         self.limit = condensed.friction * law.pressure
@@ -279,12 +281,14 @@ class RubbingContact:
 
     def rested(self, x: FloatArray, lam: float) -> RubbingContact:
         """The same problem with its sticking nodes at rest where they are in x."""
-        anchor = np.where(self.sets.stuck, self.yielded(x, lam), self.anchor)
-        problem = RubbingContact(
-            self.base, self.start, self.start + self.change, self.sets, anchor, self.tally
-        )
-        problem._ready = self._ready
+        problem = copy(self)
+        problem.anchor = np.where(self.sets.stuck, self.yielded(x, lam), self.anchor)
         return problem
+
+    def aside(self) -> RubbingContact:
+        """The same problem for states that the path does not go on from: it keeps the tangent at hand, which
+        theirs would take the place of."""
+        return copy(self)
 
     def yielded(self, x: FloatArray, lam: float) -> FloatArray:
         """Slips less what the asperities' softness explains, s + c t (n,)."""

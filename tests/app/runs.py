@@ -41,7 +41,7 @@ def _arrays(directory: Path) -> dict[str, Any]:
     with h5py.File(directory / "run.h5", "r") as file:
         file.visititems(add)
         found["status"] = file.attrs["status"]
-    del found["path/seconds"]
+    found.pop("path/seconds", None)
     return found
 
 

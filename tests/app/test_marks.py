@@ -67,15 +67,42 @@ def test_the_rest_of_a_path_is_the_same(name: str, tmp_path: Path) -> None:
         assert [bits(step) for step in rest] == expected[count:], f"behind step {count - 1}"
 
 
-def test_the_rest_of_a_path_has_the_steps_that_are_left(tmp_path: Path) -> None:
-    built = built_of("series", tmp_path, "solver.max_steps=7")
+@pytest.mark.parametrize("name", ["series", "newton", "friction"])
+def test_the_rest_of_a_path_has_the_steps_that_are_left(name: str, tmp_path: Path) -> None:
+    built = built_of(name, tmp_path, "solver.max_steps=7")
     steps: list[PathStep] = []
-    with pytest.raises(NumericalError, match="steps"):
+    with pytest.raises(NumericalError, match="more than 7 steps") as whole:
+        steps.extend(load_path(built))
+    assert len(steps) == 8
+    rest: list[PathStep] = []
+    with pytest.raises(NumericalError) as again:
+        rest.extend(load_path(built, Start(4, packed(steps[3].mark))))
+    assert again.value.message == whole.value.message
+    assert [bits(step) for step in rest] == [bits(step) for step in steps[4:]]
+
+
+def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
+    """States within steps have tangents of their own: the path would go on from those, and count them."""
+    few, many = "output.at=[2.0]", f"output.at={[k / 10 for k in range(1, 21)]}"
+    short = ("stage=[{press=1.0}, {shear=0.5}]",)
+    marks = [
+        [packed(step.mark) for step in load_path(built_of("friction", tmp_path, *short, at))]
+        for at in (few, many)
+    ]
+    assert marks[0] == marks[1]
+
+
+def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
+    """Also where the last step's event left no state to go on from."""
+    built = built_of("friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
+    steps: list[PathStep] = []
+    with pytest.raises(NumericalError, match="slides as a whole") as first:
         steps.extend(load_path(built))
     rest: list[PathStep] = []
-    with pytest.raises(NumericalError, match="more than 7 steps"):
-        rest.extend(load_path(built, Start(4, packed(steps[3].mark))))
-    assert [bits(step) for step in rest] == [bits(step) for step in steps[4:]]
+    with pytest.raises(NumericalError) as second:
+        rest.extend(load_path(built, Start(len(steps), packed(steps[-1].mark))))
+    assert rest == []
+    assert second.value.message == first.value.message
 
 
 def forgetful(mark: FrictionMark | RubbingMark) -> FrictionMark | RubbingMark:
