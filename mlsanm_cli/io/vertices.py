@@ -31,7 +31,7 @@ def write_vertices(path: Path, points: NDArray[np.float64], data: Mapping[str, N
     Raises RunError if the file cannot be written.
     """
     count = len(points)
-    cells = {
+    cells: dict[str, NDArray[Any]] = {
         "connectivity": np.arange(count),
         "offsets": np.arange(1, count + 1),
         "types": np.full(count, VERTEX, dtype=np.uint8),
