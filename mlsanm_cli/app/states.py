@@ -79,7 +79,7 @@ class PathStep:
     factorizations: int = 0
     solves: int = 0
     series: Mapping[str, FloatArray] = field(default_factory=dict)
-    series_attributes: Mapping[str, float | str] = field(default_factory=dict)
+    series_attributes: Mapping[str, float] = field(default_factory=dict)
     warning: str = ""
     polish: Polish | None = None
     mark: object = None

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 # A chunk is rewritten at every flush that touches it, and the last one is mostly empty: keep chunks small.
-_CHUNK_BYTES = 16384
-_MAX_CHUNK_ROWS = 256
+_CHUNK_BYTES = 8192
+_MAX_CHUNK_ROWS = 128
 
 
 class Column:

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 def keep(group: Any, name: str, value: NDArray[Any] | str) -> None:
     """Store an array or a text as ``name``; where it is stored already, RunError unless it is the same."""
     if name not in group:
-        group.create_dataset(checked_name(name), data=value)
+        if isinstance(value, str):
+            group.create_dataset(checked_name(name), data=value)
+        else:
+            store_array(group.id, name, value)
         return
     stored = group[name].asstr()[()] if isinstance(value, str) else group[name][...]
     place = f"{group.name}/{name}"
@@ -29,6 +32,26 @@ def keep(group: Any, name: str, value: NDArray[Any] | str) -> None:
     same = stored.shape == value.shape and stored.dtype == value.dtype
     if not same or stored.tobytes() != np.ascontiguousarray(value).tobytes():
         raise differs(place)
+
+
+def store_array(group: Any, name: str, array: NDArray[Any]) -> None:
+    """Store an array, in C order, as ``name`` in the low-level ``group``.
+
+    By the low-level calls, as every step of a path stores some: ``create_dataset`` takes four times as long.
+    """
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_obj_track_times(False)
+    kind, space = h5py.h5t.py_create(array.dtype, logical=True), h5py.h5s.create_simple(array.shape)
+    dataset = h5py.h5d.create(group, checked_name(name).encode(), kind, space, dcpl=properties)
+    if array.size:
+        dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, array)
+
+
+def store_number(group: Any, name: str, value: float) -> None:
+    """Store a number as the attribute ``name``, which is not there yet, of the low-level ``group``."""
+    number = np.asarray(value)
+    kind = h5py.h5t.py_create(number.dtype, logical=True)
+    h5py.h5a.create(group, name.encode(), kind, h5py.h5s.create(h5py.h5s.SCALAR)).write(number)
 
 
 def keep_names(group: Any, name: str, names: Sequence[str]) -> None:

@@ -33,7 +33,17 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
 from mlsanm_cli.io.columns import Column
 from mlsanm_cli.io.journal import JournaledFile, recover, shielded
-from mlsanm_cli.io.kept import check_keys, check_shape, checked_name, differs, floats, keep, keep_names
+from mlsanm_cli.io.kept import (
+    check_keys,
+    check_shape,
+    checked_name,
+    differs,
+    floats,
+    keep,
+    keep_names,
+    store_array,
+    store_number,
+)
 from mlsanm_cli.io.records import (
     CONTACT_COLUMNS,
     CONTACT_TOTALS,
@@ -75,6 +85,7 @@ class RunFile:
         self._path = path
         self._columns: dict[str, Column] = {}
         self._checkpoints: dict[str, Any] = {}
+        self._series: Any = None
         self._rows = self._states = 0
         self._contacts: list[str] = []
         self._loads: list[str] | None = None
@@ -242,17 +253,23 @@ class RunFile:
                 keep(group, name, floats(matrix))
 
     def write_series(
-        self, step: int, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Attribute]
+        self, step: int, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, float]
     ) -> None:
-        """Store what reproduces ``step`` as /series/<step>/<name>; scalars are attributes of the group."""
+        """Store what reproduces ``step`` as /series/<step>/<name>; numbers are attributes of the group."""
         if step < 0:
             raise ValueError(f"step {step} is negative")
         with self._storing():
-            group = self._file.require_group("series").require_group(str(step))
+            if self._series is None:
+                self._series = self._file.require_group("series")
+            if str(step) in self._series:
+                for name, array in arrays.items():
+                    keep(self._series[str(step)], name, np.ascontiguousarray(array))
+                return
+            group = h5py.h5g.create(self._series.id, str(step).encode())
             for name, array in arrays.items():
-                keep(group, name, np.ascontiguousarray(array))
+                store_array(group, name, np.ascontiguousarray(array))
             for name, value in attributes.items():
-                group.attrs[name] = value
+                store_number(group, name, value)
 
     def write_checkpoint(self, name: str, content: bytes) -> None:
         """Store what the run goes on from as /checkpoint/<name>, in place of what is there."""
@@ -317,6 +334,7 @@ class RunFile:
                 column.truncate(self._states if key == "fields/position" else self._rows)
             self._columns.clear()
             self._checkpoints.clear()
+            self._series = None
             self._file.close()
             self._store.close()
 
