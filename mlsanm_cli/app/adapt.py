@@ -30,6 +30,7 @@ from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.patches import Patch, contact_patches
 from mlsanm_cli.contact.profile import half_width
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo
 from mlsanm_cli.values import dataclass
 
@@ -121,8 +122,8 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: 
             break
         bulk = (*bulk, *more)
         placed = (*zones, *bulk)
-        prepared = place(case, clock, console, placed, memo)
-        built, accuracy = _solved(case, prepared, clock, console, memo)
+        prepared = place(case, clock, console, placed, memo, prepared)
+        built, accuracy = _solved(case, prepared, clock, console, memo, built.scene)
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
         console.note(
@@ -146,9 +147,14 @@ def _table(zones: tuple[Zone, ...]) -> FloatArray:
 
 
 def _solved(
-    case: Case, prepared: Prepared, clock: Clock, console: Console, memo: Memo
+    case: Case,
+    prepared: Prepared,
+    clock: Clock,
+    console: Console,
+    memo: Memo,
+    before: Scene | None = None,
 ) -> tuple[Built, Accuracy]:
-    built = complete(case, prepared, clock, console, memo)
+    built = complete(case, prepared, clock, console, memo, before)
     with clock.phase("estimate"):
         console.phase("estimating errors")
         return built, assess_accuracy(built)

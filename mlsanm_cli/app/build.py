@@ -14,7 +14,7 @@ from mlsanm_cli.app.clouds import clouds
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.contacts import refuse_overlap
 from mlsanm_cli.app.estimate import refuse_too_large, refuse_too_many_contacts
-from mlsanm_cli.app.scene import Prepared, equip, prepare
+from mlsanm_cli.app.scene import NOTHING, Prepared, equip, prepare
 from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
@@ -105,19 +105,35 @@ def _size_key(case: Case) -> str:
 
 
 def place(
-    case: Case, clock: Clock, console: Console, zones: tuple[Zone, ...] = (), memo: Memo = AFRESH
+    case: Case,
+    clock: Clock,
+    console: Console,
+    zones: tuple[Zone, ...] = (),
+    memo: Memo = AFRESH,
+    before: Prepared | None = None,
 ) -> Prepared:
-    """Clouds, stencils, pairs and conditions; ``zones`` refine every body beyond what the case says."""
+    """Clouds, stencils, pairs and conditions; ``zones`` refine every body beyond what the case says, and
+    bodies that come out as ``before`` stay."""
     with clock.phase("cloud"):
         console.phase("placing nodes")
         placed = clouds(case, zones, memo)
     with clock.phase("operators"):
         console.phase("building operators")
-        return prepare(case, placed, memo)
+        return prepare(case, placed, memo, before.models if before is not None else NOTHING)
 
 
-def complete(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: Memo = AFRESH) -> Built:
-    """Set up the bodies' systems, condense, and find the reach of every contact."""
+def complete(
+    case: Case,
+    prepared: Prepared,
+    clock: Clock,
+    console: Console,
+    memo: Memo = AFRESH,
+    before: Scene | None = None,
+) -> Built:
+    """Set up the bodies' systems, condense, and find the reach of every contact.
+
+    Bodies whose models are those of the scene ``before`` keep their systems.
+    """
 
     @contextmanager
     def factorising() -> Iterator[None]:
@@ -126,7 +142,8 @@ def complete(case: Case, prepared: Prepared, clock: Clock, console: Console, mem
             yield
 
     with clock.phase("operators"):
-        scene = equip(case, prepared, LINEAR[case.solver.linear](), factorising, memo)
+        bodies = before.bodies if before is not None else NOTHING
+        scene = equip(case, prepared, LINEAR[case.solver.linear](), factorising, memo, bodies)
     stages = stage_factors(case)
     condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console, memo)
     with clock.phase("condensation"):

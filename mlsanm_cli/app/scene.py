@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +31,8 @@ from mlsanm_cli.memo import AFRESH, Memo, digest
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.values import dataclass
+
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -57,8 +61,13 @@ def mls_settings(case: Case) -> MlsSettings:
     return MlsSettings(case.mls.degree, neighbors if isinstance(neighbors, int) else None, case.mls.scheme)
 
 
-def prepare(case: Case, clouds: Mapping[str, Cloud], memo: Memo = AFRESH) -> Prepared:
-    """Stencils, pairs and conditions.
+def prepare(
+    case: Case,
+    clouds: Mapping[str, Cloud],
+    memo: Memo = AFRESH,
+    before: Mapping[str, BodyModel] = NOTHING,
+) -> Prepared:
+    """Stencils, pairs and conditions; of the models ``before`` those stay whose clouds did.
 
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
     value at some node, and for probes outside their body.
@@ -71,6 +80,10 @@ def prepare(case: Case, clouds: Mapping[str, Cloud], memo: Memo = AFRESH) -> Pre
     for body in case.body:
         clamped = sorted(name for name, sides in held[body.name].items() if all(sides))
         name, cloud, material = body.name, clouds[body.name], stiffness[body.material]
+        known = before.get(name)
+        if known is not None and known.cloud.content == cloud.content:
+            models[name] = known
+            continue
         models[name] = memo.value(
             "model",
             model_key(name, cloud, material, settings, clamped),
@@ -93,15 +106,20 @@ def equip(
     solver: DirectSolver,
     timed: Timed = nullcontext,
     memo: Memo = AFRESH,
+    before: Mapping[str, ElasticBody] = NOTHING,
 ) -> mechanics.Scene:
     """Set up every body's system, once for bodies that are alike; it is factorised within ``timed()`` when it
-    is first used."""
+    is first used. Of the bodies ``before``, of the same case, those stay whose models did."""
     bodies: dict[str, ElasticBody] = {}
     conditions = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name])
         for name in prepared.models
     }
     for name, model in prepared.models.items():
+        known = before.get(name)
+        if known is not None and known.model is model:
+            bodies[name] = known
+            continue
         held, held_nodes, springs = conditions[name]
         twins = (
             body

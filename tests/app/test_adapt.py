@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import build
+from mlsanm_cli.app import adapt, build, scene
 from mlsanm_cli.app.adapt import ACROSS, AT_EDGE
+from mlsanm_cli.app.build import Built, complete, place
+from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Surface
 from mlsanm_cli.cloud.curves import Segment
@@ -17,8 +20,10 @@ from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.patches import contact_patches
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.kernels.jit import Loaded
+from mlsanm_cli.mechanics.assembly import assemble
+from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.reference.lame import LameRing
-from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
+from tests.app.scenes import BAR, PATCH, Quiet, assert_same_bits, hertz, solve
 
 RING = """
 format = 1
@@ -43,6 +48,22 @@ name = "inside"
 boundary = "ring.inner"
 kind = "pressure"
 pressure = 100.0
+"""
+FAR = """
+[[body]]
+name = "far"
+material = "steel"
+spacing = 0.2
+shape = { kind = "rectangle", x = [20.0, 22.0], y = [0.0, 1.0] }
+[[support]]
+boundary = "far.left"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "pull"
+boundary = "far.right"
+kind = "traction"
+traction = [1.0, 0.0]
 """
 
 
@@ -177,3 +198,32 @@ def test_kernels_are_announced_once(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     console = Quiet()
     solve(hertz(), tmp_path / "run", "adapt.passes=2", console=console)
     assert console.warnings.count("compiled kernels cannot be kept") == 1
+
+
+def test_a_body_that_no_pass_changes_keeps_its_operators(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[str] = []
+
+    def counted(model: BodyModel, *rest: Any) -> ElasticBody:
+        made.append(model.name)
+        return assemble(model, *rest)
+
+    monkeypatch.setattr(scene, "assemble", counted)
+    text = hertz() + FAR
+    passes = len(solve(text, tmp_path / "kept", "adapt.passes=2")["adapt"])
+    assert passes > 1
+    assert (made.count("block"), made.count("far")) == (passes, 1)
+
+    def placed(*given: Any) -> Prepared:
+        return place(*given[:5])
+
+    def completed(*given: Any) -> Built:
+        return complete(*given[:5])
+
+    made.clear()
+    monkeypatch.setattr(adapt, "place", placed)
+    monkeypatch.setattr(adapt, "complete", completed)
+    solve(text, tmp_path / "anew", "adapt.passes=2")
+    assert made.count("far") == passes
+    assert_same_bits(tmp_path / "kept", tmp_path / "anew")
