@@ -35,13 +35,15 @@ def relax(points: FloatArray, fixed: int, spacing: Spacing) -> FloatArray:
     for sweep in range(SWEEPS):
         if sweep % LOOK == 0:
             nearest = cKDTree(points).query(points[fixed:], k=np.arange(2, count + 2))
-            neighbour = np.asarray(nearest[1])
-        h = spacing.at(points[fixed:])[:, None]
-        away = points[fixed:, None, :] - points[neighbour]
-        distance = np.sqrt((away**2).sum(axis=2))
-        push = ((h / distance) ** STEEPNESS / distance)[:, :, None]
-        force = (push * away).sum(axis=1)
-        size = np.sqrt((force**2).sum(axis=1, keepdims=True))
+            neighbour = np.ascontiguousarray(nearest[1].T)
+        h = spacing.at(points[fixed:])
+        # Coordinates apart, neighbours along the first axis: numpy is slow at axes as short as 2.
+        x, y = np.ascontiguousarray(points.T)
+        across, along = x[fixed:] - x[neighbour], y[fixed:] - y[neighbour]
+        distance = np.sqrt(across**2 + along**2)
+        push = (h / distance) ** STEEPNESS / distance
+        force = np.stack([(push * across).sum(axis=0), (push * along).sum(axis=0)], axis=1)
+        size = np.sqrt((force**2).sum(axis=1))
         length = np.minimum(STEP * size / (1.0 + 0.25 * size), LONGEST)
-        points[fixed:] += h * length * force / np.maximum(size, np.finfo(float).tiny)
+        points[fixed:] += (h * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
     return points
