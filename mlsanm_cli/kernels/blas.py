@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import ctypes
 import importlib
+import re
 from dataclasses import dataclass
 from typing import Any
+
+from mlsanm_cli.errors import RunError
 
 
 @dataclass(frozen=True)
@@ -30,14 +33,31 @@ class External:
         return f"mlsanm_{self.name}"
 
     def address(self) -> int:
-        """Where it is in this process."""
+        """Where it is in this process.
+
+        Raises RunError where it takes other arguments, such as integers of 64 bits: kernels hand over
+        pointers, and nothing else would notice.
+        """
         capsule = importlib.import_module(f"scipy.linalg.{self.module}").__pyx_capi__[self.name]
         python = ctypes.pythonapi
         name = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", python))
         pointer = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
             ("PyCapsule_GetPointer", python)
         )
-        return int(pointer(capsule, name(capsule)))
+        declared = name(capsule)
+        if _kinds(declared.decode()) != self.arguments:
+            version = importlib.import_module("scipy").__version__
+            told = f"scipy {version} has a {self.name} that kernels cannot call: {declared.decode()}"
+            raise RunError(told, "install another version of scipy")
+        return int(pointer(capsule, declared))
+
+
+def _kinds(declared: str) -> str:
+    """Arguments of a function as Cython declares it; "?" for all but pointers to the three known types."""
+    result, _, arguments = declared.removesuffix(")").partition(" (")
+    kinds = {"char *": "c", "int *": "i", "double *": "d"}
+    found = (kinds.get(re.sub(r"__pyx_t_\w+_d\b", "double", one), "?") for one in arguments.split(", "))
+    return "".join(found) if result == "void" else "?"
 
 
 dgemm: Any = External("cython_blas", "dgemm", "cciiiddididdi")

@@ -7,7 +7,8 @@ writes to another), ``tuple[Int1, int]`` a result. Functions that only kernels c
 :func:`inner`, take anything that numba can type, and are plain Python elsewhere. Kernels may call kernels and
 inner functions of any module here, and BLAS as :mod:`mlsanm_cli.kernels.blas` has it. A module of kernels
 needs no registration: those of this package are all found. ``f.__wrapped__`` is the Python function of a
-kernel f, and with ``NUMBA_DISABLE_JIT=1`` in the environment every kernel is.
+kernel f, and with ``NUMBA_DISABLE_JIT=1`` in the environment every kernel is; runs, which also call BLAS from
+kernels, are then refused.
 
 The first process compiles all kernels with numba, proves in another process that the machine code can be
 loaded without numba, and keeps it; later ones load it and never import numba. Where it cannot be kept, every
@@ -21,16 +22,21 @@ import importlib
 import os
 import pkgutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels import kept
-from mlsanm_cli.kernels.machine import Machine, UnloadableError
+from mlsanm_cli.kernels.machine import Code, Machine, UnloadableError
 from mlsanm_cli.kernels.signature import Signature
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+DISABLED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 
 
 class Kernel:
@@ -68,7 +74,7 @@ KERNELS: dict[str, Kernel] = {}
 
 def kernel(function: Function) -> Function:
     """Make a kernel of ``function``; it runs without the interpreter lock and without fast-math."""
-    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+    if DISABLED:
         return function
     made: Any = Kernel(function)
     KERNELS[made.name] = made
@@ -77,7 +83,7 @@ def kernel(function: Function) -> Function:
 
 def inner(function: Function) -> Function:
     """Let kernels call ``function``."""
-    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+    if DISABLED:
         return function
     return cast(Function, Inner(function))
 
@@ -114,7 +120,12 @@ _loaded: list[Loaded] = []
 
 
 def is_warm() -> bool:
-    """Whether machine code is loaded, or there from an earlier run and loaded now."""
+    """Whether machine code is loaded, or there from an earlier run and loaded now.
+
+    Raises RunError where the environment forbids it.
+    """
+    if DISABLED:
+        raise RunError("NUMBA_DISABLE_JIT is set, and a run needs its kernels compiled", "unset it")
     with _lock:
         if not _loaded:
             _loaded.extend(_from_disk())
@@ -142,7 +153,7 @@ def _compiled() -> Loaded:
     from mlsanm_cli.kernels import compiler
 
     try:
-        code = compiler.compiled(every_kernel())
+        code = _beside(compiler.compiled, every_kernel())
         compiler.prove(code)
         machine = Machine(code)
     except UnloadableError as error:
@@ -153,6 +164,28 @@ def _compiled() -> Loaded:
     except (OSError, RuntimeError) as error:
         return Loaded.unkept(machine, error)
     return Loaded(machine, place)
+
+
+def _beside(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
+    """``compiled(kernels)`` in a thread of its own, which when interrupted ends before the next kernel.
+
+    An interrupt that comes while LLVM calls Python, as it often does, would be printed and lost; while we
+    wait, it is not.
+    """
+    waited = True
+
+    def wanted() -> Iterator[Kernel]:
+        for kernel in kernels:
+            if not waited:
+                raise KeyboardInterrupt
+            yield kernel
+
+    with ThreadPoolExecutor(1) as pool:
+        code = pool.submit(compiled, wanted())
+        try:
+            return code.result()
+        finally:
+            waited = False
 
 
 def every_kernel() -> list[Kernel]:

@@ -1,8 +1,9 @@
 """Machine code on disk: one file for all kernels, known by all that went into it and by its own digest.
 
-The directory's name is a digest of the kernels' sources, the versions of numba, llvmlite and numpy, the
-processor with its features, and numba's settings. The file begins with the SHA-256 of the rest of it, is
-written beside its place and then moved there, and is compiled anew where anything is wrong with it.
+The directory's name is a digest of the kernels' sources, the versions of numba, llvmlite, numpy and Python,
+whose bytecode numba compiles, the processor with its features, and numba's settings. The file begins with the
+SHA-256 of the rest of it, is written beside its place and then moved there, and is compiled anew where
+anything is wrong with it.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,8 @@ def circumstances() -> tuple[str, ...]:
     settings = (f"{name}={os.environ[name]}" for name in sorted(names))
     features = llvm.get_host_cpu_features().flatten()
     processor = (llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
-    return (version, llvmlite.__version__, np.__version__, *processor, *settings)
+    python = str(sys.implementation.cache_tag)
+    return (version, llvmlite.__version__, np.__version__, python, *processor, *settings)
 
 
 def directory() -> Path:
@@ -84,11 +86,10 @@ def read(place: Path) -> Code | None:
 def write(place: Path, code: Code) -> None:
     """Keep machine code; others see all of it or nothing. Raises OSError."""
     place.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=place)
+    # Not by tempfile, whose files no other user may read: one may compile for all.
+    beside = place / f"{NAME}.{os.getpid()}.{os.urandom(8).hex()}"
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(encoded(code))
-        os.replace(name, place / NAME)
-    except OSError:
-        os.unlink(name)
-        raise
+        beside.write_bytes(encoded(code))
+        beside.replace(place / NAME)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -46,7 +46,12 @@ class Stencils:
         )
 
     def derivatives(self, field: FloatArray) -> FloatArray:
-        """Value and derivatives (e, kinds, c), in the order of the weights, of a nodal ``field`` (n, c)."""
+        """Value and derivatives (e, kinds, c), in the order of the weights, of a nodal ``field`` (n, c).
+
+        Raises ValueError for a field of another n.
+        """
+        if len(field) != self.nodes:
+            raise ValueError(f"a field of {len(field)} nodes for stencils of {self.nodes}")
         result = np.zeros((len(self.indptr) - 1, self.weights.shape[1], field.shape[1]))
         apply_weights(self.indptr, self.indices, self.weights, np.ascontiguousarray(field), result)
         return result

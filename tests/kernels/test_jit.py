@@ -5,6 +5,7 @@ The processes here have kernels of their own, few and small, in place of the pac
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -12,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.kernels import kept
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.kernels import blas, kept
 from mlsanm_cli.kernels.jit import load
 from mlsanm_cli.kernels.machine import Code
 from tests.app.scenes import hertz
@@ -163,7 +165,7 @@ def test_another_version_or_setting_of_numba_has_code_of_its_own(cache: Path, tm
     assert run(tmp_path, ROOTS, NUMBA_NUM_THREADS="2")[0] == "True"
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(7))
 def test_everything_that_code_depends_on_is_in_its_name(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     before, parts = kept.directory(), kept.circumstances()
     assert kept.directory() == before
@@ -178,6 +180,38 @@ def test_many_processes_may_start_cold_at_once(tmp_path: Path) -> None:
     assert all(lines[1].startswith("[1.0, 1.5] [0, 1, 2] 4 0.25") for lines in told)
     assert len(files(tmp_path)) == 1
     assert run(tmp_path, ROOTS) == answer(warm=True, numba=False)
+
+
+INTERRUPTED = """
+import os, signal, time
+from mlsanm_cli.kernels import compiler
+right, seen = compiler._compiled, []
+
+class Freed:
+    # Exceptions that come while an object is freed are printed and lost.
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.5)
+
+def compiled(kernel):
+    seen.append(kernel.name)
+    Freed()
+    return right(kernel)
+
+compiler._compiled = compiled
+try:
+    jit.load()
+except KeyboardInterrupt:
+    print("interrupted", len(seen), len(jit.KERNELS))
+"""
+
+
+def test_an_interrupt_ends_the_compilation(tmp_path: Path) -> None:
+    process = started(tmp_path, KERNELS + MORE + INTERRUPTED)
+    out, err = process.communicate()
+    assert (out, err) == ("interrupted 1 6\n", "")
+    assert files(tmp_path) == []
+    assert run(tmp_path, ROOTS) == answer(warm=False, numba=True)
 
 
 def test_where_nothing_can_be_written_every_process_compiles_and_says_so(tmp_path: Path) -> None:
@@ -283,6 +317,24 @@ def test_kernels_are_python_functions_where_numba_is_off(tmp_path: Path) -> None
     program = "print(type(ones).__name__, type(root).__name__, same(np.eye(2)), 'numba' in sys.modules)"
     told = run(tmp_path, MORE + program, NUMBA_DISABLE_JIT="1")
     assert told == ["function function [0. 1.] False"]
+    process = started(tmp_path, KERNELS + "jit.load()", NUMBA_DISABLE_JIT="1")
+    assert process.communicate()[1].endswith(
+        "NUMBA_DISABLE_JIT is set, and a run needs its kernels compiled\n"
+    )
+
+
+def test_kernels_of_one_user_serve_all(tmp_path: Path) -> None:
+    program = "import os; os.umask(0o022); jit.load()\n"
+    run(tmp_path, program + "print(oct((jit.load().place / kept.NAME).stat().st_mode))")
+    assert [oct(path.stat().st_mode) for path in files(tmp_path)] == ["0o100644"]
+
+
+def test_functions_of_scipy_are_called_as_they_are_declared() -> None:
+    for external in blas.EXTERNALS:
+        assert external.address()
+        wrong = dataclasses.replace(external, arguments=external.arguments.replace("i", "l"))
+        with pytest.raises(RunError, match=f"has a {external.name} that kernels cannot call: void"):
+            wrong.address()
 
 
 def test_a_warm_run_imports_no_numba(tmp_path: Path) -> None:

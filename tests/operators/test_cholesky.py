@@ -118,6 +118,19 @@ def test_hard_matrices_are_solved_as_well_as_by_superlu(apart: float, scales: fl
     assert backward_error(matrix, factor) <= max(1e-16, 3.0 * backward_error(matrix, other))
 
 
+def test_other_sizes_are_refused_and_nothing_is_asked_of_blas(capfd: pytest.CaptureFixture[str]) -> None:
+    points = scattered(60)
+    factor = CholeskySolver().factor_definite(normal_equations(points), points)
+    assert factor.solve(np.zeros((120, 0))).shape == (120, 0)
+    assert capfd.readouterr().err == ""
+    for size in (0, 118, 122):
+        with pytest.raises(ValueError, match=f"{size} rows for 120 unknowns"):
+            factor.solve(np.ones(size))
+    for count in (59, 61):
+        with pytest.raises(ValueError, match=f"a graph of 60 vertices for {count} points"):
+            CholeskySolver().factor_definite(normal_equations(points), scattered(count))
+
+
 def test_the_same_matrix_gives_the_same_bits() -> None:
     points = scattered(300)
     first, second = (CholeskySolver().factor_definite(normal_equations(points), points) for _ in range(2))

@@ -135,3 +135,11 @@ def test_take_picks_whole_stencils() -> None:
         assert np.array_equal(taken.indices[mine], stencils.indices[theirs])
         assert np.array_equal(taken.weights[mine], stencils.weights[theirs])
     assert taken.indptr[-1] == len(taken.indices)
+
+
+@pytest.mark.parametrize("count", [80, 82])
+def test_fields_of_other_nodes_are_refused(count: int) -> None:
+    points = lattice(9)
+    stencils = build_stencils(points, cKDTree(points), points[:3], 1, MlsSettings())
+    with pytest.raises(ValueError, match=f"a field of {count} nodes for stencils of 81"):
+        stencils.derivatives(np.zeros((count, 2)))

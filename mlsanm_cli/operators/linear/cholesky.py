@@ -65,7 +65,14 @@ class CholeskyFactor:
     note: str = ""
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
-        """Solution for (n,) or (n, c) right-hand sides; the matrix is its own transpose."""
+        """Solution for (n,) or (n, c) right-hand sides; the matrix is its own transpose.
+
+        Raises ValueError for another n.
+        """
+        if len(rhs) != len(self.order):
+            raise ValueError(f"{len(rhs)} rows for {len(self.order)} unknowns")
+        if not rhs.size:
+            return np.zeros(rhs.shape)  # BLAS knows no matrices without rows
         x = np.ascontiguousarray(rhs[self.order], dtype=float)
         shape = self.fronts
         solve(

@@ -34,8 +34,10 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     ``points`` (n, 2); of the ``graph``, in compressed rows or blocks, the symmetric pattern counts. A part is
     cut at its median along the one of DIRECTIONS directions that leaves the smallest separator: the vertices
     of one half that touch the other. Graded clouds are far from boxes; one direction by their extent left up
-    to half as much fill again.
+    to half as much fill again. Raises ValueError for a graph of another number of vertices.
     """
+    if graph.shape[0] != graph.shape[1] or len(graph.indptr) != len(points) + 1:
+        raise ValueError(f"a graph of {len(graph.indptr) - 1} vertices for {len(points)} points")
     angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     heights = points @ np.stack([np.cos(angles), np.sin(angles)])
     ranked = np.argsort(heights.T, axis=1, kind="stable").astype(np.int32)
