@@ -1,7 +1,8 @@
-"""Neighbour search, triangles and shortest ways of scipy, without the rest of their packages.
+"""Neighbour search, triangles, shortest ways and roots of scipy, without the rest of their packages.
 
-`scipy.spatial` brings rotations, distances, special functions and physical constants along, and
-`scipy.sparse.csgraph` the eigenvalue solvers; this takes longer than importing scipy's linear algebra.
+`scipy.spatial` brings rotations, distances, special functions and physical constants along,
+`scipy.sparse.csgraph` the eigenvalue solvers, and `scipy.optimize` all minimisers; this takes longer than
+importing scipy's linear algebra. What is not used by every run is imported where it is used.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import scipy
 
-__all__ = ["Delaunay", "cKDTree", "dijkstra"]
+__all__ = ["Delaunay", "brentq", "cKDTree", "dijkstra"]
 
 
 def _part(package: str, module: str, name: str) -> Any:
@@ -34,6 +35,7 @@ def _part(package: str, module: str, name: str) -> Any:
 
 
 if TYPE_CHECKING:
+    from scipy.optimize import brentq
     from scipy.sparse.csgraph import dijkstra
     from scipy.spatial import Delaunay, cKDTree
 
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 _PARTS = {
     "cKDTree": ("scipy.spatial", "_ckdtree"),
     "Delaunay": ("scipy.spatial", "_qhull"),
+    "brentq": ("scipy.optimize", "_zeros_py"),
     "dijkstra": ("scipy.sparse.csgraph", "_shortest_path"),
 }
 

@@ -11,8 +11,10 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SAME = (
-    "import pickle, numpy as np, scipy.spatial, scipy.sparse.csgraph\n"
-    "from mlsanm_cli.parts import Delaunay, cKDTree, dijkstra\n"
+    "import pickle, numpy as np, scipy.optimize, scipy.spatial, scipy.sparse.csgraph\n"
+    "from mlsanm_cli.parts import Delaunay, brentq, cKDTree, dijkstra\n"
+    "assert brentq is scipy.optimize.brentq\n"
+    "assert scipy.optimize.minimize_scalar(lambda x: (x - 1.0) ** 2).success\n"
     "assert (Delaunay, cKDTree) == (scipy.spatial.Delaunay, scipy.spatial.cKDTree)\n"
     "assert dijkstra is scipy.sparse.csgraph.dijkstra\n"
     "assert issubclass(scipy.spatial.KDTree, cKDTree)\n"
@@ -20,10 +22,11 @@ SAME = (
     "print(tree.query([2.0, 3.1])[1], scipy.spatial.distance.euclidean([0.0], [2.0]))\n"
 )
 THREADED = "import threading; threading.Thread(target=threading.Event().wait, daemon=True).start()\n"
-PARTS = "from mlsanm_cli.parts import Delaunay, cKDTree, dijkstra\n"
+PARTS = "from mlsanm_cli.parts import Delaunay, brentq, cKDTree, dijkstra\n"
 LOADED = (
     f"import sys; {PARTS}"
-    "print(sorted({'scipy.spatial', 'scipy.sparse.csgraph', 'scipy.special'} & set(sys.modules)))\n"
+    "whole = {'scipy.optimize', 'scipy.spatial', 'scipy.sparse.csgraph', 'scipy.special'}\n"
+    "print(sorted(whole & set(sys.modules)))\n"
 )
 
 

@@ -10,7 +10,6 @@ from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.contact.set_search import Watch, find_sets
 from mlsanm_cli.contact.sets import Sets, Values
 from mlsanm_cli.continuation import Branch
-from mlsanm_cli.roots import root
 from mlsanm_cli.values import dataclass
 
 SAMPLES = 17
@@ -112,7 +111,9 @@ class Barrier:
 
         if level(low) <= 0.0:
             return low
-        return root(level, low, high)
+        from mlsanm_cli.parts import brentq  # for paths with events only
+
+        return float(brentq(level, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps, maxiter=200))
 
     def _told(self, column: int, levels: int) -> Hits:
         hits, n, held = Hits.none(self._problem.n), self._problem.n, len(self._stuck)

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.roots import root
+from mlsanm_cli.parts import brentq
 from mlsanm_cli.values import dataclass
 
 FloatArray = NDArray[np.float64]
@@ -45,7 +45,7 @@ class PinInHole:
         ratio = self.modulus * self.clearance / self.force
         # The ratio falls as b grows; the half-plane's b² = 2/(π ratio) is above the root.
         high = min(2.0 * FIT, math.sqrt(2.0 / (math.pi * ratio)))
-        return root(lambda b: clearance_ratio(b) - ratio, 1e-3 * high, high, absolute=1e-15)
+        return float(brentq(lambda b: clearance_ratio(b) - ratio, 1e-3 * high, high, xtol=1e-15))
 
     @property
     def half_angle(self) -> float:

@@ -17,6 +17,7 @@ UNUSED = frozenset(
             "scipy.fft",
             "scipy.interpolate",
             "scipy.optimize",
+            "scipy.optimize._zeros_py",
             "scipy.spatial",
             "scipy.special",
             "scipy.stats",
