@@ -31,7 +31,7 @@ def write_vertices(path: Path, points: NDArray[np.float64], data: Mapping[str, N
     Raises RunError if the file cannot be written.
     """
     count = len(points)
-    cells = {
+    cells: dict[str, NDArray[Any]] = {
         "connectivity": np.arange(count),
         "offsets": np.arange(1, count + 1),
         "types": np.full(count, VERTEX, dtype=np.uint8),
@@ -47,12 +47,13 @@ def write_vertices(path: Path, points: NDArray[np.float64], data: Mapping[str, N
         for section, arrays in (("Points", {"Points": points}), ("Cells", cells), ("PointData", data)):
             _put(stream, f"<{section}>")
             for name, array in arrays.items():
-                _array(stream, name, np.ascontiguousarray(array))
+                _array(stream, name, array)
             _put(stream, f"</{section}>")
         _put(stream, "</Piece>", "</UnstructuredGrid>", "</VTKFile>")
 
 
 def _array(stream: BinaryIO, name: str, array: NDArray[Any]) -> None:
+    array = np.ascontiguousarray(array, array.dtype.newbyteorder("="))
     width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
     kind = _TYPES[array.dtype.str[1:]]
     _put(stream, f'<DataArray type="{kind}" Name="{escape(name)}"{width} format="binary">')

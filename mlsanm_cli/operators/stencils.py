@@ -87,7 +87,8 @@ def build_stencils(
     while len(pending):
         size = min(size, len(points))
         indices, weights, ratio = _fit(points, tree, targets[pending], size, order, settings, sight)
-        sound = ratio >= settings.rank_tolerance
+        # Above one it is no ratio: the nodes are so close together that no radius separates them.
+        sound = (ratio >= settings.rank_tolerance) & (ratio <= 1.0)
         parts.append((pending[sound], indices[sound], weights[sound]))
         worst = float(min(worst, ratio[sound].min(initial=1.0)))
         pending = pending[~sound]

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.vertices import write_vertices
 from mlsanm_cli.io.vtu import BodyState, ModelBody, StateWriter, write_model, write_single
 
 ROOT = Path(__file__).parents[2]
@@ -57,6 +58,13 @@ def test_every_array_reads_back_bit_for_bit_in_three_dimensions(tmp_path: Path) 
     np.testing.assert_array_equal(data["von_mises"], body.von_mises)
     np.testing.assert_array_equal(data["boundary_tag"], body.boundary_tag)
     assert data["boundary_tag"].dtype.kind == "i"
+
+
+def test_arrays_of_the_other_byte_order_read_back_too(tmp_path: Path) -> None:
+    data = {"a": np.array([1.0, 2.0], dtype=">f8"), "b": np.array([3, 4], dtype="<i4")}
+    write_vertices(tmp_path / "a.vtu", np.zeros((2, 3), dtype=">f8"), data)
+    found = read(tmp_path / "a.vtu").point_data
+    assert {name: array.tolist() for name, array in found.items()} == {"a": [1.0, 2.0], "b": [3, 4]}
 
 
 def test_fields_left_out_are_left_out_and_zz_defaults_to_zero(tmp_path: Path) -> None:

@@ -143,3 +143,10 @@ def test_fields_of_other_nodes_are_refused(count: int) -> None:
     stencils = build_stencils(points, cKDTree(points), points[:3], 1, MlsSettings())
     with pytest.raises(ValueError, match=f"a field of {count} nodes for stencils of 81"):
         stencils.derivatives(np.zeros((count, 2)))
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-310])
+def test_nodes_that_no_radius_separates_are_refused(scale: float) -> None:
+    points = scale * lattice(9)
+    with pytest.raises(NumericalError, match=r"the nodes around \(0, 0\) cannot carry"):
+        build_stencils(points, cKDTree(points), points[:1], 1, MlsSettings())
