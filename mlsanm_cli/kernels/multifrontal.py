@@ -374,7 +374,7 @@ def products(
         x = np.zeros((pivots + edge) * c)
         for row in range(2 * start[f], 2 * start[f + 1]):
             for entry in range(indptr[row], indptr[row + 1]):
-                x[(row - 2 * start[f]) * c + at[indices[entry]]] = data[entry]
+                x[(row - 2 * start[f]) * c + at[indices[entry]]] += data[entry]
         _locate(f, start, begin, border, local)
         while depth > bottom:
             child, width = owner[depth - 1], len(active[depth])

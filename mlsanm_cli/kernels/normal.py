@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mlsanm_cli.kernels.jit import kernel
-from mlsanm_cli.kernels.signature import Float2, FloatOut3, Index1, IndexOut1
+from mlsanm_cli.kernels.signature import Float2, FloatOut3, Index1, IndexOut1, Int1, IntOut1
 
 
 @kernel
@@ -35,7 +35,7 @@ def count_neighbours(
     begin: Index1,
     row: Index1,
     mark: IndexOut1,
-    end: IndexOut1,
+    end: IntOut1,
 ) -> None:
     """``end`` (n + 1,), zero at first: where the neighbours of every node begin when all are counted
     through. Nodes that a row acts on together are neighbours, each is its own too; ``mark`` (n,) is -1."""
@@ -58,8 +58,8 @@ def add_blocks(
     begin: Index1,
     row: Index1,
     entry: Index1,
-    slot: IndexOut1,
-    end: Index1,
+    slot: IntOut1,
+    end: Int1,
     neighbour: IndexOut1,
     blocks: FloatOut3,
 ) -> None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import scipy.sparse as sparse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.operators import structure
+from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.normal import normal_equations
 
 
@@ -29,3 +33,18 @@ def test_blocks_are_those_of_the_product(rows: int, nodes: int, seed: int) -> No
     again = normal_equations(mixed)
     assert len(again.indices) == len(found.indices)
     assert np.abs(again.toarray() - expected).max() <= 1e-14 * max(1.0, np.abs(expected).max())
+
+
+@pytest.mark.parametrize("most", [39, 40, 399, 400])
+def test_more_entries_than_can_be_counted_are_refused(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two rows on all of 20 nodes: 40 entries, and a block for each of 400 pairs."""
+    matrix = sparse.csr_array(np.ones((2, 40)))
+    whole = normal_equations(matrix)
+    monkeypatch.setattr(structure, "MOST", most)
+    if most < 400:
+        with pytest.raises(NumericalError, match=f"have {40 if most < 40 else 400} entries"):
+            normal_equations(matrix)
+        with pytest.raises(NumericalError, match="have 400 entries"):
+            nested_dissection(np.random.default_rng(0).uniform(size=(20, 2)), whole)
+    else:
+        assert np.array_equal(normal_equations(matrix).toarray(), whole.toarray())

@@ -10,12 +10,13 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.multifrontal import BLOCK, borders, factorise, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.operators.structure import structure
 from mlsanm_cli.values import dataclass
 
 SOUND = 1e-11
@@ -82,12 +83,6 @@ class CholeskyFactor:
         shape = self.fronts
         tree = (shape.start, shape.parent, shape.begin, shape.border, shape.panel)
         return products(*tree, self.values, indptr, indices, both.data, left.shape[0], both.shape[1])
-
-
-def structure(graph: sparse.bsr_array) -> tuple[IndexArray, IndexArray]:
-    """Where the rows of a graph begin, (n + 1,), and its columns, of 32 bits as the kernels take them."""
-    indptr, indices = (part.astype(np.int32, copy=False) for part in (graph.indptr, graph.indices))
-    return indptr, indices
 
 
 class CholeskySolver(SuperLUSolver):

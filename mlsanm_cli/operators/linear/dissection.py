@@ -7,6 +7,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.dissection import dissect
+from mlsanm_cli.operators.structure import structure
 from mlsanm_cli.values import dataclass
 
 LEAF = 16
@@ -39,10 +40,9 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     heights = points @ np.stack([np.cos(angles), np.sin(angles)])
     ranked = np.argsort(heights.T, axis=1, kind="stable").astype(np.int32)
-    indptr, indices = graph.indptr.astype(np.int32, copy=False), graph.indices.astype(np.int32, copy=False)
     order = np.empty(len(points), dtype=np.int64)
     begins, parents = np.empty((2, 2 * len(points) + 1), dtype=np.int64)
-    count = dissect(indptr, indices, ranked, LEAF, order, begins, parents)
+    count = dissect(*structure(graph), ranked, LEAF, order, begins, parents)
     # Fronts were found from the last to the first, and their parents counted the same way.
     parent = parents[:count][::-1]
     return Dissection(
