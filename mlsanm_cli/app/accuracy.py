@@ -21,7 +21,7 @@ from mlsanm_cli.contact.accuracy import corrected_state, halved_pressure, l2
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.defect import Defect, defect_of
+from mlsanm_cli.mechanics.defect import Defect, defect_of, response
 from mlsanm_cli.operators.refinement import QUICK
 from mlsanm_cli.values import dataclass
 
@@ -108,20 +108,18 @@ def _corrected(
     """Sum of squares of what the defects change of all displacements, contact and platens solved again, and
     the pressures (m,) then: without the bodies' sums, and with them."""
     condensed, scene = built.condensed, built.scene
-    changes, states = [], []
-    for with_sums in (False, True):
-        changes.append(
-            {name: defect.correction(scene.bodies[name], with_sums) for name, defect in defects.items()}
-        )
-        states.append(corrected_state(condensed, scene, state, changes[-1]))
+    changes = {name: defect.corrections(scene.bodies[name]) for name, defect in defects.items()}
+    states = [
+        corrected_state(condensed, scene, state, {name: both[:, way] for name, both in changes.items()})
+        for way in (0, 1)
+    ]
     motion = np.stack([one.motion - state.motion for one in states], axis=1)
     pressure = np.stack([one.pressure - state.pressure for one in states], axis=1)
     moved = np.concatenate([np.zeros((len(state.factors), 2)), motion, pressure])
     errors = np.zeros(2)
     for name, body in scene.bodies.items():
-        followed = body.system.solve(sparse.csc_array(condensed.sources[name] @ moved), QUICK)
-        change = np.stack([one[name] for one in changes], axis=1)
-        errors += ((change + followed + scene.loose_patterns(name) @ motion) ** 2).sum(axis=0)
+        followed = response(body, sparse.csc_array(condensed.sources[name] @ moved))
+        errors += ((changes[name] + followed + scene.loose_patterns(name) @ motion) ** 2).sum(axis=0)
     return errors, [one.pressure for one in states]
 
 

@@ -127,7 +127,18 @@ class FreeSystem:
 
     def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
         """Solutions (n, c) without mean motion for right-hand sides ``sources`` (r, c), balanced first."""
-        solution = self.system.solve(self._balanced(sources), tolerance)
+        return self._centred(self.system.solve(self._balanced(sources), tolerance))
+
+    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+        """Solutions (n, c) by the factor alone."""
+        return self._centred(self.system.roughly(self._balanced(sources)))
+
+    def both(self, source: sparse.csc_array) -> FloatArray:
+        """Solutions (n, 2) of the equations of the nodes alone, and with sums of them."""
+        return self._centred(self.system.both(self._balanced(source)))
+
+    def _centred(self, solution: FloatArray) -> FloatArray:
+        """``solution`` (n, c) without mean motion."""
         return np.asarray(solution - self.patterns @ (self.mean @ solution))
 
     def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:

@@ -52,6 +52,18 @@ class LeastSquares:
         lack = self.scaled(sources)
         return self._refined(np.zeros((self.rows.shape[1], 1)), lack, tolerance)[0]
 
+    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+        """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
+        return self.factor.solve(self._gather(self.scaled(sources)))
+
+    def both(self, source: sparse.csc_array) -> FloatArray:
+        """Solutions (n, 2) for one right-hand side ``source`` (r, 1): by the rows alone, refined to QUICK,
+        and with the sums, which the factor alone adds to it."""
+        plain = self.plain.solve(source, QUICK)
+        if not isinstance(self.factor, UpdatedFactor):
+            return np.hstack([plain, plain])
+        return np.hstack([plain, self.factor.joined(plain, self._weighted(source)[1])])
+
     def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
         """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, c): (g, c)."""
         weighted, summed = self._weighted(sources)
@@ -176,7 +188,14 @@ class UpdatedFactor:
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides."""
-        first = self.factor.solve(rhs, transposed)
+        return self._updated(self.factor.solve(rhs, transposed))
+
+    def joined(self, first: FloatArray, rhs: FloatArray) -> FloatArray:
+        """Solution (n, c) with B^T ``rhs`` (k, c) on the right-hand side too, from the ``first`` one, which
+        knows neither that nor the update."""
+        return self._updated(first + self.solved @ rhs)
+
+    def _updated(self, first: FloatArray) -> FloatArray:
         return np.asarray(first - self.solved @ linalg.cho_solve(self.small, self.images @ first))
 
     def image_products(self, left: sparse.csr_array, rhs: FloatArray) -> FloatArray:

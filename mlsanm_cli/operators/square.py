@@ -28,6 +28,14 @@ class Square:
         rhs = self.scaled(sources)
         return refine(self.factor.solve(rhs), self._update(rhs), tolerance)
 
+    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+        """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
+        return self.factor.solve(self.scaled(sources))
+
+    def both(self, source: sparse.csc_array) -> FloatArray:
+        """The solution (n, 2) for one right-hand side ``source`` (r, 1), twice: there are no sums."""
+        return np.repeat(self.solve(source, QUICK), 2, axis=1)
+
     def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
         """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, c), as a matrix (g, c).
 

@@ -36,6 +36,15 @@ class LinearSystem(Protocol):
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
         ...
 
+    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+        """Solutions (n, c) by the factor alone; :meth:`residual` tells what they are worth."""
+        ...
+
+    def both(self, source: sparse.csc_array) -> FloatArray:
+        """Solutions (n, 2) for one right-hand side ``source`` (r, 1): of the equations of the nodes alone,
+        and with sums of them, the second no better than those of :meth:`roughly`."""
+        ...
+
     def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
         """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, c), as a matrix (g, c).
 

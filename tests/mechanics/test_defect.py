@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.defect import defect_of
+from mlsanm_cli.mechanics.defect import ROUGH, defect_of, response
+from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.operators.least_squares import LeastSquares
 from tests.mechanics.bodies import build, jittered_square
 
@@ -47,6 +49,36 @@ def test_held_rows_have_no_defect() -> None:
     for component in (0, 1):
         assert not source[body.condition_rows("left", component)].any()
         assert source[body.condition_rows("right", component)].any()
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.4999])
+@pytest.mark.parametrize("held", [HELD, {}], ids=["held", "free"])
+def test_corrections_are_those_of_refined_solutions(
+    held: dict[str, tuple[bool, bool]], poisson: float
+) -> None:
+    body = build(jittered_square(14), held, material=isotropic(210.0, poisson, "strain"))
+    defect = defect_of(body, polynomial(body.model.cloud.points, 3))
+    source = sparse.csc_array(defect.source[:, None])
+    exact = np.hstack([system.solve(source) for system in (body.system.plain, body.system)])
+    found = defect.corrections(body)
+    size = np.linalg.norm(exact, axis=0)
+    assert (np.linalg.norm(found - exact, axis=0) <= ROUGH * size).all()
+    # Both ways are ways of their own.
+    assert np.linalg.norm(exact[:, 0] - exact[:, 1]) >= 1e-2 * size[1]
+
+
+def test_rough_solutions_are_refined_where_they_are_too_rough(monkeypatch: pytest.MonkeyPatch) -> None:
+    body = build(jittered_square(12), HELD)
+    assert isinstance(body.system, LeastSquares)
+    sources = sparse.csc_array(np.random.default_rng(1).normal(size=(body.rows, 2)))
+    exact, right = body.system.solve(sources), LeastSquares.roughly
+    assert np.linalg.norm(response(body, sources) - exact) <= ROUGH * np.linalg.norm(exact)
+
+    def useless(system: LeastSquares, sources: sparse.csc_array) -> FloatArray:
+        return np.asarray(right(system, sources) * np.array([1.0, 1.1]))
+
+    monkeypatch.setattr(LeastSquares, "roughly", useless)
+    np.testing.assert_allclose(response(body, sources), exact, atol=1e-6 * np.abs(exact).max())
 
 
 def test_other_degrees_are_refused() -> None:
