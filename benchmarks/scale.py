@@ -5,7 +5,7 @@
 A case of ``cases/`` with all spacings multiplied by each scale, every run a process of its own with one
 thread, compiled kernels and no cache of operators. Tells CPU seconds (user and system, of the process), those
 of the phases, peak memory, and the exponents of CPU time in the number of nodes, from line to line and over
-all. Writes scale.json, where lines of other cases stay.
+all. Writes scale.json after every line; lines of other cases stay.
 """
 
 from __future__ import annotations
@@ -72,11 +72,16 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
     wishes = parser.parse_args()
     subprocess.run([sys.executable, "-m", "mlsanm_cli.cli", "warmup"], check=True, cwd=ROOT)
+    path = wishes.out / "scale.json"
+    kept = json.loads(path.read_text()) if path.exists() else []
+    others = [line for line in kept if line["case"] != wishes.case]
+    wishes.out.mkdir(parents=True, exist_ok=True)
     lines: list[dict[str, Any]] = []
     for scale in sorted(wishes.scale, reverse=True):
         line = measure(ROOT / "cases" / f"{wishes.case}.toml", scale)
         step = f", exponent {exponent(lines[-1], line):.2f}" if lines else ""
         lines.append(line)
+        path.write_text(json.dumps([*others, *lines], indent=1) + "\n")
         print(
             f"{line['nodes']:7} nodes: {line['cpu']:.2f} s{step}, {line['peak_memory_mb']:.0f} MB, "
             f"{line['peak_memory_mb'] * 1024 / line['nodes']:.1f} KB a node",
@@ -84,11 +89,6 @@ def main() -> None:
         )
     if len(lines) > 1:
         print(f"exponent over all: {exponent(lines[0], lines[-1]):.2f}")
-    path = wishes.out / "scale.json"
-    kept = json.loads(path.read_text()) if path.exists() else []
-    wishes.out.mkdir(parents=True, exist_ok=True)
-    others = [line for line in kept if line["case"] != wishes.case]
-    path.write_text(json.dumps([*others, *lines], indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -138,6 +139,31 @@ def test_other_sizes_are_refused_and_nothing_is_asked_of_blas(capfd: pytest.Capt
     for count in (59, 61):
         with pytest.raises(ValueError, match=f"a graph of 60 vertices for {count} points"):
             CholeskySolver().factor_definite(normal_equations(points), scattered(count))
+
+
+def full(count: int) -> sparse.csc_array:
+    root = np.random.default_rng(count).normal(size=(2 * count, 2 * count))
+    return sparse.csc_array(root @ root.T + np.eye(2 * count))
+
+
+def star(count: int) -> sparse.csc_array:
+    """One node that all others touch."""
+    matrix = 2.0 * count * np.eye(2 * count)
+    matrix[0], matrix[:, 0] = 1.0, 1.0
+    matrix[0, 0] = 2.0 * count
+    return sparse.csc_array(matrix)
+
+
+@pytest.mark.parametrize("place", [scattered, lambda count: np.zeros((count, 2))], ids=["apart", "one place"])
+@pytest.mark.parametrize(
+    "matrix",
+    [full(1), full(90), star(150), sparse.block_diag([full(7) for _ in range(20)], format="csc")],
+    ids=["one node", "full", "star", "in pieces"],
+)
+def test_graphs_unlike_those_of_bodies(matrix: sparse.csc_array, place: Callable[[int], FloatArray]) -> None:
+    factor = CholeskySolver().factor_definite(matrix, place(matrix.shape[0] // 2))
+    assert isinstance(factor, CholeskyFactor)
+    assert backward_error(matrix, factor) <= 1e-14
 
 
 def test_the_same_matrix_gives_the_same_bits() -> None:

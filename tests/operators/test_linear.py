@@ -191,6 +191,18 @@ def test_residual_tells_the_size_of_a_step_without_making_it(kind: str) -> None:
         assert 0.4e-4 <= system.residual(b, off) <= 2e-4
 
 
+def test_sums_are_added_to_a_solution_without_them() -> None:
+    _, rows, weight = least_squares(1.0)
+    rng = np.random.default_rng(8)
+    points, sums = rng.uniform(0.0, 1.0, (60, 2)), rng.normal(size=(3, 300))
+    system = factorise(sparse.csr_array(rows), weight, points, CholeskySolver(), sums)
+    b = sparse.csc_array(rng.normal(size=(300, 1)))
+    expected = np.hstack([system.plain.solve(b), system.solve(b)])
+    assert np.abs(expected[:, 0] - expected[:, 1]).max() >= 1e-2 * np.abs(expected).max()
+    for found in (system.both(b), np.hstack([system.plain.roughly(b), system.roughly(b)])):
+        assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
 @pytest.mark.parametrize("summed", [False, True])
 @pytest.mark.parametrize("apart", [1.0, 1e-4])
 def test_functionals_are_those_of_the_solutions(apart: float, summed: bool) -> None:
