@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
+from typing import TextIO
 
 import click
 
@@ -44,9 +45,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # click makes an exit with code 1 of a broken pipe, its only exit in this mode.
         if isinstance(error, BrokenPipeError) or (isinstance(error, SystemExit) and error.code == 1):
             # The reader left, as `mlsanm info DIR | head` does. Python would complain again when it ends.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            _silence(sys.stdout)
             return 0
         return _report(error, settings)
+    finally:
+        try:
+            sys.stderr.flush()
+        except OSError:
+            # Python would fail at it once more when it ends, and change the exit code.
+            _silence(sys.stderr)
+
+
+def _silence(stream: TextIO) -> None:
+    """Let what a stream still has, and all that comes, go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _report(error: BaseException, settings: Settings) -> int:

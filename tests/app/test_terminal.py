@@ -93,9 +93,13 @@ def test_no_color_quiet_and_json(tmp_path: Path) -> None:
 
 def test_a_log_whose_reader_left_does_not_end_the_run(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(BAR)
-    command = f"{sys.executable} -m mlsanm_cli.cli run case.toml --out run 2> >(true) > out.txt"
+    command = [sys.executable, "-m", "mlsanm_cli.cli", "run", "case.toml", "--out", "run"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(["bash", "-c", command], cwd=tmp_path, env=environment, check=False)
+    reader, writer = os.pipe()
+    os.close(reader)
+    with (tmp_path / "out.txt").open("wb") as out:
+        done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=out, stderr=writer, check=False)
+    os.close(writer)
     assert done.returncode == 0
     assert info(tmp_path / "run")["status"] == "done"
     assert (tmp_path / "out.txt").read_text().startswith("done: ")
