@@ -128,6 +128,7 @@ def main() -> None:
     absent = missing()
     for program, reason in absent.items():
         print(f"{program} is left out: {reason}", file=sys.stderr)
+    arguments.out.mkdir(parents=True, exist_ok=True)
     store = arguments.out / "peers.json"
     results = json.loads(store.read_text()) if store.exists() else {}
     for part in arguments.only:
