@@ -46,7 +46,7 @@ class Recorded:
     last: State
     length: float
     rows: int
-    saved: tuple[float, ...]
+    saved: int
     iterations: int
     factorizations: int
     solves: int
@@ -114,7 +114,7 @@ class Recorder:
         self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
         self._earlier = earlier.recorded if earlier else None
         self._rows = 0
-        self._saved: list[float] = []
+        self._saved = 0
         self._told: list[str] = []
         self.last: State | None = None
         self.iterations = self.factorizations = self.solves = 0
@@ -156,9 +156,9 @@ class Recorder:
         self.cone, self.polished = dict(before.cone), list(before.polished)
         self.warnings += before.warnings
         self._told += before.warnings
-        for position in before.saved:
-            self._saved.append(position)
-            if self._case.output.vtu:
+        self._saved = before.saved
+        if self._case.output.vtu:
+            for position in self._file.saved_positions():
                 self._states.keep(position, tuple(built.scene.bodies))
         return before.start
 
@@ -212,7 +212,7 @@ class Recorder:
             last=step.state,
             length=step.length,
             rows=self._rows,
-            saved=tuple(self._saved),
+            saved=self._saved,
             iterations=self.iterations,
             factorizations=self.factorizations,
             solves=self.solves,
@@ -236,8 +236,7 @@ class Recorder:
         if self._case.output.vtu:
             self._states.write(state.position, recording.vtu_states(built, fields, wanted))
         kept = recording.stored_fields(fields, wanted)
-        self._file.write_fields(state.position, kept, {"linear_residual": residual})
-        self._saved.append(state.position)
+        self._saved = 1 + self._file.write_fields(state.position, kept, {"linear_residual": residual})
 
     def check_linear(self, built: Built) -> float:
         """Largest residual of the linear systems over the saved states, or of the last if none was saved."""
@@ -310,4 +309,4 @@ def _open(path: Path, attributes: Mapping[str, str | int | float], earlier: Earl
     if earlier is None:
         return RunFile.create(path, attributes)
     before = earlier.recorded
-    return RunFile.reopen(path, attributes, *((before.rows, len(before.saved)) if before else (0, 0)))
+    return RunFile.reopen(path, attributes, *((before.rows, before.saved) if before else (0, 0)))

@@ -271,6 +271,14 @@ class RunFile:
             for name, value in attributes.items():
                 store_number(group, name, value)
 
+    def saved_positions(self) -> list[float]:
+        """Positions of the states saved so far, an earlier process's included."""
+        with self._storing():
+            found: list[float] = (
+                self._file["fields/position"][: self._states].tolist() if self._states else []
+            )
+        return found
+
     def write_checkpoint(self, name: str, content: bytes) -> None:
         """Store what the run goes on from as /checkpoint/<name>, in place of what is there."""
         with self._storing():
