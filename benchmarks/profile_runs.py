@@ -6,8 +6,8 @@
 Cases of ``cases/`` with all spacings multiplied by each scale, one thread, compiled kernels, no cache of
 operators. A sample counts for the innermost function of mlsanm on the stack: what numpy, scipy, h5py or a
 kernel do on its behalf is its own. Samples during imports count as imports, those before the package is
-entered as Python's start; sampling slows imports more than the rest. Writes profile.json; ``--flame`` writes a
-flame graph (SVG) of every run besides.
+entered as Python's start; sampling slows imports more than the rest. Writes profile.json; ``--flame`` writes
+a flame graph (SVG) of every run besides.
 """
 
 from __future__ import annotations
