@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.kernels.jit import kernel
-from mlsanm_cli.kernels.signature import Float3, Index1, Int1
+from mlsanm_cli.kernels.signature import Float3, FloatOut3, Index1, Int1, IntOut1
 
 
 @kernel
@@ -46,39 +46,37 @@ def domains(start: Int1, parent: Int1, begin: Int1, border: Int1, most: int) -> 
 
 
 @kernel
-def links(
-    start: Int1,
-    begin: Int1,
-    kept: Int1,
-    unit: Int1,
+def count_links(indptr: Index1, indices: Index1, order: Int1, place: Int1, end: Int1, first: IntOut1) -> None:
+    """``first`` (n + 1,): where the links of every node, in order of elimination, begin when all are counted
+    through. Those of node i are the nodes from ``end[i]`` (n,) on that the matrix joins it with."""
+    count = 0
+    for position in range(len(order)):
+        first[position] = count
+        for entry in range(indptr[order[position]], indptr[order[position] + 1]):
+            if place[indices[entry]] >= end[position]:
+                count += 1
+    first[len(order)] = count
+
+
+@kernel
+def fill_links(
     indptr: Index1,
     indices: Index1,
     blocks: Float3,
     order: Int1,
     place: Int1,
-) -> tuple[Int1, Int1, Float3]:
-    """What of the matrix joins the nodes of domains to those around: where each node's links begin (n + 1,),
-    in order of elimination, which nodes they go to (m,), and their blocks (m, 2, 2).
-
-    Arguments are those of :func:`mlsanm_cli.kernels.multifrontal.factorise` and :func:`domains`.
-    """
-    first = np.zeros(len(order) + 1, dtype=np.int64)
-    other, between = np.empty(0, dtype=np.int64), np.empty((0, 2, 2))
-    for filling in (False, True):
-        count = 0
-        for u in range(len(unit) - 1):
-            root = unit[u + 1] - 1
-            bare, end = kept[root] < begin[root + 1] - begin[root], start[unit[u + 1]]
-            for position in range(start[unit[u]], end):
-                first[position] = count
-                for entry in range(indptr[order[position]], indptr[order[position] + 1]):
-                    at = place[indices[entry]]
-                    if bare and at >= end:
-                        if filling:
-                            other[count] = at
-                            between[count] = blocks[entry]
-                        count += 1
-        first[len(order)] = count
-        if not filling:
-            other, between = np.empty(count, dtype=np.int64), np.empty((count, 2, 2))
-    return first, other, between
+    end: Int1,
+    other: IntOut1,
+    between: FloatOut3,
+) -> None:
+    """Which nodes the links go to, ``other`` (m,), and their blocks ``between`` (m, 2, 2)."""
+    count = 0
+    for position in range(len(order)):
+        for entry in range(indptr[order[position]], indptr[order[position] + 1]):
+            at = place[indices[entry]]
+            if at >= end[position]:
+                other[count] = at
+                for side in range(2):
+                    between[count, side, 0] = blocks[entry, side, 0]
+                    between[count, side, 1] = blocks[entry, side, 1]
+                count += 1

@@ -62,55 +62,56 @@ def _backward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int
 
 
 @inner
-def _pass(f: int, forward: bool, tree: Tree, first: int, x: FloatArray, c: int, local: FloatArray) -> None:
-    """Substitute with one front for ``x``, flat, whose rows begin with those of node ``first``; ``local`` is
-    room for its rows."""
-    start, begin, border, kept, panel, values = tree
-    pivots = 2 * (start[f + 1] - start[f])
-    own = x[2 * (start[f] - first) * c : 2 * (start[f + 1] - first) * c]
-    nodes, below = border[begin[f] : begin[f] + kept[f]], local[pivots * c :]
-    for i in range(pivots * c):
-        local[i] = own[i]
-    for j in range(len(nodes)):
-        for i in range(2 * c):
-            # Forward, other fronts of the border's nodes still wait to take their part.
-            below[2 * j * c + i] = 0.0 if forward else x[2 * (nodes[j] - first) * c + i]
-    part = values[panel[f] : panel[f + 1]]
-    if forward:
-        _forward(part, pivots, pivots + 2 * len(nodes), local, c)
-        for j in range(len(nodes)):
-            for i in range(2 * c):
-                x[2 * (nodes[j] - first) * c + i] += below[2 * j * c + i]
-    else:
-        _backward(part, pivots, pivots + 2 * len(nodes), local, c)
-    for i in range(pivots * c):
-        own[i] = local[i]
-
-
-@inner
 def _sweep(
-    fronts: tuple[int, int], forward: bool, tree: Tree, first: int, x: FloatArray, c: int, local: FloatArray
+    fronts: tuple[int, int],
+    forward: bool,
+    tree: Tree,
+    rows: IntArray,
+    x: FloatArray,
+    c: int,
+    local: FloatArray,
 ) -> None:
-    """Substitute with some fronts one after the other."""
+    """Substitute with some fronts one after the other, forward or back, for ``x``, flat.
+
+    ``rows`` (n,) tells where in it a node has its own, and ``local`` is room for those of one front.
+    """
+    start, begin, border, kept, panel, values = tree
     for step in range(fronts[1] - fronts[0]):
         f = fronts[0] + step if forward else fronts[1] - 1 - step
-        _pass(f, forward, tree, first, x, c, local)
+        pivots = 2 * (start[f + 1] - start[f])
+        if pivots == 0:
+            continue
+        own, nodes = x[rows[start[f]] * c :], border[begin[f] : begin[f] + kept[f]]
+        below, height = local[pivots * c :], pivots + 2 * len(nodes)
+        for i in range(pivots * c):
+            local[i] = own[i]
+        for j in range(len(nodes)):
+            for i in range(2 * c):
+                # Forward, other fronts of the border's nodes still wait to take their part.
+                below[2 * j * c + i] = 0.0 if forward else x[rows[nodes[j]] * c + i]
+        if forward:
+            _forward(values[panel[f] : panel[f + 1]], pivots, height, local, c)
+            for j in range(len(nodes)):
+                for i in range(2 * c):
+                    x[rows[nodes[j]] * c + i] += below[2 * j * c + i]
+        else:
+            _backward(values[panel[f] : panel[f + 1]], pivots, height, local, c)
+        for i in range(pivots * c):
+            own[i] = local[i]
 
 
 @inner
-def _hand_on(
-    nodes: tuple[int, int], links: Links, rows: IntArray, x: FloatArray, c: int, to: FloatArray
-) -> None:
-    """Take from the rows of a domain's border in ``to`` what the solution ``x`` of its ``nodes`` makes there;
-    ``rows`` (n,) tells where a node of the border has its own."""
+def _hand_on(nodes: tuple[int, int], links: Links, rows: IntArray, x: FloatArray, c: int) -> None:
+    """Take from the rows of a domain's border in ``x`` what the solution of its ``nodes`` makes there."""
     begin, other, between = links
     for node in range(nodes[0], nodes[1]):
         for entry in range(begin[node], begin[node + 1]):
             for side in range(2):
-                source, row = (2 * (node - nodes[0]) + side) * c, rows[other[entry]] * c
+                source = (rows[node] + side) * c
                 for k in range(2):
+                    row, factor = (rows[other[entry]] + k) * c, between[entry, side, k]
                     for i in range(c):
-                        to[row + k * c + i] -= between[entry, side, k] * x[source + i]
+                        x[row + i] -= factor * x[source + i]
 
 
 @inner
@@ -158,25 +159,28 @@ def solve(
     tree, links = (start, begin, border, kept, panel, values), (link, other, between)
     tallest, widest = _tallest(unit, tree)
     local, brought = np.empty(tallest * c), np.empty(widest * c)
-    rows = 2 * np.arange(start[-1])
+    rows, within = 2 * np.arange(start[-1]), np.empty(start[-1], dtype=np.int64)
+    for u in range(len(unit) - 1):
+        for node in range(start[unit[u]], start[unit[u + 1]]):
+            within[node] = rows[node] - rows[start[unit[u]]]
     for step in range(2 * (len(unit) - 1)):
         forward = step < len(unit) - 1
         u = step if forward else 2 * (len(unit) - 1) - 1 - step
         fronts = (unit[u], unit[u + 1])
         nodes = (start[fronts[0]], start[fronts[1]])
-        own, domain = x[2 * nodes[0] * c : 2 * nodes[1] * c], link[nodes[1]] > link[nodes[0]]
+        domain = link[nodes[1]] > link[nodes[0]]
         if domain and not forward:
             # What the border makes is solved for by itself and taken from the domain's own solution.
             _bring(nodes, links, x, c, brought)
-        part, first = (own if forward else brought, nodes[0]) if domain else (x, 0)
-        if domain or forward:
-            _sweep(fronts, True, tree, first, part, c, local)
-        if domain or not forward:
-            _sweep(fronts, False, tree, first, part, c, local)
+        part, where = (brought, within) if domain and not forward else (x, rows)
+        for way in (True, False):
+            if domain or way == forward:
+                _sweep(fronts, way, tree, where, part, c, local)
         if domain and forward:
-            _hand_on(nodes, links, rows, own, c, x)
+            _hand_on(nodes, links, rows, x, c)
         elif domain:
-            for i in range(len(own)):
+            own = x[2 * nodes[0] * c :]
+            for i in range(2 * (nodes[1] - nodes[0]) * c):
                 own[i] -= brought[i]
 
 
@@ -264,14 +268,13 @@ def products(
             depth -= 1
         if c > 0 and pivots > 0:
             domain, room = link[end] > link[first], np.empty(tallest * c)
-            if domain or unit[u] < f:
-                _sweep((unit[u], f + 1), True, tree, first, x, c, room)
-            else:
-                _forward(values[panel[f] : panel[f + 1]], pivots, pivots + edge, x, c)
-            _add_product(x, pivots, columns, left, result)
+            for forward in (True, False):
+                if forward or domain:
+                    _sweep((unit[u], f + 1), forward, tree, local, x, c, room)
+                if forward:
+                    _add_product(x, pivots, columns, left, result)
             if domain:
-                _sweep((unit[u], f + 1), False, tree, first, x, c, room)
-                _hand_on((first, end), links, local, x, c, x)
+                _hand_on((first, end), links, local, x, c)
         if depth + 1 == len(handed):
             handed.append(x[:0])
             active.append(columns[:0])

@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.kernels.domains import domains, links
+from mlsanm_cli.kernels.domains import count_links, domains, fill_links
 from mlsanm_cli.kernels.multifrontal import BLOCK, borders, factorise
 from mlsanm_cli.kernels.substitution import products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection
@@ -63,6 +63,21 @@ class Fronts:
         size = BLOCK * (whole * height - BLOCK * (whole * (whole - 1) // 2)) + rest * (height - BLOCK * whole)
         panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size)])
         return cls(tree.order, place, tree.start, tree.parent, begin, border, kept, panel, waiting, unit)
+
+    def links(self, blocks: sparse.bsr_array) -> tuple[IntArray, IntArray, FloatArray]:
+        """What joins the nodes of domains with those around: where each node's begin (n + 1,), which nodes
+        they go to (m,), and the ``blocks`` (m, 2, 2) of the matrix that do."""
+        count = len(self.order)
+        # Fronts above the domains have none: their panels keep all rows.
+        root, last = self.unit[1:] - 1, self.start[self.unit[1:]]
+        bare = self.kept[root] < np.diff(self.begin)[root]
+        end = np.repeat(np.where(bare, last, count), np.diff(self.start[self.unit]))
+        first = np.empty(count + 1, dtype=np.int64)
+        graph = structure(blocks)
+        count_links(*graph, self.order, self.place, end, first)
+        other, between = np.empty(first[-1], dtype=np.int64), np.empty((first[-1], 2, 2))
+        fill_links(*graph, np.ascontiguousarray(blocks.data), self.order, self.place, end, other, between)
+        return first, other, between
 
 
 @dataclass(frozen=True)
@@ -115,15 +130,14 @@ class CholeskySolver(SuperLUSolver):
         """
         blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
         fronts = Fronts.of(points, blocks)
-        system = (*structure(blocks), np.ascontiguousarray(blocks.data), fronts.order, fronts.place)
         values, failed = factorise(
             *(fronts.start, fronts.parent, fronts.begin, fronts.border, fronts.kept, fronts.panel),
-            *(fronts.waiting, *system),
+            *(fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
+            *(fronts.order, fronts.place),
         )
         if failed < 0:
             order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()
-            between = links(fronts.start, fronts.begin, fronts.kept, fronts.unit, *system)
-            factor = CholeskyFactor(fronts, order, values, between)
+            factor = CholeskyFactor(fronts, order, values, fronts.links(blocks))
             if backward_error(matrix, factor) <= SOUND:
                 return factor
         plain = sparse.csc_array(matrix)
