@@ -233,19 +233,16 @@ def factorise(
     sums: FloatArray | None = None,
     images: FloatArray | None = None,
 ) -> LeastSquares:
-    """Set up and factorise the normal equations of ``rows`` (r, n), weighted by ``weight`` (r,), and of the
-    ``sums`` (k, r) of them, if any, which are scaled here.
+    """Set up and factorise the normal equations of ``rows`` (r, n), already multiplied by ``weight`` (r,), and
+    of the ``sums`` (k, r) of the rows in their physical units, if any, which are scaled here.
 
     ``images`` (k, n) are the sums in the unknowns, where they are not simply those of the rows.
     """
-    weighted = sparse.csr_array(
-        (rows.data * np.repeat(weight, np.diff(rows.indptr)), rows.indices, rows.indptr), shape=rows.shape
-    )
-    factor: Factor = solver.factor_definite(normal_equations(weighted), points)
+    factor: Factor = solver.factor_definite(normal_equations(rows), points)
     if sums is None:
         sums = np.zeros((0, rows.shape[0]))
     if images is None:
-        images = np.asarray((rows.T @ sums.T).T)
+        images = np.asarray((rows.T @ (sums / weight).T).T)
     if len(sums):
         solved = factor.solve(np.ascontiguousarray(images.T))
         small = images @ solved
@@ -260,4 +257,4 @@ def factorise(
                 "hold it by supports, or by springs stiffer against the body",
             ) from error
         factor = UpdatedFactor(factor, images, solved, together)
-    return LeastSquares(weighted, weight, sums, images, factor)
+    return LeastSquares(rows, weight, sums, images, factor)
