@@ -18,7 +18,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.blas import dpotrf, dsyrk
 from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, solve_right
 from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float1, Float3, Index1, Int1
+from mlsanm_cli.kernels.signature import Float3, FloatOut1, Index1, Int1
 
 BLOCK = 64
 """Columns of the factor that are kept together."""
@@ -182,15 +182,16 @@ def factorise(
     blocks: Float3,
     order: Int1,
     place: Int1,
-) -> tuple[Float1, int]:
-    """Panels of the factor one after the other, from ``panel`` (f + 1,) on, and the first front with a pivot
-    that is not positive, or -1.
+    values: FloatOut1,
+) -> int:
+    """Set ``values`` to the panels of the factor one after the other, from ``panel`` (f + 1,) on; the first
+    front with a pivot that is not positive, or -1.
 
     ``begin``, ``border`` and ``most`` are from :func:`borders`; of its border a front keeps the rows of the
     first ``kept`` (f,) nodes. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the symmetric matrix, node by
     node.
     """
-    values, waiting = np.empty(panel[-1]), np.empty(most)
+    waiting = np.empty(most)
     tallest, widest = 0, 0
     for f in range(len(parent)):
         pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
@@ -219,10 +220,10 @@ def factorise(
             top -= _triangle(2 * len(nodes))
             _extend_add(nodes, waiting[top:], local, pivots, front, update, edge)
         if pivots > 0 and not _eliminate(front, update, pivots, edge):
-            return values, f
+            return f
         _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK, values[panel[f] :])
         _keep_columns(update, edge, edge, edge, 1, waiting[top:])
         top += _triangle(edge)
         owner[depth] = f
         depth += 1
-    return values, -1
+    return -1

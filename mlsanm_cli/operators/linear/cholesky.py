@@ -17,6 +17,7 @@ from mlsanm_cli.kernels.multifrontal import BLOCK, borders, factorise
 from mlsanm_cli.kernels.substitution import products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
+from mlsanm_cli.operators.linear.scratch import Scratch
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.operators.structure import structure
 from mlsanm_cli.values import dataclass
@@ -82,14 +83,19 @@ class Fronts:
 
 @dataclass(frozen=True)
 class CholeskyFactor:
-    """``values``, the panels of the factor; ``order`` (2n,) tells which unknown is eliminated when; ``links``
+    """``panels`` of the factor; ``order`` (2n,) tells which unknown is eliminated when; ``links``
     join domains to their borders."""
 
     fronts: Fronts
     order: IntArray
-    values: FloatArray
+    panels: Scratch
     links: tuple[IntArray, IntArray, FloatArray]
     note: str = ""
+
+    @property
+    def values(self) -> FloatArray:
+        """All panels, one after the other."""
+        return self.panels.values
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides; the matrix is its own transpose.
@@ -130,14 +136,15 @@ class CholeskySolver(SuperLUSolver):
         """
         blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
         fronts = Fronts.of(points, blocks)
-        values, failed = factorise(
+        panels = Scratch(int(fronts.panel[-1]))
+        failed = factorise(
             *(fronts.start, fronts.parent, fronts.begin, fronts.border, fronts.kept, fronts.panel),
             *(fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
-            *(fronts.order, fronts.place),
+            *(fronts.order, fronts.place, panels.values),
         )
         if failed < 0:
             order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()
-            factor = CholeskyFactor(fronts, order, values, fronts.links(blocks))
+            factor = CholeskyFactor(fronts, order, panels, fronts.links(blocks))
             if backward_error(matrix, factor) <= SOUND:
                 return factor
         plain = sparse.csc_array(matrix)
