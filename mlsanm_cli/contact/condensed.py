@@ -183,10 +183,11 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
     counts += [3] * len(held) + [ROWS] * len(scene.probes)
     counts += [2 * len(scene.surface(*where).index) for where in sprung]
     observed = np.zeros((sum(counts), columns.total))
-    sources, solutions = {}, {}
+    sources = {name: body_sources(scene, name, pairings, columns) for name in scene.bodies}
+    solutions = {}
     solves = 0
-    for name, body in scene.bodies.items():
-        sources[name] = body_sources(scene, name, pairings, columns)
+    # Memory is shortest while the last factor is made, so that it had better be a small one.
+    for name, body in sorted(scene.bodies.items(), key=lambda item: -item[1].model.unknowns):
         relative = [gap_rows(body, name, pairings), slip_rows(body, name, rough)]
         reactions = [
             reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None

@@ -2,9 +2,10 @@
 
 Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, counted in order of elimination, each with two
 unknowns, and changes its border: later nodes, which its ancestors eliminate. A front's descendants come right
-before it. Its panel of the factor, (height, pivots), height that of pivots and border, is kept in blocks of
-BLOCK columns one after the other, each column-major and from its diagonal down; the update of the border that
-it hands to its parent ``parent[f]`` as columns from the diagonal down.
+before it. Its panel of the factor, (height, pivots), height that of pivots and of what is kept of the border,
+all or as :mod:`mlsanm_cli.kernels.domains` has it, is stored in blocks of BLOCK columns one after the other,
+each column-major and from its diagonal down; the update of the border that it hands to its parent
+``parent[f]`` as columns from the diagonal down.
 """
 
 from __future__ import annotations
@@ -15,61 +16,12 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.blas import dpotrf, dsyrk
-from mlsanm_cli.kernels.dense import (
-    LOWER,
-    PLAIN,
-    TRANSPOSED,
-    apply,
-    letters,
-    multiply,
-    solve_right,
-    solve_vector,
-)
+from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, solve_right
 from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float1, Float2, Float3, FloatOut1, Index1, Int1
+from mlsanm_cli.kernels.signature import Float3, FloatOut1, Index1, Int1
 
 BLOCK = 64
 """Columns of the factor that are kept together."""
-
-
-@inner
-def _forward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int) -> None:
-    """Solve for a front's unknowns, the first ``pivots`` rows of ``x`` (height, c), and take from the others
-    what they lose by them."""
-    begin = 0
-    for first in range(0, pivots, BLOCK):
-        columns, rows = min(BLOCK, pivots - first), height - first
-        block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
-        # One vector is done faster by itself: products of matrices copy the panel first.
-        if c == 1:
-            solve_vector(PLAIN, columns, block, rows, own)
-            if rows > columns:
-                apply(PLAIN, (rows - columns, columns), block[columns:], rows, own, rest)
-        else:
-            solve_right(TRANSPOSED, c, columns, block, rows, own, c)
-            if rows > columns:
-                sizes = (c, rows - columns, columns)
-                multiply(TRANSPOSED, sizes, -1.0, own, c, block[columns:], rows, 1.0, rest, c)
-        begin += columns * rows
-
-
-@inner
-def _backward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int) -> None:
-    """Solve with the transposed panel for the first ``pivots`` rows of ``x`` (height, c)."""
-    begin = len(panel)
-    for first in range((pivots - 1) // BLOCK * BLOCK, -1, -BLOCK):
-        columns, rows = min(BLOCK, pivots - first), height - first
-        begin -= columns * rows
-        block, own, rest = panel[begin:], x[first * c :], x[(first + columns) * c :]
-        if c == 1:
-            if rows > columns:
-                apply(TRANSPOSED, (rows - columns, columns), block[columns:], rows, rest, own)
-            solve_vector(TRANSPOSED, columns, block, rows, own)
-        else:
-            if rows > columns:
-                sizes = (c, columns, rows - columns)
-                multiply(PLAIN, sizes, -1.0, rest, c, block[columns:], rows, 1.0, own, c)
-            solve_right(PLAIN, c, columns, block, rows, own, c)
 
 
 @inner
@@ -135,12 +87,12 @@ def borders(
 
 
 @inner
-def _locate(f: int, start: IntArray, begin: IntArray, border: IntArray, local: IntArray) -> None:
-    """Set ``local`` (n,) to the row of every node of a front in its panel."""
-    for position in range(start[f], start[f + 1]):
-        local[position] = 2 * (position - start[f])
-    for j in range(begin[f], begin[f + 1]):
-        local[border[j]] = 2 * (start[f + 1] - start[f] + j - begin[f])
+def locate(own: tuple[int, int], border: IntArray, local: IntArray) -> None:
+    """Set ``local`` (n,) to the row of every one of a front's ``own`` nodes and of its ``border``."""
+    for position in range(own[0], own[1]):
+        local[position] = 2 * (position - own[0])
+    for j in range(len(border)):
+        local[border[j]] = 2 * (own[1] - own[0] + j)
 
 
 @inner
@@ -203,12 +155,15 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int) ->
 
 
 @inner
-def _keep_columns(matrix: FloatArray, columns: int, height: int, block: int, kept: FloatArray) -> None:
-    """Copy the ``columns`` of a matrix (height, columns), by ``block`` columns from their diagonal down."""
+def _keep_columns(
+    matrix: FloatArray, columns: int, height: int, rows: int, block: int, kept: FloatArray
+) -> None:
+    """Copy the first ``rows`` of the ``columns`` of a matrix (height, columns), by ``block`` columns from
+    their diagonal down."""
     at = 0
     for column in range(columns):
         first = column - column % block
-        for row in range(first, height):
+        for row in range(first, rows):
             kept[at] = matrix[height * column + row]
             at += 1
 
@@ -219,6 +174,7 @@ def factorise(
     parent: Int1,
     begin: Int1,
     border: Int1,
+    kept: Int1,
     panel: Int1,
     most: int,
     indptr: Index1,
@@ -226,14 +182,16 @@ def factorise(
     blocks: Float3,
     order: Int1,
     place: Int1,
-) -> tuple[Float1, int]:
-    """Panels of the factor one after the other, from ``panel`` (f + 1,) on, and the first front with a pivot
-    that is not positive, or -1.
+    values: FloatOut1,
+) -> int:
+    """Set ``values`` to the panels of the factor one after the other, from ``panel`` (f + 1,) on; the first
+    front with a pivot that is not positive, or -1.
 
-    ``begin``, ``border`` and ``most`` are from :func:`borders`; ``indptr``, ``indices``, ``blocks`` (e, 2, 2)
-    the symmetric matrix, node by node.
+    ``begin``, ``border`` and ``most`` are from :func:`borders`; of its border a front keeps the rows of the
+    first ``kept`` (f,) nodes. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the symmetric matrix, node by
+    node.
     """
-    values, waiting = np.empty(panel[-1]), np.empty(most)
+    waiting = np.empty(most)
     tallest, widest = 0, 0
     for f in range(len(parent)):
         pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
@@ -244,7 +202,7 @@ def factorise(
     top, depth = 0, 0
     for f in range(len(parent)):
         pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
-        _locate(f, start, begin, border, local)
+        locate((start[f], start[f + 1]), border[begin[f] : begin[f + 1]], local)
         front, update = whole[: pivots * (pivots + edge)], changed[: edge**2]
         front[:] = 0.0
         update[:] = 0.0
@@ -262,133 +220,10 @@ def factorise(
             top -= _triangle(2 * len(nodes))
             _extend_add(nodes, waiting[top:], local, pivots, front, update, edge)
         if pivots > 0 and not _eliminate(front, update, pivots, edge):
-            return values, f
-        _keep_columns(front, pivots, pivots + edge, BLOCK, values[panel[f] :])
-        _keep_columns(update, edge, edge, 1, waiting[top:])
+            return f
+        _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK, values[panel[f] :])
+        _keep_columns(update, edge, edge, edge, 1, waiting[top:])
         top += _triangle(edge)
         owner[depth] = f
         depth += 1
-    return values, -1
-
-
-@kernel
-def solve(
-    start: Int1,
-    begin: Int1,
-    border: Int1,
-    panel: Int1,
-    values: Float1,
-    x: FloatOut1,
-    c: int,
-) -> None:
-    """Solve in place for c right-hand sides ``x`` (2n, c), flat, in order of elimination."""
-    fronts = len(begin) - 1
-    tallest = 0
-    for f in range(fronts):
-        tallest = max(tallest, start[f + 1] - start[f] + begin[f + 1] - begin[f])
-    local = np.empty(2 * tallest * c)
-    for step in range(2 * fronts):
-        forward = step < fronts
-        f = step if forward else 2 * fronts - 1 - step
-        pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
-        own, below = x[2 * start[f] * c : 2 * start[f + 1] * c], local[pivots * c :]
-        for i in range(pivots * c):
-            local[i] = own[i]
-        for j in range(begin[f], begin[f + 1]):
-            for i in range(2 * c):
-                # Forward, other fronts of the border's nodes still wait to take their part.
-                below[2 * (j - begin[f]) * c + i] = 0.0 if forward else x[2 * border[j] * c + i]
-        if forward:
-            _forward(values[panel[f] : panel[f + 1]], pivots, pivots + edge, local, c)
-            for j in range(begin[f], begin[f + 1]):
-                for i in range(2 * c):
-                    x[2 * border[j] * c + i] += below[2 * (j - begin[f]) * c + i]
-        else:
-            _backward(values[panel[f] : panel[f + 1]], pivots, pivots + edge, local, c)
-        for i in range(pivots * c):
-            own[i] = local[i]
-
-
-@inner
-def _marked(mark: IntArray, f: int, at: IntArray) -> IntArray:
-    """The columns marked with f; ``at`` gets the place of each among them."""
-    active = np.empty(len(mark), dtype=np.int64)
-    c = 0
-    for column in range(len(mark)):
-        if mark[column] == f:
-            active[c] = column
-            at[column] = c
-            c += 1
-    return active[:c].copy()
-
-
-@inner
-def _add_product(x: FloatArray, pivots: int, columns: IntArray, left: int, result: FloatArray) -> None:
-    """Add the products of the ``columns`` (c,) of a front's x (pivots, c) to the ``result``."""
-    c, split = len(columns), 0
-    while split < c and columns[split] < left:
-        split += 1
-    rest = c - split
-    if split > 0 and rest > 0:
-        part = np.empty(split * rest)
-        multiply(TRANSPOSED, (rest, split, pivots), 1.0, x[split:], c, x, c, 0.0, part, rest)
-        for i in range(split):
-            for j in range(rest):
-                result[columns[i], columns[split + j] - left] += part[i * rest + j]
-
-
-@kernel
-def products(
-    start: Int1,
-    parent: Int1,
-    begin: Int1,
-    border: Int1,
-    panel: Int1,
-    values: Float1,
-    indptr: Int1,
-    indices: Int1,
-    data: Float1,
-    left: int,
-    total: int,
-) -> Float2:
-    """With b sparse columns and L the factor: (L^-1 b_i)^T (L^-1 b_j) for i < ``left`` <= j < ``total``.
-
-    ``indptr``, ``indices``, ``data`` are the columns by rows (2n,), in order of elimination. A front solves
-    only for columns that have an entry in it or below.
-    """
-    result = np.zeros((left, total - left))
-    handed, active = [np.empty(0)], [np.empty(0, dtype=np.int64)]
-    owner = np.empty(len(parent), dtype=np.int64)
-    local = np.zeros(start[-1], dtype=np.int64)
-    mark, at = np.full(total, -1, dtype=np.int64), np.zeros(total, dtype=np.int64)
-    depth = 0
-    for f in range(len(parent)):
-        pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
-        bottom = depth
-        while bottom > 0 and parent[owner[bottom - 1]] == f:
-            mark[active[bottom]] = f
-            bottom -= 1
-        mark[indices[indptr[2 * start[f]] : indptr[2 * start[f + 1]]]] = f
-        columns = _marked(mark, f, at)
-        c = len(columns)
-        x = np.zeros((pivots + edge) * c)
-        for row in range(2 * start[f], 2 * start[f + 1]):
-            for entry in range(indptr[row], indptr[row + 1]):
-                x[(row - 2 * start[f]) * c + at[indices[entry]]] += data[entry]
-        _locate(f, start, begin, border, local)
-        while depth > bottom:
-            child, width = owner[depth - 1], len(active[depth])
-            for j in range(2 * (begin[child + 1] - begin[child])):
-                to = local[border[begin[child] + j // 2]] + j % 2
-                for i in range(width):
-                    x[to * c + at[active[depth][i]]] += handed[depth][j * width + i]
-            depth -= 1
-        if c > 0 and pivots > 0:
-            _forward(values[panel[f] : panel[f + 1]], pivots, pivots + edge, x, c)
-            _add_product(x, pivots, columns, left, result)
-        if depth + 1 == len(handed):
-            handed.append(x[:0])
-            active.append(columns[:0])
-        depth += 1
-        handed[depth], active[depth], owner[depth - 1] = x[pivots * c :].copy(), columns, f
-    return result
+    return -1

@@ -30,6 +30,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.rows import nodal_rows
+from mlsanm_cli.operators.structure import compact
 from mlsanm_cli.operators.system import LinearSystem
 
 HOLD = 5.0
@@ -71,7 +72,8 @@ def assemble(
     for node, component in single:
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
     pulls = _pulls(cloud, table, count)
-    rows = sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls)
+    rows = compact(sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls))
+    del blocks
     factorise: Callable[[], LinearSystem]
     weight = np.zeros(0)
     if model.settings.square:
@@ -84,6 +86,8 @@ def assemble(
         whole = spring_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
         images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
         sums = np.concatenate([sums, whole])
+        # In place: of all that there is before the factor, the rows are the largest part.
+        rows.data *= np.repeat(weight, np.diff(rows.indptr))
         factorise = partial(least_squares.factorise, rows, weight, model.nodes, solver, sums, images)
     # What rows and sums are made from, in place of them: they are many times as large. The weights tell what
     # nodes and normals do not of the curves behind them.

@@ -141,10 +141,18 @@ class FreeSystem:
         """``solution`` (n, c) without mean motion."""
         return np.asarray(solution - self.patterns @ (self.mean @ solution))
 
-    def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
-        """What the rows ``observed`` (g, n) make of these solutions, as a matrix (g, c)."""
+    def functionals(
+        self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
+    ) -> FloatArray:
+        """What the rows ``observed`` (g, n) make of these solutions, as a matrix (g, s), or of those for the
+        ``sources`` (r, s) times the ``mixture`` (s, c): (g, c)."""
         rows = sparse.csr_array(sparse.vstack([observed, sparse.csr_array(self.mean)], format="csr"))
-        pinned, mean = np.split(self.system.functionals(rows, self._balanced(sources)), [observed.shape[0]])
+        # Every source balanced by itself would have an entry in every row.
+        apart = sparse.csc_array(sparse.hstack([sources, sparse.csc_array(self.balance)], format="csc"))
+        mixed = np.eye(sources.shape[1]) if mixture is None else mixture
+        balanced = np.concatenate([mixed, (self.work @ sources) @ mixed])
+        found = self.system.functionals(rows, apart, balanced)
+        pinned, mean = np.split(found, [observed.shape[0]])
         return np.asarray(pinned - (observed @ self.patterns) @ mean)
 
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:

@@ -64,24 +64,28 @@ class LeastSquares:
             return np.hstack([plain, plain])
         return np.hstack([plain, self.factor.joined(plain, self._weighted(source)[1])])
 
-    def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
-        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, c): (g, c)."""
+    def functionals(
+        self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
+    ) -> FloatArray:
+        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, s): (g, s), or for them
+        times the ``mixture`` (s, c): (g, c)."""
         weighted, summed = self._weighted(sources)
+        mixed = np.eye(sources.shape[1]) if mixture is None else mixture
 
         def of_columns(chosen: FloatArray) -> FloatArray:
-            lack = np.concatenate([weighted @ chosen, summed @ chosen])
+            lack = np.concatenate([weighted @ (mixed @ chosen), summed @ (mixed @ chosen)])
             return np.asarray(observed @ self._refined(np.zeros((self.rows.shape[1], 1)), lack, QUICK)[0])
 
         def of_rows(chosen: FloatArray) -> FloatArray:
             lack = np.zeros((len(self.sums) + self.rows.shape[0], chosen.shape[1]))
             images = -self._refined(np.asarray(observed.T @ chosen), lack, QUICK)[1]
             count = self.rows.shape[0]
-            return np.asarray((weighted.T @ images[:count] + summed.T @ images[count:]).T)
+            return np.asarray((weighted.T @ images[:count] + summed.T @ images[count:]).T @ mixed)
 
         start = self.factor.products(observed, sparse.csc_array(self.rows.T @ weighted))
         if isinstance(self.factor, UpdatedFactor):
             start += self.factor.image_products(observed, summed)
-        return corrected(start, of_columns, of_rows)
+        return corrected(start @ mixed, of_columns, of_rows)
 
     def _refined(
         self, force: FloatArray, lack: FloatArray, tolerance: float
@@ -233,19 +237,16 @@ def factorise(
     sums: FloatArray | None = None,
     images: FloatArray | None = None,
 ) -> LeastSquares:
-    """Set up and factorise the normal equations of ``rows`` (r, n), weighted by ``weight`` (r,), and of the
-    ``sums`` (k, r) of them, if any, which are scaled here.
+    """Set up and factorise the normal equations of ``rows`` (r, n), which their ``weight`` (r,) multiplies
+    already, and of ``sums`` (k, r) of them in their physical units, if any, which are scaled here.
 
     ``images`` (k, n) are the sums in the unknowns, where they are not simply those of the rows.
     """
-    weighted = sparse.csr_array(
-        (rows.data * np.repeat(weight, np.diff(rows.indptr)), rows.indices, rows.indptr), shape=rows.shape
-    )
-    factor: Factor = solver.factor_definite(normal_equations(weighted), points)
+    factor: Factor = solver.factor_definite(normal_equations(rows), points)
     if sums is None:
         sums = np.zeros((0, rows.shape[0]))
     if images is None:
-        images = np.asarray((rows.T @ sums.T).T)
+        images = np.asarray((rows.T @ (sums / weight).T).T)
     if len(sums):
         solved = factor.solve(np.ascontiguousarray(images.T))
         small = images @ solved
@@ -260,4 +261,4 @@ def factorise(
                 "hold it by supports, or by springs stiffer against the body",
             ) from error
         factor = UpdatedFactor(factor, images, solved, together)
-    return LeastSquares(weighted, weight, sums, images, factor)
+    return LeastSquares(rows, weight, sums, images, factor)

@@ -36,15 +36,20 @@ class Square:
         """The solution (n, 2) for one right-hand side ``source`` (r, 1), twice: there are no sums."""
         return np.repeat(self.solve(source, QUICK), 2, axis=1)
 
-    def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
-        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, c), as a matrix (g, c).
+    def functionals(
+        self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
+    ) -> FloatArray:
+        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, s), as a matrix (g, s),
+        or for them times the ``mixture`` (s, c): (g, c).
 
         They are solved for a block of columns at a time, so that no dense (n, c) array is kept.
         """
-        result = np.empty((observed.shape[0], sources.shape[1]))
-        for first in range(0, sources.shape[1], BLOCK):
+        count = sources.shape[1] if mixture is None else mixture.shape[1]
+        result = np.empty((observed.shape[0], count))
+        for first in range(0, count, BLOCK):
             columns = slice(first, first + BLOCK)
-            result[:, columns] = observed @ self.solve(sources[:, columns], QUICK)
+            some = sources[:, columns] if mixture is None else sources @ mixture[:, columns]
+            result[:, columns] = observed @ self.solve(sparse.csc_array(some), QUICK)
         return result
 
     def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:

@@ -22,6 +22,15 @@ def structure(matrix: sparse.csr_array | sparse.bsr_array) -> tuple[IndexArray, 
     return indptr, indices
 
 
+def compact(matrix: sparse.csr_array) -> sparse.csr_array:
+    """The same matrix, its structure counted in 32 bits.
+
+    Raises NumericalError where that is not enough.
+    """
+    indptr, indices = structure(matrix)
+    return sparse.csr_array((matrix.data, indices, indptr), shape=matrix.shape)
+
+
 def refuse_too_many(entries: int) -> None:
     """Raise NumericalError where so many entries cannot be counted in 32 bits, which would wrap around."""
     if entries > MOST:

@@ -45,10 +45,13 @@ class LinearSystem(Protocol):
         and with sums of them, the second no better than those of :meth:`roughly`."""
         ...
 
-    def functionals(self, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
-        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, c), as a matrix (g, c).
+    def functionals(
+        self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
+    ) -> FloatArray:
+        """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, s), as a matrix (g, s),
+        or for them times the ``mixture`` (s, c): (g, c).
 
-        Much less work than the solutions themselves.
+        Much less work than the solutions themselves, if the sources have few entries.
         """
         ...
 

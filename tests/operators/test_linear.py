@@ -125,7 +125,7 @@ def least_squares(apart: float, seed: int = 0) -> tuple[LeastSquares, FloatArray
         rows[row, columns] = rng.normal(size=12)
         rows[row, columns + 1] = rows[row, columns] + apart * rng.normal(size=12)
     weight = rng.uniform(0.1, 10.0, 300)
-    return factorise(sparse.csr_array(rows), weight, points, CholeskySolver()), rows, weight
+    return factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver()), rows, weight
 
 
 @given(seed=st.integers(0, 500))
@@ -195,7 +195,7 @@ def test_sums_are_added_to_a_solution_without_them() -> None:
     _, rows, weight = least_squares(1.0)
     rng = np.random.default_rng(8)
     points, sums = rng.uniform(0.0, 1.0, (60, 2)), rng.normal(size=(3, 300))
-    system = factorise(sparse.csr_array(rows), weight, points, CholeskySolver(), sums)
+    system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver(), sums)
     b = sparse.csc_array(rng.normal(size=(300, 1)))
     expected = np.hstack([system.plain.solve(b), system.solve(b)])
     assert np.abs(expected[:, 0] - expected[:, 1]).max() >= 1e-2 * np.abs(expected).max()
@@ -210,7 +210,7 @@ def test_functionals_are_those_of_the_solutions(apart: float, summed: bool) -> N
     rng = np.random.default_rng(8)
     points = rng.uniform(0.0, 1.0, (60, 2))
     sums = rng.normal(size=(3, 300)) if summed else None
-    system = factorise(sparse.csr_array(rows), weight, points, CholeskySolver(), sums)
+    system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver(), sums)
     # Solutions that rows reproduce exactly, so that no reference's own error counts.
     exact = rng.normal(size=(120, 70))
     observed = sparse.csr_array(sparse.random_array((80, 120), density=0.05, rng=rng))
