@@ -71,7 +71,9 @@ def assemble(
     for node, component in single:
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
     pulls = _pulls(cloud, table, count)
-    rows = sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls)
+    rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
+    if springs:
+        rows = sparse.csr_array(rows + pulls)
     factorise: Callable[[], LinearSystem]
     weight = np.zeros(0)
     if model.settings.square:
