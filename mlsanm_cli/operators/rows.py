@@ -15,16 +15,22 @@ def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | 
 
     ``on_x`` and ``on_y`` (nnz,) follow the stencil's entries; None leaves that component out.
     """
+    if on_x is not None and on_y is not None:
+        return pair_rows(stencils, np.stack([on_x, on_y], axis=1))
+    component, alone = (1, on_y) if on_x is None else (0, on_x)
+    if alone is None:
+        raise ValueError("a row acts on one component at least")
     shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
     indptr, indices = _entries(stencils)
-    if on_x is None or on_y is None:
-        component, alone = (1, on_y) if on_x is None else (0, on_x)
-        if alone is None:
-            raise ValueError("a row acts on one component at least")
-        return sparse.csr_array((alone, 2 * indices + component, indptr), shape=shape)
+    return sparse.csr_array((alone, 2 * indices + component, indptr), shape=shape)
+
+
+def pair_rows(stencils: Stencils, values: FloatArray) -> sparse.csr_array:
+    """The same with what multiplies u_x and u_y side by side: ``values`` (nnz, 2)."""
+    shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
+    indptr, indices = _entries(stencils)
     columns = np.stack([2 * indices, 2 * indices + 1], axis=1).ravel()
-    values = np.stack([on_x, on_y], axis=1).ravel()
-    return sparse.csr_array((values, columns, 2 * indptr), shape=shape)
+    return sparse.csr_array((values.ravel(), columns, 2 * indptr), shape=shape)
 
 
 def _entries(stencils: Stencils) -> tuple[IndexArray | IntArray, IndexArray | IntArray]:
@@ -49,3 +55,10 @@ def nodal_rows(indices: IntArray, component: int, nodes: int) -> sparse.csr_arra
     return sparse.csr_array(
         (np.ones(count), columns, np.arange(count + 1, dtype=np.int32)), shape=(count, 2 * nodes)
     )
+
+
+def nodal_pairs(indices: IntArray, factors: FloatArray, nodes: int) -> sparse.csr_array:
+    """Rows (e, 2n) of u_x and u_y of nodes ``indices`` (e,) times ``factors`` (e, 2), added."""
+    columns = np.stack([2 * indices, 2 * indices + 1], axis=1).ravel().astype(np.int32)
+    indptr = 2 * np.arange(len(indices) + 1, dtype=np.int32)
+    return sparse.csr_array((factors.ravel(), columns, indptr), shape=(len(indices), 2 * nodes))
