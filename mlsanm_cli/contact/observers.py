@@ -9,8 +9,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows
-from mlsanm_cli.operators.rows import nodal_rows
+from mlsanm_cli.mechanics.elasticity import XY, stress_rows, traction_rows
+from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
 
 BAND = 0.75
 
@@ -36,13 +36,10 @@ def _relative_rows(
     blocks = [sparse.csr_array((0, 2 * nodes))]
     for pairing, direction in zip(pairings, directions, strict=True):
         block = sparse.csr_array((len(pairing.position), 2 * nodes))
-        n_x, n_y = direction[:, :1], direction[:, 1:]
         if pairing.slave_body == name:
-            on_x, on_y = (nodal_rows(pairing.node, component, nodes) for component in (0, 1))
-            block = block + on_x.multiply(n_x) + on_y.multiply(n_y)
+            block = block + nodal_pairs(pairing.node, direction, nodes)
         if pairing.master_body == name:
-            on_x, on_y = body.model.values_at(pairing.partner)
-            block = block - on_x.multiply(n_x) - on_y.multiply(n_y)
+            block = block - body.model.values_along(pairing.partner, direction)
         blocks.append(sparse.csr_array(block))
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 
@@ -133,13 +130,12 @@ def _weighted_stress(
     stencils = model.stencils.take(used)
     points, w = model.cloud.points[used], weight[used]
     total = sparse.csr_array((3, model.unknowns))
-    for component, parts in ((0, (XX, XY)), (1, (XY, YY))):
+    for component in (0, 1):
         if held[component]:
-            for axis, part in enumerate(parts):
-                unit = np.zeros_like(w)
-                unit[:, component] = w[:, axis]
-                rows = stress_rows(stencils, model.material.stiffness, part)
-                total = total + sparse.csr_array(resultant(unit, points, center)) @ rows
+            unit = np.zeros_like(w)
+            unit[:, component] = 1.0
+            rows = traction_rows(stencils, model.material.stiffness, w, component)
+            total = total + sparse.csr_array(resultant(unit, points, center)) @ rows
     return sparse.csr_array(total)
 
 

@@ -1,14 +1,59 @@
-"""Normal equations of rows that act on two unknowns a node, as 2 x 2 blocks."""
+"""Normal equations of rows that act on two unknowns a node, as 2 x 2 blocks.
+
+Rows that act on the same nodes, as all those of one stencil do, are taken together: the pairs of its nodes
+are then looked up once, not once for each of them.
+"""
 
 from __future__ import annotations
+
+import numpy as np
 
 from mlsanm_cli.kernels.jit import kernel
 from mlsanm_cli.kernels.signature import Float2, FloatOut3, Index1, IndexOut1, Int1, IntOut1
 
 
 @kernel
+def group_rows(
+    indptr: Index1, nodes: Index1, newest: IndexOut1, group: IndexOut1, begin: IndexOut1, members: IndexOut1
+) -> int:
+    """Number the groups of rows that act on the same nodes in the same order; how many there are.
+
+    ``indptr`` (r + 1,) and ``nodes`` (e,) are the rows, ``newest`` (n,) is -1. ``group`` (r,) receives the
+    group of every row, -1 if it acts on nothing; ``begin`` (r + 1,), zero at first, and ``members`` (e,) the
+    nodes of every group.
+    """
+    older = np.empty(len(group), dtype=np.int32)
+    count = 0
+    for r in range(len(group)):
+        first, size = indptr[r], indptr[r + 1] - indptr[r]
+        if size == 0:
+            group[r] = -1
+            continue
+        # Few groups have the same first node: it is the one nearest to the stencil's point.
+        found = newest[nodes[first]]
+        while found >= 0:
+            same = begin[found + 1] - begin[found] == size
+            place = 0
+            while same and place < size:
+                same = members[begin[found] + place] == nodes[first + place]
+                place += 1
+            if same:
+                break
+            found = older[found]
+        if found < 0:
+            found = count
+            older[found] = newest[nodes[first]]
+            newest[nodes[first]] = found
+            begin[found + 1] = begin[found] + size
+            members[begin[found] : begin[found + 1]] = nodes[first : first + size]
+            count += 1
+        group[r] = found
+    return count
+
+
+@kernel
 def rows_of_nodes(indptr: Index1, nodes: Index1, begin: IndexOut1, row: IndexOut1, entry: IndexOut1) -> None:
-    """Which rows act on every node, in order: ``row`` (e,) and the ``entry`` (e,) of the rows that does.
+    """Which rows act on every node, in order: ``row`` (e,) and which of its entries does, ``entry`` (e,).
 
     ``indptr`` (r + 1,) and ``nodes`` (e,) are the rows; those of node i go from ``begin[i]`` to
     ``begin[i + 1]``, (n + 1,), zero at first.
@@ -21,7 +66,7 @@ def rows_of_nodes(indptr: Index1, nodes: Index1, begin: IndexOut1, row: IndexOut
     for r in range(len(indptr) - 1):
         for place in range(indptr[r], indptr[r + 1]):
             at = begin[nodes[place]]
-            row[at], entry[at] = r, place
+            row[at], entry[at] = r, place - indptr[r]
             begin[nodes[place]] = at + 1
     for node in range(count, 0, -1):
         begin[node] = begin[node - 1]
@@ -53,10 +98,13 @@ def count_neighbours(
 @kernel
 def add_blocks(
     indptr: Index1,
-    nodes: Index1,
     values: Float2,
+    row: Int1,
+    rows: Int1,
     begin: Index1,
-    row: Index1,
+    members: Index1,
+    start: Index1,
+    group: Index1,
     entry: Index1,
     slot: IntOut1,
     end: Int1,
@@ -65,23 +113,32 @@ def add_blocks(
 ) -> None:
     """``neighbour`` (m,) and the ``blocks`` (m, 2, 2), zero at first, of the sum of every row's square.
 
-    ``values`` (e, 2) are what the rows multiply both unknowns by, ``end`` is that of
-    :func:`count_neighbours`, ``slot`` (n,) is -1.
+    ``values`` (e, 2) are what the rows multiply both unknowns by; those of group g are ``row[rows[g]]`` to
+    ``row[rows[g + 1]]``, ``rows`` (g + 1,), ``begin`` and ``members`` their nodes. ``start``, ``group`` and
+    ``entry`` are those of :func:`rows_of_nodes` for groups, ``end`` of :func:`count_neighbours`, ``slot``
+    (n,) is -1.
     """
-    for node in range(len(begin) - 1):
+    for node in range(len(start) - 1):
         first, last = end[node], end[node]
-        for at in range(begin[node], begin[node + 1]):
-            own = entry[at]
-            x, y = values[own, 0], values[own, 1]
-            for place in range(indptr[row[at]], indptr[row[at] + 1]):
-                other = nodes[place]
-                target = slot[other]
-                if target < first:
-                    target = last
-                    slot[other] = target
-                    neighbour[target] = other
-                    last += 1
-                blocks[target, 0, 0] += x * values[place, 0]
-                blocks[target, 0, 1] += x * values[place, 1]
-                blocks[target, 1, 0] += y * values[place, 0]
-                blocks[target, 1, 1] += y * values[place, 1]
+        for at in range(start[node], start[node + 1]):
+            g, own = group[at], entry[at]
+            nodes = members[begin[g] : begin[g + 1]]
+            # Two rows at a time: most groups have those of x and y.
+            for k in range(rows[g], rows[g + 1], 2):
+                one = values[indptr[row[k]] : indptr[row[k] + 1]]
+                x, y = one[own, 0], one[own, 1]
+                two, u, v = one, 0.0, 0.0
+                if k + 1 < rows[g + 1]:
+                    two = values[indptr[row[k + 1]] : indptr[row[k + 1] + 1]]
+                    u, v = two[own, 0], two[own, 1]
+                for place in range(len(nodes)):
+                    target = slot[nodes[place]]
+                    if target < first:
+                        target = last
+                        slot[nodes[place]], neighbour[target] = target, nodes[place]
+                        last += 1
+                    block = blocks[target]
+                    block[0, 0] += x * one[place, 0] + u * two[place, 0]
+                    block[0, 1] += x * one[place, 1] + u * two[place, 1]
+                    block[1, 0] += y * one[place, 0] + v * two[place, 0]
+                    block[1, 1] += y * one[place, 1] + v * two[place, 1]

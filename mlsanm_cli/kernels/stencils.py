@@ -1,4 +1,9 @@
-"""Moving least-squares weights: one small weighted QR per evaluation point."""
+"""Moving least-squares weights: one small weighted QR per evaluation point.
+
+Points whose stencils are equally large are worked on LANES at a time, their numbers side by side in the last
+dimension of every array: processors do several of them at once, which they cannot within the short sums of
+one stencil. What comes out does not depend on who is worked on together.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +11,27 @@ import math
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, FloatOut3, Int1
 
+LANES = 32
+"""Points worked on together: half as many take a fifth longer, twice as many as long."""
+
 
 @inner
-def _monomials(degree: int, x: float, y: float, row: FloatArray) -> None:
-    """All x^i y^j of total degree up to ``degree``, ordered by degree, then by the power of y."""
-    column = 0
-    for total in range(degree + 1):
+def _monomials(degree: int, x: FloatArray, y: FloatArray, row: FloatArray, lanes: int) -> None:
+    """All x^i y^j of total degree up to ``degree``, ordered by degree, then by the power of y, times the
+    first entry of the ``row`` (c, l)."""
+    column = 1
+    for total in range(1, degree + 1):
         for power in range(total + 1):
-            row[column] = x ** (total - power) * y**power
+            lower, factor = row[column - total], x
+            if power == total:
+                lower, factor = row[column - total - 1], y
+            entry = row[column]
+            for lane in range(lanes):
+                entry[lane] = lower[lane] * factor[lane]
             column += 1
 
 
@@ -42,31 +56,91 @@ def _functional(degree: int, dx: int, dy: int, x: float, y: float, row: FloatArr
 
 
 @inner
-def _householder(matrix: FloatArray, rows: int, columns: int, tau: FloatArray, diagonal: FloatArray) -> None:
-    """QR in place: reflectors below the diagonal (unit first entry kept apart in ``tau``), R above it."""
-    for c in range(columns):
-        norm = 0.0
+def _reflect(
+    reflector: FloatArray, c: int, rows: int, tau: FloatArray, x: FloatArray, dot: FloatArray, lanes: int
+) -> None:
+    """Apply the reflector of column c to ``x`` (rows, l), with factors ``tau`` (l,); its first entry is 1."""
+    first = x[c]
+    for lane in range(lanes):
+        dot[lane] = first[lane]
+    for r in range(c + 1, rows):
+        v, entry = reflector[r], x[r]
+        for lane in range(lanes):
+            dot[lane] += v[lane] * entry[lane]
+    for lane in range(lanes):
+        dot[lane] *= tau[lane]
+        first[lane] -= dot[lane]
+    for r in range(c + 1, rows):
+        v, entry = reflector[r], x[r]
+        for lane in range(lanes):
+            entry[lane] -= dot[lane] * v[lane]
+
+
+@inner
+def _householder(
+    matrix: FloatArray, rows: int, tau: FloatArray, diagonal: FloatArray, dot: FloatArray, lanes: int
+) -> None:
+    """QR of ``matrix`` (c, rows, l) in place, column by column: reflectors below the diagonal (unit first
+    entry kept apart in ``tau`` (c, l)), R above it and in ``diagonal`` (c, l)."""
+    for c in range(len(matrix)):
+        own = matrix[c]
+        for lane in range(lanes):
+            dot[lane] = 0.0
         for r in range(c, rows):
-            norm += matrix[r, c] * matrix[r, c]
-        norm = math.sqrt(norm)
-        if norm == 0.0:
-            tau[c] = 0.0
-            diagonal[c] = 0.0
-            continue
-        alpha = -norm if matrix[c, c] > 0.0 else norm
-        pivot = matrix[c, c] - alpha
+            entry = own[r]
+            for lane in range(lanes):
+                dot[lane] += entry[lane] * entry[lane]
+        for lane in range(lanes):
+            norm = math.sqrt(dot[lane])
+            alpha = -norm if own[c, lane] > 0.0 else norm
+            pivot = own[c, lane] - alpha
+            diagonal[c, lane] = alpha
+            tau[c, lane] = -pivot / alpha if norm > 0.0 else 0.0
+            dot[lane] = pivot if norm > 0.0 else 1.0
         for r in range(c + 1, rows):
-            matrix[r, c] /= pivot
-        tau[c] = -pivot / alpha
-        diagonal[c] = alpha
-        for other in range(c + 1, columns):
-            dot = matrix[c, other]
-            for r in range(c + 1, rows):
-                dot += matrix[r, c] * matrix[r, other]
-            dot *= tau[c]
-            matrix[c, other] -= dot
-            for r in range(c + 1, rows):
-                matrix[r, other] -= dot * matrix[r, c]
+            entry = own[r]
+            for lane in range(lanes):
+                entry[lane] /= dot[lane]
+        for other in range(c + 1, len(matrix)):
+            _reflect(own, c, rows, tau[c], matrix[other], dot, lanes)
+
+
+@inner
+def _solve(
+    matrix: FloatArray,
+    rows: int,
+    tau: FloatArray,
+    diagonal: FloatArray,
+    x: FloatArray,
+    dot: FloatArray,
+    lanes: int,
+) -> None:
+    """Q R^-T ``x`` in place: ``x`` (rows, l) has the right-hand side in its first rows, one per column."""
+    columns = len(matrix)
+    for c in range(columns):
+        entry, pivot = x[c], diagonal[c]
+        for r in range(c):
+            above, before = matrix[c, r], x[r]
+            for lane in range(lanes):
+                entry[lane] -= above[lane] * before[lane]
+        for lane in range(lanes):
+            entry[lane] /= pivot[lane]
+    for r in range(columns, rows):
+        entry = x[r]
+        for lane in range(lanes):
+            entry[lane] = 0.0
+    for c in range(columns - 1, -1, -1):
+        _reflect(matrix[c], c, rows, tau[c], x, dot, lanes)
+
+
+@inner
+def _alike(indptr: IntArray, first: int) -> int:
+    """How many stencils from the ``first`` on are as large as it, LANES at most."""
+    lanes, last = 1, min(LANES, len(indptr) - 1 - first)
+    size = indptr[first + 1] - indptr[first]
+    while lanes < last and indptr[first + lanes + 1] - indptr[first + lanes] == size:
+        lanes += 1
+    return lanes
 
 
 @kernel
@@ -90,64 +164,57 @@ def mls_weights(
     d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 are wanted; ``weights`` is (nnz, 1 | 3 | 6). ``ratio`` receives the
     smallest over the largest diagonal entry of R: zero where the stencil cannot carry the polynomial.
     """
-    columns = (degree + 1) * (degree + 2) // 2
+    columns, kinds = (degree + 1) * (degree + 2) // 2, (order + 1) * (order + 2) // 2
     widest = 0
     for e in range(centers.shape[0]):
         widest = max(widest, indptr[e + 1] - indptr[e])
-    matrix = np.empty((widest, columns))
-    gauss = np.empty(widest)
-    tau = np.empty(columns)
-    diagonal = np.empty(columns)
-    wanted = np.empty(columns)
-    vector = np.empty(widest)
-    for e in range(centers.shape[0]):
-        start = indptr[e]
-        rows = indptr[e + 1] - start
-        scale = 1.0 / radii[e]
-        for r in range(rows):
-            x = (points[indices[start + r], 0] - centers[e, 0]) * scale
-            y = (points[indices[start + r], 1] - centers[e, 1]) * scale
-            gauss[r] = math.exp(-sharpness * (x * x + y * y))
-            _monomials(degree, x, y, matrix[r])
-            for c in range(columns):
-                matrix[r, c] *= gauss[r]
+    matrix, solved = np.empty((columns, widest, LANES)), np.empty((kinds, widest, LANES))
+    local_x, local_y = np.empty((widest, LANES)), np.empty((widest, LANES))
+    gauss, dot, wanted = np.empty((widest, LANES)), np.empty(LANES), np.empty(columns)
+    tau, diagonal = np.empty((columns, LANES)), np.empty((columns, LANES))
+    done = 0
+    while done < centers.shape[0]:
+        first, lanes, rows = done, _alike(indptr, done), indptr[done + 1] - indptr[done]
+        done += lanes
         if rows < columns:
-            ratio[e] = 0.0
+            ratio[first:done] = 0.0
             continue
-        _householder(matrix, rows, columns, tau, diagonal)
-        smallest = math.inf
-        largest = 0.0
-        for c in range(columns):
-            smallest = min(smallest, abs(diagonal[c]))
-            largest = max(largest, abs(diagonal[c]))
-        ratio[e] = smallest / largest
-        if smallest == 0.0:
-            continue
-        x = (targets[e, 0] - centers[e, 0]) * scale
-        y = (targets[e, 1] - centers[e, 1]) * scale
-        which = 0
-        for total in range(order + 1):
-            for dy in range(total + 1):
-                _functional(degree, total - dy, dy, x, y, wanted)
-                for c in range(columns):
-                    value = wanted[c]
-                    for r in range(c):
-                        value -= matrix[r, c] * vector[r]
-                    vector[c] = value / diagonal[c]
-                for r in range(columns, rows):
-                    vector[r] = 0.0
-                for c in range(columns - 1, -1, -1):
-                    dot = vector[c]
-                    for r in range(c + 1, rows):
-                        dot += matrix[r, c] * vector[r]
-                    dot *= tau[c]
-                    vector[c] -= dot
-                    for r in range(c + 1, rows):
-                        vector[r] -= dot * matrix[r, c]
-                factor = scale**total
-                for r in range(rows):
-                    weights[start + r, which] = vector[r] * gauss[r] * factor
-                which += 1
+        for lane in range(lanes):
+            e = first + lane
+            scale = 1.0 / radii[e]
+            for r in range(rows):
+                node = indices[indptr[e] + r]
+                x = (points[node, 0] - centers[e, 0]) * scale
+                y = (points[node, 1] - centers[e, 1]) * scale
+                local_x[r, lane], local_y[r, lane] = x, y
+                gauss[r, lane] = math.exp(-sharpness * (x * x + y * y))
+            x = (targets[e, 0] - centers[e, 0]) * scale
+            y = (targets[e, 1] - centers[e, 1]) * scale
+            which = 0
+            for total in range(order + 1):
+                for dy in range(total + 1):
+                    _functional(degree, total - dy, dy, x, y, wanted)
+                    solved[which, :columns, lane] = wanted
+                    which += 1
+        for r in range(rows):
+            matrix[0, r] = gauss[r]
+            _monomials(degree, local_x[r], local_y[r], matrix[:, r], lanes)
+        _householder(matrix, rows, tau, diagonal, dot, lanes)
+        for which in range(kinds):
+            _solve(matrix, rows, tau, diagonal, solved[which], dot, lanes)
+        for lane in range(lanes):
+            e = first + lane
+            sizes = np.abs(diagonal[:, lane])
+            ratio[e] = sizes.min() / sizes.max()
+            if ratio[e] == 0.0:
+                continue
+            which = 0
+            for total in range(order + 1):
+                factor = (1.0 / radii[e]) ** total
+                for _ in range(total + 1):
+                    for r in range(rows):
+                        weights[indptr[e] + r, which] = solved[which, r, lane] * gauss[r, lane] * factor
+                    which += 1
 
 
 @kernel

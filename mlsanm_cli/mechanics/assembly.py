@@ -72,8 +72,9 @@ def assemble(
     for node, component in single:
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
     pulls = _pulls(cloud, table, count)
-    rows = compact(sparse.csr_array(sparse.vstack(blocks, format="csr") + pulls))
+    rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
     del blocks
+    rows = compact(sparse.csr_array(rows + pulls) if springs else rows)
     factorise: Callable[[], LinearSystem]
     weight = np.zeros(0)
     if model.settings.square:

@@ -28,13 +28,13 @@ from mlsanm_cli.mechanics.elasticity import (
     stress_of,
     traction_of,
     traction_rows,
-    value_rows,
 )
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import Freedom
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
+from mlsanm_cli.operators.rows import pair_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from mlsanm_cli.operators.system import LinearSystem
@@ -115,10 +115,11 @@ class BodyModel:
         """Number of displacement unknowns, ghosts' included."""
         return 2 * len(self.nodes)
 
-    def values_at(self, points: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Rows (e, 2N) of u_x and u_y at any ``points`` (e, 2) of the body."""
+    def values_along(self, points: FloatArray, directions: FloatArray) -> sparse.csr_array:
+        """Rows (e, 2N) of the displacement at ``points`` (e, 2) of the body along ``directions`` (e, 2)."""
         stencils = build_stencils(self.nodes, self.tree, points, 0, self.settings, self.cloud.sight)
-        return value_rows(stencils, 0), value_rows(stencils, 1)
+        along = np.repeat(directions, np.diff(stencils.indptr), axis=0)
+        return pair_rows(stencils, stencils.weights * along)
 
     @cached_property
     def _stress_stencils(self) -> Stencils:

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.rows import scalar_rows, vector_rows
+from mlsanm_cli.operators.rows import pair_rows, scalar_rows, vector_rows
 from mlsanm_cli.operators.stencils import Stencils
 
 XX, YY, XY = 0, 1, 2
@@ -21,10 +21,8 @@ XX, YY, XY = 0, 1, 2
 
 def stress_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of the stress ``component`` XX, YY or XY at the stencils' points."""
-    dx, dy = stencils.weights[:, 1], stencils.weights[:, 2]
-    on_x = c[component, 0] * dx + c[component, 2] * dy
-    on_y = c[component, 2] * dx + c[component, 1] * dy
-    return vector_rows(stencils, on_x, on_y)
+    on_xx, on_yy, on_xy = c[component]
+    return pair_rows(stencils, stencils.weights[:, 1:3] @ np.array([[on_xx, on_xy], [on_xy, on_yy]]))
 
 
 def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, component: int) -> sparse.csr_array:
@@ -41,10 +39,15 @@ def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, compone
 def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of div sigma in x (0) or y (1) for a uniform stiffness, by second derivatives."""
     first, second = ((XX, XY), (XY, YY))[component]
-    xx, xy, yy = stencils.weights[:, 3], stencils.weights[:, 4], stencils.weights[:, 5]
-    on_x = c[first, 0] * xx + (c[first, 2] + c[second, 0]) * xy + c[second, 2] * yy
-    on_y = c[first, 2] * xx + (c[first, 1] + c[second, 2]) * xy + c[second, 1] * yy
-    return vector_rows(stencils, on_x, on_y)
+    # What multiplies the second derivatives xx, xy, yy of u_x and of u_y.
+    factors = np.array(
+        [
+            [c[first, 0], c[first, 2]],
+            [c[first, 2] + c[second, 0], c[first, 1] + c[second, 2]],
+            [c[second, 2], c[second, 1]],
+        ]
+    )
+    return pair_rows(stencils, stencils.weights[:, 3:6] @ factors)
 
 
 def nested_equilibrium_rows(

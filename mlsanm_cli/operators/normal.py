@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, rows_of_nodes
+from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, group_rows, rows_of_nodes
 from mlsanm_cli.operators.structure import refuse_too_many, structure
 
 
@@ -17,13 +17,19 @@ def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
     pairs = sparse.bsr_array(rows, blocksize=(1, 2))
     indptr, nodes = structure(pairs)
     count = rows.shape[1] // 2
-    begin, end = np.zeros(count + 1, dtype=np.int32), np.zeros(count + 1, dtype=np.int64)
-    row, entry = np.empty((2, len(nodes)), dtype=np.int32)
-    rows_of_nodes(indptr, nodes, begin, row, entry)
-    count_neighbours(indptr, nodes, begin, row, np.full(count, -1, dtype=np.int32), end)
+    group, begin = np.empty(rows.shape[0], dtype=np.int32), np.zeros(rows.shape[0] + 1, dtype=np.int32)
+    members = np.empty_like(nodes)
+    groups = group_rows(indptr, nodes, np.full(count, -1, dtype=np.int32), group, begin, members)
+    begin, members = begin[: groups + 1], members[: begin[groups]]
+    start, end = np.zeros(count + 1, dtype=np.int32), np.zeros(count + 1, dtype=np.int64)
+    of_node, entry = np.empty((2, len(members)), dtype=np.int32)
+    rows_of_nodes(begin, members, start, of_node, entry)
+    count_neighbours(begin, members, start, of_node, np.full(count, -1, dtype=np.int32), end)
     refuse_too_many(int(end[-1]))
     neighbour, blocks = np.empty(end[-1], dtype=np.int32), np.zeros((end[-1], 2, 2))
+    row = np.argsort(group, kind="stable")
+    grouped = (row, np.searchsorted(group[row], np.arange(groups + 1)), begin, members)
     values = np.ascontiguousarray(pairs.data).reshape(-1, 2)
     slot = np.full(count, -1, dtype=np.int64)
-    add_blocks(indptr, nodes, values, begin, row, entry, slot, end, neighbour, blocks)
+    add_blocks(indptr, values, *grouped, start, of_node, entry, slot, end, neighbour, blocks)
     return sparse.bsr_array((blocks, neighbour, end.astype(np.int32)), shape=(2 * count, 2 * count))

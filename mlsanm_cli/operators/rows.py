@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.operators.stencils import Stencils
+from mlsanm_cli.operators.structure import MOST
 
 
 def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | None) -> sparse.csr_array:
@@ -14,30 +15,50 @@ def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | 
 
     ``on_x`` and ``on_y`` (nnz,) follow the stencil's entries; None leaves that component out.
     """
+    if on_x is not None and on_y is not None:
+        return pair_rows(stencils, np.stack([on_x, on_y], axis=1))
+    component, alone = (1, on_y) if on_x is None else (0, on_x)
+    if alone is None:
+        raise ValueError("a row acts on one component at least")
     shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
-    if on_x is None or on_y is None:
-        component, alone = (1, on_y) if on_x is None else (0, on_x)
-        if alone is None:
-            raise ValueError("a row acts on one component at least")
-        return sparse.csr_array((alone, 2 * stencils.indices + component, stencils.indptr), shape=shape)
-    columns = np.empty(2 * len(stencils.indices), dtype=np.int64)
-    columns[0::2] = 2 * stencils.indices
-    columns[1::2] = 2 * stencils.indices + 1
-    values = np.empty(len(columns))
-    values[0::2] = on_x
-    values[1::2] = on_y
-    return sparse.csr_array((values, columns, 2 * stencils.indptr), shape=shape)
+    indptr, indices = _entries(stencils)
+    return sparse.csr_array((alone, 2 * indices + component, indptr), shape=shape)
+
+
+def pair_rows(stencils: Stencils, values: FloatArray) -> sparse.csr_array:
+    """The same with what multiplies u_x and u_y side by side: ``values`` (nnz, 2)."""
+    shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
+    indptr, indices = _entries(stencils)
+    columns = np.stack([2 * indices, 2 * indices + 1], axis=1).ravel()
+    return sparse.csr_array((values.ravel(), columns, 2 * indptr), shape=shape)
+
+
+def _entries(stencils: Stencils) -> tuple[IndexArray | IntArray, IndexArray | IntArray]:
+    """Where the stencils begin and which nodes they have, in 32 bits where rows of them can be counted so:
+    products with sparse matrices wait for memory."""
+    if 2 * len(stencils.indices) > MOST:
+        return stencils.indptr, stencils.indices
+    return stencils.indptr.astype(np.int32), stencils.indices.astype(np.int32)
 
 
 def scalar_rows(stencils: Stencils, weights: FloatArray) -> sparse.csr_array:
     """One row per stencil (e, n) acting on a scalar nodal field; ``weights`` (nnz,) follow its entries."""
     shape = (len(stencils.indptr) - 1, stencils.nodes)
-    return sparse.csr_array((weights, stencils.indices, stencils.indptr), shape=shape)
+    indptr, indices = _entries(stencils)
+    return sparse.csr_array((weights, indices, indptr), shape=shape)
 
 
 def nodal_rows(indices: IntArray, component: int, nodes: int) -> sparse.csr_array:
     """Rows (e, 2n) that pick the nodal displacement u_x (0) or u_y (1) of nodes ``indices`` (e,)."""
     count = len(indices)
+    columns = (2 * indices + component).astype(np.int32)
     return sparse.csr_array(
-        (np.ones(count), (np.arange(count), 2 * indices + component)), shape=(count, 2 * nodes)
+        (np.ones(count), columns, np.arange(count + 1, dtype=np.int32)), shape=(count, 2 * nodes)
     )
+
+
+def nodal_pairs(indices: IntArray, factors: FloatArray, nodes: int) -> sparse.csr_array:
+    """Rows (e, 2n) of u_x and u_y of nodes ``indices`` (e,) times ``factors`` (e, 2), added."""
+    columns = np.stack([2 * indices, 2 * indices + 1], axis=1).ravel().astype(np.int32)
+    indptr = 2 * np.arange(len(indices) + 1, dtype=np.int32)
+    return sparse.csr_array((factors.ravel(), columns, indptr), shape=(len(indices), 2 * nodes))

@@ -72,7 +72,8 @@ def slips(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
     pairing = small.pairing
     chosen = pairing.candidate
     assert pairing.master_body is not None
-    on_x, on_y = small.scene.bodies[pairing.master_body].model.values_at(pairing.partner[chosen])
+    model, at = small.scene.bodies[pairing.master_body].model, pairing.partner[chosen]
+    on_x, on_y = (model.values_along(at, np.tile(axis, (len(at), 1))) for axis in np.eye(2))
     u = fields[pairing.master_body].ravel()
     apart = fields[pairing.slave_body][pairing.node[chosen]] - np.stack([on_x @ u, on_y @ u], axis=1)
     n_x, n_y = pairing.normal[chosen].T
@@ -84,7 +85,8 @@ def gaps(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
     pairing = small.pairing
     chosen = pairing.candidate
     assert pairing.master_body is not None
-    on_x, on_y = small.scene.bodies[pairing.master_body].model.values_at(pairing.partner[chosen])
+    model, at = small.scene.bodies[pairing.master_body].model, pairing.partner[chosen]
+    on_x, on_y = (model.values_along(at, np.tile(axis, (len(at), 1))) for axis in np.eye(2))
     u = fields[pairing.master_body].ravel()
     apart = fields[pairing.slave_body][pairing.node[chosen]] - np.stack([on_x @ u, on_y @ u], axis=1)
     return np.asarray(pairing.gap[chosen] + (apart * pairing.normal[chosen]).sum(axis=1))

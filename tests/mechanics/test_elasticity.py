@@ -68,7 +68,7 @@ def test_equilibrium_rows_are_the_divergence_of_the_stress(coefficients: list[fl
 def test_values_between_the_nodes() -> None:
     targets = np.random.default_rng(0).uniform(0.0, 1.0, (40, 2))
     u = np.stack([POINTS[:, 0] ** 2 - POINTS[:, 1], POINTS[:, 0] * POINTS[:, 1]], axis=1)
-    on_x, on_y = MODEL.values_at(targets)
+    on_x, on_y = (MODEL.values_along(targets, np.tile(axis, (len(targets), 1))) for axis in np.eye(2))
     assert on_x @ u.ravel() == pytest.approx(targets[:, 0] ** 2 - targets[:, 1], abs=1e-12)
     assert on_y @ u.ravel() == pytest.approx(targets[:, 0] * targets[:, 1], abs=1e-12)
 
