@@ -21,8 +21,7 @@ from mlsanm_cli.contact.accuracy import corrected_state, halved_pressure, l2
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.defect import Defect, defect_of, response
-from mlsanm_cli.operators.refinement import QUICK
+from mlsanm_cli.mechanics.defect import Corrected, Defect, correct
 from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-9
@@ -70,27 +69,23 @@ def assess_accuracy(built: Built) -> Accuracy:
     """Estimate the errors of a solved scene in its last exact state."""
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
-    unknowns = (state.factors, state.motion, state.pressure, state.traction)
     untold: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
     # What friction has done on the way there would have to be followed again.
     if len(condensed.rubbing) and not built.case.adapt.passes:
         return Accuracy(None, untold, untold, state, None, {})
-    solved = {}
-    for name in scene.bodies:
-        elastic = condensed.solution(scene, name, unknowns, QUICK)[0][:, 0]
-        solved[name] = (elastic + scene.loose_patterns(name) @ state.motion).reshape(-1, 2)
-    largest = max(float(np.hypot(*u.T).max()) for u in solved.values())
-    nothing = Accuracy(None, untold, untold, state, largest, {})
-    if len(condensed.rubbing):
-        return nothing
     try:
-        defects = {name: defect_of(body, solved[name]) for name, body in scene.bodies.items()}
+        bodies = {} if len(condensed.rubbing) else _corrected_bodies(built, state)
     except NumericalError:  # the clouds are too small for the next degree
-        return nothing
-    size = float(sum((u**2).sum() for u in solved.values()))
+        bodies = {}
+    if not bodies:
+        whole = [condensed.displacement(scene, name, _unknowns(state)) for name in scene.bodies]
+        return Accuracy(None, untold, untold, state, _largest(whole), {})
+    defects = {name: one.defect for name, one in bodies.items()}
+    largest = _largest([one.displacement for one in bodies.values()])
+    size = float(sum((one.displacement**2).sum() for one in bodies.values()))
     try:
         halved = halved_pressure(condensed, state) if condensed.pairings else state.pressure
-        errors, pressures = _corrected(built, state, defects)
+        errors, pressures = _corrected(built, state, bodies)
     except NumericalError:  # what was changed but a little has no contact state at all
         return Accuracy(None, untold, untold, state, largest, defects)
     from_contact = {pair.name: _distance(built, pair, state, halved) for pair in condensed.pairings}
@@ -102,15 +97,34 @@ def assess_accuracy(built: Built) -> Accuracy:
     return Accuracy(displacement, from_bulk, from_contact, state, largest, defects)
 
 
-def _corrected(
-    built: Built, state: ExactState, defects: Mapping[str, Defect]
-) -> tuple[FloatArray, list[FloatArray]]:
-    """Sum of squares of what the defects change of all displacements, contact and platens solved again, and
-    the pressures (m,) then: without the bodies' sums, and with them."""
+def _corrected_bodies(built: Built, state: ExactState) -> dict[str, Corrected]:
+    """All bodies in the exact state, and what they lack there."""
     condensed, scene = built.condensed, built.scene
-    changes = {name: defect.corrections(scene.bodies[name]) for name, defect in defects.items()}
+    unknowns = _unknowns(state)
+    return {
+        name: correct(body, condensed.source(name, *unknowns), scene.loose_patterns(name) @ state.motion)
+        for name, body in scene.bodies.items()
+    }
+
+
+def _unknowns(state: ExactState) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Load factors, motions, pressures and tractions, as linear maps take them."""
+    return state.factors, state.motion, state.pressure, state.traction
+
+
+def _largest(displacements: list[FloatArray]) -> float:
+    """Largest of the ``displacements`` (N, 2) of all bodies."""
+    return max(float(np.hypot(*u.T).max()) for u in displacements)
+
+
+def _corrected(
+    built: Built, state: ExactState, bodies: Mapping[str, Corrected]
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Sum of squares of what the corrections change of all displacements, contact and platens solved again,
+    and the pressures (m,) then: without the bodies' sums, and with them."""
+    condensed, scene = built.condensed, built.scene
     states = [
-        corrected_state(condensed, scene, state, {name: both[:, way] for name, both in changes.items()})
+        corrected_state(condensed, scene, state, {name: one.changes[:, way] for name, one in bodies.items()})
         for way in (0, 1)
     ]
     motion = np.stack([one.motion - state.motion for one in states], axis=1)
@@ -118,8 +132,9 @@ def _corrected(
     moved = np.concatenate([np.zeros((len(state.factors), 2)), motion, pressure])
     errors = np.zeros(2)
     for name, body in scene.bodies.items():
-        followed = response(body, sparse.csc_array(condensed.sources[name] @ moved))
-        errors += ((changes[name] + followed + scene.loose_patterns(name) @ motion) ** 2).sum(axis=0)
+        followed = bodies[name].response(body, sparse.csc_array(condensed.sources[name] @ moved))
+        changes = bodies[name].changes + followed + scene.loose_patterns(name) @ motion
+        errors += (changes**2).sum(axis=0)
     return errors, [one.pressure for one in states]
 
 

@@ -55,8 +55,7 @@ def difference(built: Built, found: Mapping[float, State], reference: Mapping[fl
 
 def _largest_displacement(built: Built, unknowns: tuple[FloatArray, ...]) -> float:
     """Largest displacement of a node; of a difference without the initial gaps' part, which has none."""
-    f, q, p, t = unknowns
-    moved = [built.condensed.displacement(built.scene, name, f, q, p, t)[0] for name in built.scene.bodies]
+    moved = [built.condensed.displacement(built.scene, name, unknowns) for name in built.scene.bodies]
     return max(float(np.hypot(*u.T).max()) for u in moved)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.states import PathStep, State
+from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
@@ -23,6 +23,8 @@ from mlsanm_cli.values import dataclass
 
 PRESSED = 1e-9
 """Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
+OFTEN = 3
+"""From so many saved states on the preparation for their residuals pays: it takes as long as two of them."""
 
 
 @dataclass(frozen=True)
@@ -208,11 +210,12 @@ def fields_of(built: Built, state: State, stress: bool) -> tuple[dict[str, Field
 
 def _displacement(built: Built, name: str, state: State) -> tuple[FloatArray, float]:
     """Displacements (N, 2) of a body, ghosts last, and the residual of its elastic system."""
+    often = len(wanted_positions(built)) >= OFTEN
     if not len(state.displacement):
-        return built.condensed.displacement(built.scene, name, *state.unknowns)
+        return built.condensed.checked_displacement(built.scene, name, state.unknowns, often)
     solution = state.displacement[built.scene.places[name], None]
     source = built.condensed.source(name, *state.unknowns)
-    return solution.reshape(-1, 2), built.scene.bodies[name].system.residual(source, solution)
+    return solution.reshape(-1, 2), built.scene.bodies[name].system.residual(source, solution, often)
 
 
 def stored_fields(fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, dict[str, FloatArray]]:

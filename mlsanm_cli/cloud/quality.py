@@ -8,6 +8,9 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
+TOGETHER = 256
+"""Triangles that are looked at together, from the largest on."""
+
 
 @dataclass(frozen=True)
 class CloudQuality:
@@ -42,15 +45,22 @@ def _largest_hole(cloud: Cloud) -> float:
     ab2, ac2 = (ab**2).sum(axis=1), (ac**2).sum(axis=1)
     x = (ac[:, 1] * ab2 - ab[:, 1] * ac2) / twice
     y = (ab[:, 0] * ac2 - ac[:, 0] * ab2) / twice
+    center, radius = a + np.stack([x, y], axis=1), np.hypot(x, y)
     # Flat triangles along the outline have their centres outside: they are no holes. A centre counts as
     # inside where the nearest boundary node does not see it in front of its surface.
-    center = a + np.stack([x, y], axis=1)
     normals = np.zeros_like(cloud.points)
     for surface in cloud.surfaces.values():
         normals[surface.index] += surface.normal
     boundary = cloud.boundary_nodes
-    near = boundary[cKDTree(cloud.points[boundary]).query(center)[1]]
-    inside = ((center - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
-    radius = np.hypot(x, y)
-    h = cloud.spacing[cKDTree(cloud.points).query(center)[1]]
-    return float((radius / h)[inside].max(initial=0.0))
+    outline, nodes = cKDTree(cloud.points[boundary]), cKDTree(cloud.points)
+    # The nearest node of a centre is a corner: no triangle comes out larger than by its finest one.
+    most = radius / cloud.spacing[cloud.triangles].min(axis=1)
+    largest, order = 0.0, np.argsort(-most)
+    for some in np.split(order, range(TOGETHER, len(order), TOGETHER)):
+        near = boundary[outline.query(center[some])[1]]
+        inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
+        h = cloud.spacing[nodes.query(center[some])[1]]
+        largest = float((radius[some] / h)[inside].max(initial=largest))
+        if largest >= most[some[-1]]:
+            break
+    return largest

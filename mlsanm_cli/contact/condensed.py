@@ -35,7 +35,6 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, Probe, probe_rows, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
-from mlsanm_cli.operators.refinement import PRECISE
 from mlsanm_cli.values import dataclass
 
 EVEN = 1e-9
@@ -137,7 +136,7 @@ class Condensed:
         return chosen
 
     def solution(
-        self, scene: Scene, body: str, unknowns: Sequence[FloatArray], tolerance: float = PRECISE
+        self, scene: Scene, body: str, unknowns: Sequence[FloatArray]
     ) -> tuple[FloatArray, sparse.csc_array]:
         """Solution (2N, 1) of a body's elastic system in a state f, q, p, t, and its right-hand side (r, 1).
 
@@ -148,16 +147,21 @@ class Condensed:
         source = self.source(body, f, q, p, t)
         if body in self.solutions:
             return (self.solutions[body] @ np.concatenate([f, q, p, t]))[:, None], source
-        return scene.bodies[body].system.solve(source, tolerance), source
+        return scene.bodies[body].system.solve(source), source
 
-    def displacement(
-        self, scene: Scene, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
+    def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
+        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts included and last."""
+        solution = self.solution(scene, body, unknowns)[0][:, 0]
+        return (solution + scene.loose_patterns(body) @ unknowns[1]).reshape(-1, 2)
+
+    def checked_displacement(
+        self, scene: Scene, body: str, unknowns: Sequence[FloatArray], often: bool
     ) -> tuple[FloatArray, float]:
-        """Displacements (N, 2) of all nodes of a body in one state, ghosts included and last, and the
-        residual of its elastic system."""
-        solution, source = self.solution(scene, body, (f, q, p, t))
-        residual = scene.bodies[body].system.residual(source, solution)
-        return (solution[:, 0] + scene.loose_patterns(body) @ q).reshape(-1, 2), residual
+        """The same, and the residual of the body's elastic system; ``often`` says that it is asked for in
+        other states too."""
+        solution, source = self.solution(scene, body, unknowns)
+        residual = scene.bodies[body].system.residual(source, solution, often)
+        return (solution[:, 0] + scene.loose_patterns(body) @ unknowns[1]).reshape(-1, 2), residual
 
 
 def condense(scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -> Condensed:

@@ -69,8 +69,16 @@ def _key(level: int, i: int, j: int) -> int:
 
 @inner
 def _level(h: float, finest: float) -> int:
-    level: int = max(0, math.floor(np.log2(h / finest)))
+    """Cells of level l hold nodes of spacings from finest 2^l on, and are as wide as twice that."""
+    _, exponent = math.frexp(h / finest)
+    level: int = max(0, exponent - 1)
     return level
+
+
+@inner
+def _cell(level: int, finest: float) -> float:
+    cell: float = math.ldexp(finest, level + 1)
+    return cell
 
 
 @inner
@@ -95,7 +103,7 @@ def _enter(
 ) -> int:
     """Put ``node`` at the head of its cell's list; returns 1 when the cell is new."""
     level = _level(h[node], finest)
-    cell = finest * 2.0**level
+    cell = _cell(level, finest)
     key = _key(level, math.floor(points[node, 0] / cell), math.floor(points[node, 1] / cell))
     slot = _slot(keys, key)
     fresh = 0
@@ -132,39 +140,6 @@ def _inside(
 
 
 @inner
-def _free(
-    points: FloatArray,
-    keys: IntArray,
-    heads: IntArray,
-    following: IntArray,
-    finest: float,
-    lowest: int,
-    highest: int,
-    x: float,
-    y: float,
-    radius: float,
-) -> bool:
-    """Whether no accepted node of cell levels ``lowest`` to ``highest`` lies within ``radius`` of (x, y)."""
-    for level in range(lowest, highest + 1):
-        cell = finest * 2.0**level
-        i1 = math.floor((x + radius) / cell)
-        j1 = math.floor((y + radius) / cell)
-        for i in range(math.floor((x - radius) / cell), i1 + 1):
-            for j in range(math.floor((y - radius) / cell), j1 + 1):
-                slot = _slot(keys, _key(level, i, j))
-                if keys[slot] == EMPTY:
-                    continue
-                node = heads[slot]
-                while node != EMPTY:
-                    dx = points[node, 0] - x
-                    dy = points[node, 1] - y
-                    if dx * dx + dy * dy < radius * radius:
-                        return False
-                    node = following[node]
-    return True
-
-
-@inner
 def _longer(array: FloatArray) -> FloatArray:
     grown = np.full(2 * array.shape[0], EMPTY, array.dtype)
     grown[: array.shape[0]] = array
@@ -176,6 +151,61 @@ def _doubled(array: FloatArray) -> FloatArray:
     grown = np.empty((2 * array.shape[0], 2))
     grown[: array.shape[0]] = array
     return grown
+
+
+@inner
+def _around(
+    points: FloatArray,
+    keys: IntArray,
+    heads: IntArray,
+    following: IntArray,
+    finest: float,
+    lowest: int,
+    highest: int,
+    x: float,
+    y: float,
+    reach: float,
+    near: FloatArray,
+) -> tuple[FloatArray, int]:
+    """Accepted nodes of cell levels ``lowest`` to ``highest`` within ``reach`` of (x, y): ``near`` (c, 2), or
+    a longer array if they are more, and their number."""
+    found = 0
+    for level in range(lowest, highest + 1):
+        cell = _cell(level, finest)
+        i1 = math.floor((x + reach) / cell)
+        j0 = math.floor((y - reach) / cell)
+        j1 = math.floor((y + reach) / cell)
+        for i in range(math.floor((x - reach) / cell), i1 + 1):
+            for j in range(j0, j1 + 1):
+                slot = _slot(keys, _key(level, i, j))
+                if keys[slot] == EMPTY:
+                    continue
+                node = heads[slot]
+                while node != EMPTY:
+                    dx = points[node, 0] - x
+                    dy = points[node, 1] - y
+                    if dx * dx + dy * dy < reach * reach:
+                        if found == near.shape[0]:
+                            near = _doubled(near)
+                        near[found, 0] = points[node, 0]
+                        near[found, 1] = points[node, 1]
+                        found += 1
+                    node = following[node]
+    return near, found
+
+
+@inner
+def _nearest(near: FloatArray, count: int, x: float, y: float, enough: float) -> float:
+    """Square of the distance from (x, y) to the nearest of the first ``count`` points of ``near``, or to the
+    first that is nearer than the root of ``enough``."""
+    smallest = math.inf
+    for k in range(count):
+        dx = near[k, 0] - x
+        dy = near[k, 1] - y
+        smallest = min(smallest, dx * dx + dy * dy)
+        if smallest < enough:
+            break
+    return smallest
 
 
 @kernel
@@ -216,28 +246,43 @@ def advance_front(
     used = 0
     entered = 0
     state = np.uint64(seed * 2 + 1) * np.uint64(0x9E3779B97F4A7C15)
+    near = np.empty((64, 2))
     parent = 0
     while parent < count and count < limit:
         state = state * np.uint64(6364136223846793005) + np.uint64(1442695040888963407)
         turn = float(state >> np.uint64(11)) / 9007199254740992.0
+        if 4 * (used + count - entered) >= keys.shape[0]:
+            # Too full for quick probing: a larger, empty table, into which every node goes again.
+            keys = np.full(8 * (used + count - entered), EMPTY, np.int64)
+            heads = np.full(keys.shape[0], EMPTY, np.int64)
+            used = 0
+            entered = 0
+        while entered < count:
+            used += _enter(keys, heads, following, points, h, finest, entered)
+            entered += 1
+        # Candidates are one spacing away, and the nodes that refuse them no farther from them than that.
+        size = h[parent]
+        reach = 2.0 * size
+        lowest = _level(max(finest, size - steepest * reach), finest)
+        highest = _level(size + steepest * reach, finest)
+        near, around = _around(
+            points, keys, heads, following, finest, lowest, highest, points[parent, 0], points[parent, 1],
+            reach, near,
+        )  # fmt: skip
+        while near.shape[0] < around + candidates:
+            near = _doubled(near)
+        # The spacing at a candidate is not below this, a little less for round-off; most end here.
+        least = size * max(0.0, 1.0 - steepest) * (1.0 - 1e-6)
         for c in range(candidates):
-            if 4 * (used + count - entered) >= keys.shape[0]:
-                # Too full for quick probing: a larger, empty table, into which every node goes again.
-                keys = np.full(8 * (used + count - entered), EMPTY, np.int64)
-                heads = np.full(keys.shape[0], EMPTY, np.int64)
-                used = 0
-                entered = 0
-            while entered < count:
-                used += _enter(keys, heads, following, points, h, finest, entered)
-                entered += 1
             angle = 2.0 * math.pi * (c + turn) / candidates
-            x = points[parent, 0] + h[parent] * math.cos(angle)
-            y = points[parent, 1] + h[parent] * math.sin(angle)
+            x = points[parent, 0] + size * math.cos(angle)
+            y = points[parent, 1] + size * math.sin(angle)
+            distance2 = _nearest(near, around, x, y, least * least)
+            if distance2 < least * least:
+                continue
             own = _spacing(far, zones, x, y)
-            radius = min(own, h[parent]) * (1.0 - 1e-9)
-            lowest = _level(max(finest, own - steepest * radius), finest)
-            highest = _level(own + steepest * radius, finest)
-            if not _free(points, keys, heads, following, finest, lowest, highest, x, y, radius):
+            radius = min(own, size) * (1.0 - 1e-9)
+            if distance2 < radius * radius:
                 continue
             if not _inside(edges, strip_start, strip_edges, strip_low, strip_step, x, y):
                 continue
@@ -249,5 +294,8 @@ def advance_front(
             points[count, 1] = y
             h[count] = own
             count += 1
+            near[around, 0] = x
+            near[around, 1] = y
+            around += 1
         parent += 1
     return points[:count].copy()

@@ -23,7 +23,6 @@ import os
 import pkgutil
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -172,6 +171,8 @@ def _beside(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kern
     An interrupt that comes while LLVM calls Python, as it often does, would be printed and lost; while we
     wait, it is not.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     waited = True
 
     def wanted() -> Iterator[Kernel]:

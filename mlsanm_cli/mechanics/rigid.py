@@ -133,9 +133,11 @@ class FreeSystem:
         """Solutions (n, c) by the factor alone."""
         return self._centred(self.system.roughly(self._balanced(sources)))
 
-    def both(self, source: sparse.csc_array) -> FloatArray:
-        """Solutions (n, 2) of the equations of the nodes alone, and with sums of them."""
-        return self._centred(self.system.both(self._balanced(source)))
+    def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
+        """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
+        (r, 1) by the factor alone, of the equations of the nodes alone and with sums of them, (n, 3)."""
+        sources = (self._balanced(source), self._pinned(solution), self._balanced(more))
+        return self._centred(self.system.step(*sources))
 
     def _centred(self, solution: FloatArray) -> FloatArray:
         """``solution`` (n, c) without mean motion."""
@@ -155,10 +157,14 @@ class FreeSystem:
         pinned, mean = np.split(found, [observed.shape[0]])
         return np.asarray(pinned - (observed @ self.patterns) @ mean)
 
-    def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
+    def residual(self, source: sparse.csc_array, solution: FloatArray, often: bool = False) -> float:
         """What one more refinement would change of a ``solution`` (n, 1), relatively."""
+        return self.system.residual(self._balanced(source), self._pinned(solution), often)
+
+    def _pinned(self, solution: FloatArray) -> FloatArray:
+        """``solution`` (n, c) as the pinned body has it."""
         moved = np.linalg.solve(self.patterns[self.pinned], solution[self.pinned])
-        return self.system.residual(self._balanced(source), solution - self.patterns @ moved)
+        return np.asarray(solution - self.patterns @ moved)
 
     @property
     def note(self) -> str:

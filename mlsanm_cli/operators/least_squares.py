@@ -56,13 +56,17 @@ class LeastSquares:
         """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
         return self.factor.solve(self._gather(self.scaled(sources)))
 
-    def both(self, source: sparse.csc_array) -> FloatArray:
-        """Solutions (n, 2) for one right-hand side ``source`` (r, 1): by the rows alone, refined to QUICK,
-        and with the sums, which the factor alone adds to it."""
-        plain = self.plain.solve(source, QUICK)
+    def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
+        """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
+        (r, 1) by the factor alone: by the rows alone, and with the sums, (n, 3)."""
+        gradient = self._gather(self.scaled(source) - self._apply(solution))
+        weighted, summed = self._weighted(more)
+        rhs = np.hstack([gradient, (self.rows.T @ weighted).toarray()])
         if not isinstance(self.factor, UpdatedFactor):
-            return np.hstack([plain, plain])
-        return np.hstack([plain, self.factor.joined(plain, self._weighted(source)[1])])
+            return self.factor.solve(rhs)[:, [0, 1, 1]]
+        first = self.factor.factor.solve(rhs)
+        lacking = np.hstack([np.zeros_like(summed), summed])
+        return np.hstack([first[:, 1:], self.factor.joined(first, lacking)])[:, [1, 0, 2]]
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -115,14 +119,15 @@ class LeastSquares:
                 break
         return solution, lack
 
-    def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
+    def residual(self, source: sparse.csc_array, solution: FloatArray, often: bool = False) -> float:
         """What one more corrected semi-normal step would change of a ``solution`` (n, 1), relatively.
 
-        The step itself is not made: what it has along some directions tells its length.
+        Where that is asked ``often``, no step is made: what it has along some directions tells its length.
         """
         gradient = self._gather(self.scaled(source) - self._apply(solution))[:, 0]
         size = float(np.linalg.norm(solution))
-        return length_of(self._looks @ gradient) / (size if size > 0.0 else 1.0)
+        step = length_of(self._looks @ gradient) if often else np.linalg.norm(self.factor.solve(gradient))
+        return float(step) / (size if size > 0.0 else 1.0)
 
     @cached_property
     def _looks(self) -> FloatArray:

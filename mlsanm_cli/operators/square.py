@@ -32,9 +32,11 @@ class Square:
         """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
         return self.factor.solve(self.scaled(sources))
 
-    def both(self, source: sparse.csc_array) -> FloatArray:
-        """The solution (n, 2) for one right-hand side ``source`` (r, 1), twice: there are no sums."""
-        return np.repeat(self.solve(source, QUICK), 2, axis=1)
+    def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
+        """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and twice, as there are no
+        sums, the solution for ``more`` (r, 1) by the factor alone, (n, 3)."""
+        rhs = np.hstack([self.scaled(source) - self.matrix @ solution, self.scaled(more)])
+        return self.factor.solve(rhs)[:, [0, 1, 1]]
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -52,14 +54,15 @@ class Square:
             result[:, columns] = observed @ self.solve(sparse.csc_array(some), QUICK)
         return result
 
-    def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
+    def residual(self, source: sparse.csc_array, solution: FloatArray, often: bool = False) -> float:
         """What one more step of refinement would change of a ``solution`` (n, 1), relatively.
 
-        The step itself is not made: what it has along some directions tells its length.
+        Where that is asked ``often``, no step is made: what it has along some directions tells its length.
         """
         lack = (self.scaled(source) - self.matrix @ solution)[:, 0]
         size = float(np.linalg.norm(solution))
-        return length_of(self._looks @ lack) / (size if size > 0.0 else 1.0)
+        step = length_of(self._looks @ lack) if often else np.linalg.norm(self.factor.solve(lack))
+        return float(step) / (size if size > 0.0 else 1.0)
 
     @cached_property
     def _looks(self) -> FloatArray:

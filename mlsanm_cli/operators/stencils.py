@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.sight import Sight
@@ -11,6 +15,8 @@ from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
+
+Array = NDArray[Any]
 
 GROWTH = 1.3
 LARGEST = 3.0
@@ -75,25 +81,59 @@ def build_stencils(
     help.
     """
     targets = np.ascontiguousarray(targets)
-    size = settings.stencil_size
-    if len(points) < settings.coefficients:
+
+    def fit(some: FloatArray, size: int) -> tuple[tuple[IntArray, FloatArray], FloatArray]:
+        radius, indices = neighbors_of(points, tree, some, size, sight)
+        indptr = np.arange(len(some) + 1, dtype=np.int64) * size
+        weights = np.empty((len(some) * size, (order + 1) * (order + 2) // 2))
+        ratio = np.empty(len(some))
+        mls_weights(
+            points, indptr, indices.ravel(), some, some, radius, settings.degree, settings.sharpness, order,
+            weights, ratio,
+        )  # fmt: skip
+        return (indices, weights.reshape(len(some), size, -1)), ratio
+
+    fits = list(sound_fits(len(points), targets, settings, fit))
+    worst = min(float(ratio.min(initial=1.0)) for _, _, ratio in fits)
+    enlarged = len(targets) - len(fits[0][0])
+    return _merge(
+        [(which, indices, found) for which, (indices, found), _ in fits],
+        len(targets),
+        len(points),
+        enlarged,
+        worst,
+    )
+
+
+def sound_fits(
+    nodes: int,
+    targets: FloatArray,
+    settings: MlsSettings,
+    fit: Callable[[FloatArray, int], tuple[tuple[Array, ...], FloatArray]],
+) -> Iterator[tuple[IntArray, tuple[Array, ...], FloatArray]]:
+    """Fits at all ``targets`` (e, 2), with more neighbours where those asked for do not carry the degree.
+
+    ``fit(some, size)`` makes fits with ``size`` neighbours at some of them, arrays with one row for each, and
+    tells their ratios. Yields the numbers, the arrays and the ratios of those that are sound; NumericalError
+    where no size is enough.
+    """
+    if nodes < settings.coefficients:
         raise NumericalError(
-            f"a body of {len(points)} nodes cannot carry polynomials of degree {settings.degree}",
+            f"a body of {nodes} nodes cannot carry polynomials of degree {settings.degree}",
             "make its spacing smaller or mls.degree lower",
         )
-    pending = np.arange(len(targets))
-    parts: list[tuple[IntArray, IntArray, FloatArray]] = []
-    worst, enlarged = 1.0, 0
+    size, pending = settings.stencil_size, np.arange(len(targets))
     while len(pending):
-        size = min(size, len(points))
-        indices, weights, ratio = _fit(points, tree, targets[pending], size, order, settings, sight)
+        size = min(size, nodes)
+        parts, ratio = fit(targets[pending], size)
         # Above one it is no ratio: the nodes are so close together that no radius separates them.
         sound = (ratio >= settings.rank_tolerance) & (ratio <= 1.0)
-        parts.append((pending[sound], indices[sound], weights[sound]))
-        worst = float(min(worst, ratio[sound].min(initial=1.0)))
+        if sound.all():
+            yield pending, parts, ratio
+            return
+        yield pending[sound], tuple(part[sound] for part in parts), ratio[sound]
         pending = pending[~sound]
-        enlarged += len(pending) if len(parts) == 1 else 0
-        if len(pending) and (size == len(points) or size >= LARGEST * settings.stencil_size):
+        if size == nodes or size >= LARGEST * settings.stencil_size:
             x, y = targets[pending[0]]
             raise NumericalError(
                 f"the nodes around ({x:.6g}, {y:.6g}) cannot carry polynomials of degree {settings.degree}, "
@@ -101,31 +141,17 @@ def build_stencils(
                 "make the spacing smaller there, or mls.degree lower",
             )
         size = int(np.ceil(GROWTH * size))
-    return _merge(parts, len(targets), len(points), enlarged, worst)
 
 
-def _fit(
-    points: FloatArray,
-    tree: cKDTree,
-    targets: FloatArray,
-    size: int,
-    order: int,
-    settings: MlsSettings,
-    sight: Sight | None,
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Neighbours (e, size), weights (e, size, kinds) and diagonal ratios (e,) of one stencil size."""
+def neighbors_of(
+    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, sight: Sight | None
+) -> tuple[FloatArray, IntArray]:
+    """Radii (e,) and numbers (e, size) of stencils, the nearest nodes that the ``targets`` (e, 2) see."""
     distance, indices = _nearest(tree, targets, size, len(points))
     if sight is not None:
         asked = np.flatnonzero(sight.near(targets, distance[:, -1]))
         distance[asked], indices[asked] = _seen(sight, tree, targets[asked], size, len(points))
-    weights = np.empty((len(targets) * size, (order + 1) * (order + 2) // 2))
-    ratio = np.empty(len(targets))
-    indptr = np.arange(len(targets) + 1, dtype=np.int64) * size
-    mls_weights(
-        points, indptr, indices.ravel(), targets, targets, distance[:, -1].copy(), settings.degree,
-        settings.sharpness, order, weights, ratio,
-    )  # fmt: skip
-    return indices, weights.reshape(len(targets), size, -1), ratio
+    return distance[:, -1].copy(), indices
 
 
 def _nearest(tree: cKDTree, targets: FloatArray, size: int, nodes: int) -> tuple[FloatArray, IntArray]:

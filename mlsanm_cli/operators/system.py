@@ -40,9 +40,10 @@ class LinearSystem(Protocol):
         """Solutions (n, c) by the factor alone; :meth:`residual` tells what they are worth."""
         ...
 
-    def both(self, source: sparse.csc_array) -> FloatArray:
-        """Solutions (n, 2) for one right-hand side ``source`` (r, 1): of the equations of the nodes alone,
-        and with sums of them, the second no better than those of :meth:`roughly`."""
+    def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
+        """What a step of refinement adds to a ``solution`` (n, 1) for the right-hand side ``source`` (r, 1),
+        and solutions for another one, ``more`` (r, 1), by the factor alone, of the equations of the nodes
+        alone and with sums of them: (n, 3), in one pass through the factor."""
         ...
 
     def functionals(
@@ -55,11 +56,12 @@ class LinearSystem(Protocol):
         """
         ...
 
-    def residual(self, source: sparse.csc_array, solution: FloatArray) -> float:
+    def residual(self, source: sparse.csc_array, solution: FloatArray, often: bool = False) -> float:
         """What one more refinement would change of a ``solution`` (n, 1), relatively.
 
-        The residual itself tells little: nearly incompressible materials have rows so large that a useless
-        solution leaves one at round-off.
+        Told from a sample, after some preparation, where it is asked for ``often``. The residual itself tells
+        little: nearly incompressible materials have rows so large that a useless solution leaves one at
+        round-off.
         """
         ...
 

@@ -12,6 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 UNUSED = frozenset(
     {
+        "concurrent.futures",
         *("numba", "meshio", "matplotlib", "rich", "distributed", "click.testing", "unittest"),
         *(
             "scipy.fft",

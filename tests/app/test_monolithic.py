@@ -131,7 +131,7 @@ def test_rows_are_the_condensed_ones_at_what_the_bodies_answer(scene: str, tmp_p
     p, t = law.pressure * rng.uniform(0.0, 1.0, len(c.weight)), law.pressure * rng.normal(size=len(c.rubbing))
     f = np.asarray(rng.uniform(size=built.stages.shape[1]))
     q = law.motion * rng.normal(size=len(law.motion))
-    u = [c.displacement(built.scene, name, f, q, p, t)[0].ravel() for name in built.scene.bodies]
+    u = [c.displacement(built.scene, name, (f, q, p, t)).ravel() for name in built.scene.bodies]
     found = ours(f, np.concatenate([p, t, q, *u]))
     wanted = theirs.softened()(f, np.concatenate([p, t, q]))
     assert found[: len(wanted)] == pytest.approx(wanted, rel=1e-7, abs=1e-7 * np.abs(wanted).max())

@@ -202,9 +202,8 @@ class Small:
 
     def displacement(self, body: str, state: ExactState) -> FloatArray:
         """Nodal displacements (n, 2)."""
-        u, residual = self.condensed.displacement(
-            self.scene, body, state.factors, state.motion, state.pressure, np.zeros(0)
-        )
+        unknowns = (state.factors, state.motion, state.pressure, np.zeros(0))
+        u, residual = self.condensed.checked_displacement(self.scene, body, unknowns, often=False)
         assert residual <= 1e-9
         return u
 

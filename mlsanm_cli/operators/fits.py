@@ -1,0 +1,46 @@
+"""Derivatives of nodal fields, without the weights that lead to them: a fraction of their work."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.sight import Sight
+from mlsanm_cli.kernels.fits import fit_derivatives
+from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.stencils import neighbors_of, sound_fits
+from mlsanm_cli.parts import cKDTree
+
+TOGETHER = 4096
+"""Points whose neighbours are in memory together."""
+
+
+def fitted_derivatives(
+    points: FloatArray,
+    tree: cKDTree,
+    targets: FloatArray,
+    settings: MlsSettings,
+    field: FloatArray,
+    sight: Sight | None = None,
+) -> FloatArray:
+    """Value and derivatives (e, 6, c) of a nodal ``field`` (n, c) at ``targets`` (e, 2), degree 2 at least.
+
+    They are those of :meth:`Stencils.derivatives` with the same settings but for round-off.
+    Raises NumericalError where the nodes cannot carry the degree.
+    """
+    result = np.empty((len(targets), 6, field.shape[1]))
+    field = np.ascontiguousarray(field)
+
+    def fit(some: FloatArray, size: int) -> tuple[tuple[FloatArray], FloatArray]:
+        radius, numbers = neighbors_of(points, tree, some, size, sight)
+        found, ratio = np.empty((len(some), 6, field.shape[1])), np.empty(len(some))
+        fit_derivatives(
+            points, numbers, some, radius, settings.degree, settings.sharpness, field, found, ratio
+        )
+        return (found,), ratio
+
+    for first in range(0, len(targets), TOGETHER):
+        some = np.ascontiguousarray(targets[first : first + TOGETHER])
+        for which, (found,), _ in sound_fits(len(points), some, settings, fit):
+            result[first + which] = found
+    return result
