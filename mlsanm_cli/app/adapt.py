@@ -30,18 +30,32 @@ from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.patches import Patch, contact_patches
 from mlsanm_cli.contact.profile import half_width
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo
 from mlsanm_cli.values import dataclass
 
-ACROSS = 20.0
-AT_EDGE = 256.0
+
+@dataclass(frozen=True)
+class Rule:
+    """What a patch of contact asks for: ``across`` spacings over its half-width within ``reach`` half-widths
+    of its middle, ``at_edge`` at its edges, and spacings that grow by ``growth`` per unit length outside."""
+
+    across: float
+    reach: float
+    at_edge: float
+    growth: float
+
+
+ROUGH = Rule(20.0, 1.0, 256.0, 0.12)
+"""Degrees 1 to 3."""
+SMOOTH = Rule(10.0, 0.5, 256.0, 0.14)
+"""Degrees 4 to 6."""
 AT_STICK = 64.0
 KNOWN = 0.05
 """Edges of contact are known well enough for stick zones when they are this near, in half-widths."""
 FINER = 8.0
 """An edge zone is at most so many times finer than what the edge was found with."""
-GROWTH = 0.12
 STICK_ZONE = 0.1
 """A stick zone is wider than this part of its contact."""
 TOLERANCE = 2e-4
@@ -63,16 +77,17 @@ class Pass:
 
 @dataclass(frozen=True)
 class Refinement:
-    """What refined clouds follow from: ``zones`` (z, 5) with centre, spacing, radius and growth, and the
-    history that led to them."""
+    """What refined clouds follow from: ``zones`` (z, 5) with centre, spacing, radius and growth, the history
+    that led to them, and how a further pass ``failed``, if one did."""
 
     zones: FloatArray
     passes: tuple[Pass, ...]
+    failed: str = ""
 
 
 @dataclass(frozen=True)
 class Adapted:
-    """The last pass's scene, and the history of all."""
+    """The last good pass's scene, and the history of all."""
 
     prepared: Prepared
     built: Built
@@ -83,6 +98,11 @@ class Adapted:
     def passes(self) -> tuple[Pass, ...]:
         """One entry for every scene solved."""
         return self.refinement.passes
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What users should know of the refinement, usually nothing."""
+        return (self.refinement.failed,) if self.refinement.failed else ()
 
     @property
     def refined(self) -> bool:
@@ -105,25 +125,34 @@ def refine_again(
 
 
 def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: Memo = AFRESH) -> Adapted:
-    """Complete the scene, and refine it as often as the case asks or until nothing changes any more."""
+    """Complete the scene, and refine it as often as the case asks or until nothing changes any more.
+
+    Where a refined scene cannot be solved, as its contact is not stable, the one before it stands.
+    """
     built, accuracy = _solved(case, prepared, clock, console, memo)
     history = [_figures(built, accuracy, None)]
+    rule = rule_for(case.mls.degree)
     bulk: tuple[Zone, ...] = ()
     placed: tuple[Zone, ...] = ()
+    failed = ""
     for number in range(1, case.adapt.passes + 1):
-        patches = tuple(found_patches(built))
-        zones = tuple(zone for patch in patches for zone in _patch_zones(patch))
+        patches = tuple(found_patches(built, rule))
+        zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
         # Nodes in the bulk are wasted as long as it is the contact's own zones that are too coarse.
         more: tuple[Zone, ...] = ()
         if accuracy.bulk_leads:
             more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk))
-        if not more and not any(_is_coarse(patch) for patch in patches):
+        if not more and not any(_is_coarse(patch, rule) for patch in patches):
             console.note(f"refinement ends before pass {number}: the clouds are fine enough everywhere")
             break
-        bulk = (*bulk, *more)
-        placed = (*zones, *bulk)
-        prepared = place(case, clock, console, placed, memo, prepared)
-        built, accuracy = _solved(case, prepared, clock, console, memo, built.scene)
+        wanted = (*zones, *bulk, *more)
+        try:
+            refined = place(case, clock, console, wanted, memo, prepared)
+            built, accuracy = _solved(case, refined, clock, console, memo, built.scene)
+        except NumericalError as error:
+            failed = f"pass {number} of [adapt] failed, the result is that of the clouds before: {error.message}"
+            break
+        prepared, bulk, placed = refined, (*bulk, *more), wanted
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
         console.note(
@@ -133,7 +162,7 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: 
         )
         if now.change is not None and now.change <= TOLERANCE:
             break
-    return Adapted(prepared, built, accuracy, Refinement(_table(placed), tuple(history)))
+    return Adapted(prepared, built, accuracy, Refinement(_table(placed), tuple(history), failed))
 
 
 def _table(zones: tuple[Zone, ...]) -> FloatArray:
@@ -160,7 +189,7 @@ def _solved(
         return built, assess_accuracy(built)
 
 
-def found_patches(built: Built) -> Iterator[Patch]:
+def found_patches(built: Built, rule: Rule) -> Iterator[Patch]:
     """Patches with an edge in the exact states at the ends of all stages, with friction also stick zones.
 
     A surface that is closed from end to end has no edge, and nothing to refine.
@@ -176,25 +205,30 @@ def found_patches(built: Built) -> Iterator[Patch]:
             least = STICK_ZONE * max((patch.half_width for patch in closed), default=np.inf)
             for patch in contact_patches(pairing, state.stuck[span]):
                 if patch.half_width > least and len(patch.edges):
-                    yield replace(patch, finest=AT_EDGE / AT_STICK)
+                    yield replace(patch, finest=rule.at_edge / AT_STICK)
 
 
-def _is_coarse(patch: Patch) -> bool:
+def rule_for(degree: int) -> Rule:
+    """The rule that suits local polynomials of a degree."""
+    return ROUGH if degree < 4 else SMOOTH
+
+
+def _is_coarse(patch: Patch, rule: Rule) -> bool:
     """Whether another pass would refine around the patch by more than spacings vary anyway."""
-    edges = patch.uncertainty > 1.5 * patch.finest * patch.half_width / AT_EDGE
-    return bool(edges.any()) or patch.spacing > 1.2 * patch.half_width / ACROSS
+    edges = patch.uncertainty > 1.5 * patch.finest * patch.half_width / rule.at_edge
+    return bool(edges.any()) or patch.spacing > 1.2 * patch.half_width / rule.across
 
 
-def _patch_zones(patch: Patch) -> Iterator[Zone]:
+def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
     """Zones under the patch and around its edges."""
     middle = (float(patch.middle[0]), float(patch.middle[1]))
-    reach = patch.half_width + 2.0 * float(patch.uncertainty.max())
-    yield Zone.around(middle, patch.half_width / ACROSS, reach, GROWTH)
+    reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max())
+    yield Zone.around(middle, patch.half_width / rule.across, reach, rule.growth)
     for edge, unsure, apart in zip(patch.edges, patch.uncertainty, patch.apart, strict=True):
-        finest = max(patch.finest * patch.half_width / AT_EDGE, float(unsure) / FINER)
+        finest = max(patch.finest * patch.half_width / rule.at_edge, float(unsure) / FINER)
         # The zone must reach the other surface too, which closed a gap there.
         radius = max(2.0 * float(unsure), 1.5 * float(apart))
-        yield Zone.around((float(edge[0]), float(edge[1])), finest, radius, GROWTH)
+        yield Zone.around((float(edge[0]), float(edge[1])), finest, radius, rule.growth)
 
 
 def _figures(built: Built, accuracy: Accuracy, before: Pass | None) -> Pass:

@@ -138,7 +138,8 @@ def _set_up(loaded: LoadedCase, clock: Clock, console: Console) -> tuple[Built, 
     for note in prepared.notes:
         console.note(note)
     if loaded.case.adapt.passes:
-        return adapt(loaded.case, prepared, clock, console).built, warnings
+        adapted = adapt(loaded.case, prepared, clock, console)
+        return adapted.built, [*warnings, *adapted.warnings]
     return complete(loaded.case, prepared, clock, console), warnings
 
 

@@ -112,6 +112,8 @@ def carry_out(
         else:
             adapted = refine_again(case, refinement, clock, console, memo)
         built = adapted.built
+        for warning in adapted.warnings:
+            recorder.warn(warning)
         if adapted.refined:
             told, quality = quality.warnings, assess(case, adapted.prepared, memo)
             for warning in quality.warnings:

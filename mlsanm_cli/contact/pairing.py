@@ -20,6 +20,8 @@ WINDOW = 2.0
 """Half-width of the window over which pressures are carried to the master, in spacings."""
 SLACK = 1e-6
 ROUND_OFF = 1e-13
+NEWTON = 5
+"""Steps to a place on the slave; each squares the error, which begins as a part of the gap."""
 WINDOW_SHARPNESS = 4.0
 """Squared residuals in the window are weighted by exp(-2 WINDOW_SHARPNESS r^2)."""
 
@@ -32,7 +34,8 @@ class Pairing:
     ``normal`` (w, 2) the master's outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,)
     marks the nodes that can touch; the others are only watched. ``friction`` is Coulomb's coefficient,
     ``interference`` what the gaps lose when the load of this contact's name is at 1. A contact with a rigid
-    obstacle has neither ``master_body`` nor ``master``; its virtual nodes lie on the obstacle.
+    obstacle has neither ``master_body`` nor ``master``; its virtual nodes lie on the obstacle. ``conserving``
+    contacts hand on their force to the places where gaps are measured, see :func:`transfer`.
     """
 
     name: str
@@ -48,6 +51,7 @@ class Pairing:
     candidate: BoolArray
     friction: float = 0.0
     interference: float = 0.0
+    conserving: bool = False
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -199,6 +203,11 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     pressure; nodes outside the candidates' range receive none. The window is as wide as the coarser of the
     two spacings asks for: a coarse master that only sampled a fine slave's pressures would take an
     oscillation from node to node for a smooth load, and the compliance would lose its positivity.
+
+    A conserving contact hands on a pressure to the very place where its node's gap is measured, and by the
+    slave's length there, so that forces and work are the same on both sides up to the fit. Taken from the
+    closest point of the slave instead, a pressure is displaced and stretched by a part of the order of the
+    square of contact width over radius, whatever the spacings.
     """
     master = pairing.master
     assert master is not None, "an obstacle has no nodes"
@@ -208,14 +217,9 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     if pairing.all_around:
         turns = pairing.slave.curve.length * np.arange(-1, 2)
         arc, weight, spacing = (turns[:, None] + arc).ravel(), np.tile(weight, 3), np.tile(spacing, 3)
-    points = master_cloud.points[master.index]
-    s = pairing.slave.curve.closest(points)
-    shadow = pairing.slave.curve.normals(s)
-    # Both ends of the slave see points beside it as their own shadow; those get no pressure.
-    away = points - pairing.slave.curve.points(s)
-    beside = np.abs(away[:, 0] * shadow[:, 1] - away[:, 1] * shadow[:, 0])
+    s, beside, stretch = _feet(pairing, master, master_cloud.points[master.index])
     slack = 1e-6 * float(pairing.spacing.min())
-    facing = (shadow * master.normal).sum(axis=1) < OPPOSED
+    facing = (pairing.slave.curve.normals(s) * master.normal).sum(axis=1) < OPPOSED
     if pairing.slave.curve.closed:
         s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
     rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (beside <= slack))
@@ -224,7 +228,37 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[master.index[rows]])
     fit = surface_fit(arc, weight, s[rows], reach).tocoo()
     inner, columns = fit.coords
-    return sparse.csr_array((fit.data, (rows[inner], columns % count)), shape=(len(points), count))
+    carried = fit.data * stretch[rows[inner]]
+    return sparse.csr_array((carried, (rows[inner], columns % count)), shape=(len(s), count))
+
+
+def _feet(pairing: Pairing, master: Surface, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where on the slave the master's nodes ``points`` (b, 2) have their pressures from: arc lengths (b,), how
+    far each place misses its node (b,), and the slave's length per length of the master (b,).
+
+    In general that is the slave's closest point. For a conserving contact it is the point whose closest one
+    on the master is the node, found by Newton's method from there.
+    """
+    slave = pairing.slave.curve
+    s = slave.closest(points)
+    if not pairing.conserving:
+        normal, away = slave.normals(s), points - slave.points(s)
+        # Both ends of the slave see points beside it as their own shadow; those get no pressure.
+        beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+        return s, beside, np.ones(len(s))
+    curvature = master.curve.curvature(master.arc_length)
+    for _ in range(NEWTON):
+        off = master.curve.closest(slave.points(s)) - master.arc_length
+        if master.curve.closed:
+            off -= master.curve.length * np.round(off / master.curve.length)
+        cosine = -(slave.normals(s) * master.normal).sum(axis=1)
+        gap = ((slave.points(s) - points) * master.normal).sum(axis=1)
+        # Where surfaces do not face each other nothing is carried over, whatever their stretch.
+        stretch = (1.0 + curvature * gap) / np.maximum(cosine, -OPPOSED)
+        # The two curves run past each other, each with its material on the left.
+        moved = s + stretch * off
+        s = np.mod(moved, slave.length) if slave.closed else np.clip(moved, 0.0, slave.length)
+    return s, np.abs(off), stretch
 
 
 def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: FloatArray) -> sparse.csr_array:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app import adapt, build, scene
-from mlsanm_cli.app.adapt import ACROSS, AT_EDGE
+from mlsanm_cli.app.adapt import ROUGH, SMOOTH, Rule
 from mlsanm_cli.app.build import Built, complete, place
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.arrays import FloatArray
@@ -128,9 +128,25 @@ def test_a_coarse_hertz_case_becomes_accurate(tmp_path: Path, law: str) -> None:
     data = read_run(tmp_path / "fine").contacts["interface"]
     closed = data.weight[data.status[-1] > 0]
     width = fine["contacts"]["interface"]["half_width"]
-    assert closed.max() <= 1.2 * width / ACROSS
-    assert closed.min() <= 2.0 * width / AT_EDGE
+    assert closed.max() <= 1.2 * width / ROUGH.across
+    assert closed.min() <= 2.0 * width / ROUGH.at_edge
     assert fine["quality"]["spacing_ratio"]["interface"] < 1.3
+
+
+def test_a_pass_that_fails_leaves_the_result_of_the_one_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Spacings that grow by two thirds from node to node spoil the local fits.
+    monkeypatch.setattr(adapt, "SMOOTH", Rule(10.0, 0.5, 256.0, 0.8))
+    settings = ('contact.interface.regularization.law="exact"', "mls.degree=4")
+    plain = solve(hertz(), tmp_path / "plain", *settings)
+    kept = solve(hertz(), tmp_path / "kept", "adapt.passes=2", *settings)
+    assert kept["status"] == "done"
+    assert kept["nodes"] == plain["nodes"]
+    assert kept["contacts"] == plain["contacts"]
+    (warning,) = set(kept["warnings"]) - set(plain["warnings"])
+    assert warning.startswith("pass 1 of [adapt] failed")
+    assert "does not resist pressures" in warning
 
 
 def test_nothing_to_refine(tmp_path: Path) -> None:

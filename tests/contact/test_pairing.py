@@ -161,6 +161,42 @@ def test_lack_of_force_balance_falls_with_the_spacing(ratio: float) -> None:
     assert errors[-1] <= 2e-3
 
 
+def carried_from_arc(lower: Outline, master: str, h: float, conserving: bool) -> tuple[float, float]:
+    """What a pressure under a half-disk, nil at 0.3 from its lowest point, loses of its force on the way, and
+    how far the master receives it beside the places where gaps are measured, at most."""
+    pairing, one, other = pair(half_disk((0.0, 1.0), 1.0, "lower"), "arc", lower, master, even(h, h))
+    pairing = replace(pairing.with_reach(0.15), conserving=conserving)
+    shares = transfer(pairing, other)
+    x, place = (side[pairing.candidate, 0] for side in (one.points[pairing.node], pairing.partner))
+    p = np.maximum(0.0, 1.0 - (x / 0.3) ** 2)
+    got = float(other.surfaces[master].weight @ (shares @ p))
+    on_master = other.points[other.surfaces[master].index, 0]
+    full = shares @ np.ones(len(x))
+    seen = (full != 0.0) & (np.abs(on_master) <= 0.25)
+    beside = (shares @ place)[seen] / full[seen] - on_master[seen]
+    return abs(got / float(pairing.weight[pairing.candidate] @ p) - 1.0), float(np.abs(beside).max())
+
+
+@pytest.mark.parametrize(
+    ("lower", "master", "far"),
+    [
+        (BLOCK, "top", 5e-3),
+        (disk((0.0, -0.7), 0.7), "arc", 2e-2),
+        (annulus((0.0, 1.4), (1.4, 2.0)), "inner", 5e-4),
+    ],
+    ids=["flat", "convex", "hollow"],
+)
+def test_a_conserving_contact_hands_on_forces_to_where_gaps_are_measured(
+    lower: Outline, master: str, far: float
+) -> None:
+    coarse, fine = (carried_from_arc(lower, master, h, conserving=True) for h in (0.04, 0.01))
+    assert fine[0] <= 1.5e-4
+    assert fine[1] <= 0.1 * coarse[1]
+    lost, beside = carried_from_arc(lower, master, 0.01, conserving=False)
+    assert lost >= 10.0 * fine[0]
+    assert beside >= far
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.5, 1.0, 1.5])
 def test_where_a_circle_begins_makes_no_difference(angle: float) -> None:
     # The disk's arc begins at its top; the block lies below, beside or, turned by pi, on that very place.
