@@ -53,9 +53,7 @@ class System:
         columns[len(unknown) :] -= len(unknown)
         return unknown, sparse.csr_matrix((values, (rows, columns)), shape=(2 * self.count, len(unknown)))
 
-    def right_hand_side(
-        self, state: State, unknown: NDArray[np.int64], forces: tuple[float, float]
-    ) -> Array:
+    def right_hand_side(self, state: State, unknown: NDArray[np.int64], forces: tuple[float, float]) -> Array:
         wanted = np.concatenate([-self.scene.gap, state.slip])[unknown]
         return np.concatenate([wanted, np.array(forces)[self.axes]])
 

@@ -3,9 +3,9 @@
     python3 getfem_peer.py hertz|slip|history|patch MESH OUT.csv [--levels N] [--condensed]
 
 MESH is an .npz file or a name in meshes.py. The contact law of Alart and Curnier is written in GetFEM's
-assembly language, in small sliding: a point of the arc faces the block's point below it. Pressure and traction
-are linear along the arc. Started, as scikit-fem is, from the known contact: Hertz's pressure.
---condensed takes the matrices from GetFEM and the active set on a condensed compliance that scikit-fem gets.
+assembly language, in small sliding: a point of the arc faces the block's point below it. Pressure and
+traction are linear along the arc. Started, as scikit-fem is, from the known contact: Hertz's pressure.
+--condensed takes matrices only from GetFEM, and the active set on a condensed compliance that scikit-fem has.
 Runs on the interpreter GetFEM is installed for, commonly the system's.
 """
 
@@ -20,8 +20,9 @@ from scenes import FORCE, FRICTION, HALF_WIDTH, POISSON, RADIUS, YOUNG, Array, p
 
 REACH = 1.25 * HALF_WIDTH
 """Faces of the arc within this of the centre may touch."""
-AUGMENTATION = 1e5
-"""Pressure per gap of the augmented Lagrangian; 1e6 and 1e7 needed up to twice the iterations."""
+AUGMENTATION = 1e5, 1e7
+"""Pressure per gap of the augmented Lagrangian, without and with friction: the powers of ten that needed the
+fewest iterations, up to half as many as others."""
 TOLERANCE = 1e-9
 """Of the residual; with 1e-7 Newton ended at errors of some per cent."""
 RULE = "IM_STRUCTURED_COMPOSITE(IM_TRIANGLE(4),2)"
@@ -98,7 +99,7 @@ def law(model: getfem.Model, patch: bool, friction: float) -> str:
     """Weak form of Signorini's and Coulomb's laws; backward Euler for the slip."""
     gap = f"({distance(patch)}+{jump('u', 2, 'd')})"
     text = f"-p*{jump('Test_u', 2, 'Test_d')}-(1/r)*(p-pos_part(p-r*{gap}))*Test_p"
-    model.add_initialized_data("r", AUGMENTATION)
+    model.add_initialized_data("r", AUGMENTATION[friction > 0.0])
     if not friction:
         return text
     model.add_initialized_data("cone", friction)

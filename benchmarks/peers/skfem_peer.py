@@ -2,8 +2,8 @@
 
     python skfem_peer.py hertz|slip|history|patch MESH OUT.csv [--levels N] [--sparse]
 
-MESH is an .npz file or a name in meshes.py. The compliance of the contact is condensed with one factorisation,
-or (--sparse) every iteration factorises the sparse saddle point problem.
+MESH is an .npz file or a name in meshes.py. The compliance of the contact is condensed with one
+factorisation, or (--sparse) every iteration factorises the sparse saddle point problem.
 """
 
 from __future__ import annotations
