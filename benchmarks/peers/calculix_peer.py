@@ -1,6 +1,6 @@
 """CalculiX: writes a deck, runs ccx, reads the contact pressures.
 
-    python calculix_peer.py hertz|slip MESH OUT.csv [--levels N] [--stiffness 3e8]
+    python calculix_peer.py hertz|slip|patch MESH OUT.csv [--levels N] [--stiffness 3e8]
 
 MESH is an .npz file or a name in meshes.py. Quadratic plane strain triangles. The platen is moved by the
 displacements that the reference solution has under the loads: with a force the cylinder would be held by
@@ -18,11 +18,15 @@ from pathlib import Path
 
 import numpy as np
 from meshes import Mesh, load
-from scenes import FRICTION, POISSON, RADIUS, YOUNG, Array, write_profile
+from scenes import FRICTION, PATCH_PRESSURE, POISSON, RADIUS, YOUNG, Array, write_profile
 
 APPROACH, SIDEWAYS = 0.0050695, 0.0011566
 REACH = 0.075
 """Displacements of the platen, and how far from the centre the arc may touch."""
+PATCH_HEIGHT, PATCH_APPROACH = 1.0, 2.0 * PATCH_PRESSURE * (1.0 - POISSON**2) / YOUNG
+"""Of the interface, and the exact displacement of the top of two blocks, each as high."""
+ROUND_OFF = 1e-9
+"""Of coordinates in a mesh."""
 
 
 def quadratic(triangles: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -60,14 +64,17 @@ def deck(mesh: Mesh, problem: str, levels: int, stiffness: float) -> str:
     above = np.arange(len(points)) < len(upper)
     corners = np.zeros(len(points), dtype=bool)
     corners[triangles[:, :3]] = True
-    on_arc = above & corners & (np.abs(np.hypot(x, y - RADIUS) - RADIUS) < 1e-9) & (np.abs(x) < REACH)
-    on_top = ~above & (np.abs(y) < 1e-12) & (np.abs(x) < 1.5 * REACH)
+    patch, surface_y = problem == "patch", lower[:, 1].max()
+    height = np.abs(y - surface_y) if patch else np.abs(np.hypot(x, y - RADIUS) - RADIUS)
+    reach = np.inf if patch else REACH
+    on_arc = above & corners & (height < ROUND_OFF) & (np.abs(x) < reach)
+    on_top = ~above & (np.abs(y - surface_y) < ROUND_OFF) & (np.abs(x) < 1.5 * reach)
     text = ["*NODE\n"]
     text += [f"{number},{a:.12g},{b:.12g},0\n" for number, (a, b) in enumerate(points, 1)]
     text.append("*ELEMENT,TYPE=CPE6,ELSET=ALL\n")
     text += [f"{number},{','.join(map(str, row + 1))}\n" for number, row in enumerate(triangles, 1)]
-    text.append(lines("FLAT", np.flatnonzero(above & (y > RADIUS - 1e-9))))
-    text.append(lines("BOTTOM", np.flatnonzero(~above & (y < lower[:, 1].min() + 1e-9))))
+    text.append(lines("FLAT", np.flatnonzero(above & (y > upper[:, 1].max() - ROUND_OFF))))
+    text.append(lines("BOTTOM", np.flatnonzero(~above & (y < lower[:, 1].min() + ROUND_OFF))))
     text.append(surface("SLAVE", upper_triangles, on_arc[: len(upper)], 0))
     text.append(surface("MASTER", lower_triangles, on_top[len(upper) :], len(upper_triangles)))
     text.append(
@@ -77,20 +84,28 @@ def deck(mesh: Mesh, problem: str, levels: int, stiffness: float) -> str:
         f"{stiffness:g},{stiffness / 1000:g}\n"
         + (f"*FRICTION\n{FRICTION},{stiffness:g}\n" if problem == "slip" else "")
         + "*CONTACT PAIR,INTERACTION=LAW,TYPE=SURFACE TO SURFACE\nSLAVE,MASTER\n"
-        "*BOUNDARY\nBOTTOM,1,2\n"
     )
+    if patch:
+        text.append(lines("LEFT", np.flatnonzero(x < ROUND_OFF)))
+    text.append(f"*BOUNDARY\n{'LEFT,1,1' if patch else 'BOTTOM,1,1'}\nBOTTOM,2,2\n")
     stages = (0.0, SIDEWAYS) if problem == "slip" else (0.0,)
     for sideways in stages:
+        platen = f"FLAT,2,2,{-PATCH_APPROACH:.9g}\n"
+        if not patch:
+            platen = f"FLAT,1,1,{sideways:.9g}\nFLAT,2,2,{-APPROACH:.9g}\n"
         text.append(
             f"*STEP,INC=1000\n*STATIC,DIRECT\n{len(stages) / levels:.9g},1.\n"
-            f"*BOUNDARY\nFLAT,1,1,{sideways:.9g}\nFLAT,2,2,{-APPROACH:.9g}\n"
+            f"*BOUNDARY\n{platen}"
             "*CONTACT FILE,FREQUENCY=1000\nCDIS,CSTR\n*END STEP\n"
         )
     return "".join(text)
 
 
-def stresses(path: Path) -> tuple[Array, Array, Array]:
-    """x, pressure and traction on the arc in the last CONTACT block of an .frd file; one layer of the two."""
+def stresses(path: Path, patch: bool) -> tuple[Array, Array, Array]:
+    """x, pressure and traction on the slave in the last CONTACT block of an .frd file.
+
+    The program makes two layers of nodes from a plane; one of them is read.
+    """
     nodes: dict[int, tuple[float, float]] = {}
     values: dict[int, tuple[float, float]] = {}
     block = ""
@@ -109,10 +124,13 @@ def stresses(path: Path) -> tuple[Array, Array, Array]:
     profile: dict[float, tuple[float, float]] = {}
     for node, value in values.items():
         x, y = nodes[node]
-        height = x * x / (RADIUS + (RADIUS * RADIUS - min(x * x, RADIUS)) ** 0.5)
         # Near the middle the arc is as low as the block: only relative to its height they can be told apart,
-        # and at x = 0 by the block's having no pressure.
-        if abs(x) < REACH and abs(y - height) <= 1e-3 * height and (x != 0.0 or value[0] > 0.0):
+        # and where the height is 0 by the block's having no pressure.
+        height = 0.0 if patch else x * x / (RADIUS + max(RADIUS**2 - x * x, 0.0) ** 0.5)
+        off = (
+            abs(y - PATCH_HEIGHT) > ROUND_OFF if patch else abs(y - height) > 1e-3 * height or abs(x) > REACH
+        )
+        if not off and (height > 0.0 or value[0] > 0.0):
             profile[x] = value
     x = np.array(sorted(profile))
     pressure, traction = np.array([profile[at] for at in x]).T
@@ -133,7 +151,7 @@ def main(arguments: list[str]) -> None:
         done = subprocess.run(["ccx", "-i", "case"], cwd=directory, capture_output=True, text=True)
         if done.returncode:
             sys.exit(done.stdout[-3000:])
-        x, pressure, traction = stresses(Path(directory) / "case.frd")
+        x, pressure, traction = stresses(Path(directory) / "case.frd", problem == "patch")
     write_profile(out, x, {"pressure": pressure, "traction": traction})
 
 

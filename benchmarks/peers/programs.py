@@ -78,5 +78,6 @@ PEERS: dict[str, list[Entry]] = {
     "patch": [
         peer("scikit-fem, mortar", "same spacings", "skfem", "patch", "patch"),
         peer("GetFEM, Newton", "same spacings", "getfem", "patch", "patch"),
+        peer("CalculiX", "same spacings", "calculix", "patch", "patch"),
     ],
 }
