@@ -56,7 +56,7 @@ class Grading:
 KINKS = (-HALF_WIDTH, -STICK, STICK, HALF_WIDTH)
 GRADINGS = {
     "graded-coarse": Grading(0.0008, 0.008, 0.6, 0.4),
-    "graded-medium": Grading(0.0004, 0.005, 0.5, 0.3),
+    "graded-medium": Grading(0.0003, 0.005, 0.5, 0.4),
     "graded-fine": Grading(0.0002, 0.003, 0.3, 0.3),
     "graded-finest": Grading(0.0001, 0.002, 0.22, 0.25),
     **{f"even-{n}": Grading(1.0, HALF_WIDTH / n, 0.3, 0.3, even=1.2 * HALF_WIDTH) for n in (10, 20, 40, 80)},

@@ -29,6 +29,13 @@ LIMITS = {
     "history": (0.025, 0.005),
 }
 """Errors at which the fastest are compared."""
+OURS = "mlsanm"
+GROUPS = {
+    "": ("",),
+    ", peers on even meshes": (", even",),
+    ", peers that factorise in every iteration": (", sparse", ", Newton", "CalculiX"),
+}
+"""The peers compared with, by how their names end: all, and some of them."""
 GIVEN, GEOMETRY = "given", "geometry"
 WAYS = {GIVEN: "mesh given", GEOMETRY: "from geometry"}
 START, END = "<!-- written by benchmarks/peers/run.py -->", "<!-- end of what run.py writes -->"
@@ -89,35 +96,35 @@ def fastest(points: list[dict[str, Any]], way: str, limit: float) -> dict[str, A
 
 
 def verdicts(results: Results) -> Iterator[str]:
-    """The table of the fastest: mlsanm, each way of the peers, and all of it again on ungraded meshes."""
-
-    def told(point: dict[str, Any] | None, way: str) -> str:
-        if point is None:
-            return "none"
-        return f"{point[way]['cpu_seconds']:.2f} ({point['program']}, {point['label']})"
-
+    """The table of the fastest: mlsanm, and the peers with their mesh given and from the geometry on."""
     yield from header(
-        "problem", "error at most", "mlsanm [s]", *(f"fastest peer, {w} [s]" for w in WAYS.values()), "ratios"
+        "problem",
+        "error at most",
+        "mlsanm [s]",
+        *(f"fastest peer, {name} [s]" for name in WAYS.values()),
+        *(f"mlsanm / peer, {name}" for name in WAYS.values()),
     )
     for part, limits in LIMITS.items():
         points = results.get(part, [])
-        ours = [point for point in points if point["program"] == "mlsanm"]
-        others = [point for point in points if point["program"] != "mlsanm"]
-        groups = {TITLES[part]: others}
-        even = [point for point in others if point["program"].endswith(", even")]
-        if even:
-            groups[f"{TITLES[part]}, peers on even meshes"] = even
-        for title, group in groups.items():
-            for limit in limits:
+        ours = [point for point in points if point["program"] == OURS]
+        others = [point for point in points if point["program"] != OURS]
+        for which, ends in GROUPS.items():
+            group = [point for point in others if point["program"].endswith(ends)]
+            for limit in limits if group else ():
                 mine = fastest(ours, GEOMETRY, limit)
-                best = {way: fastest(group, way, limit) for way in WAYS}
+                best = [(way, fastest(group, way, limit)) for way in WAYS]
+                told = [
+                    f"{peer[way]['cpu_seconds']:.2f} ({peer['program']}, {peer['label']})" if peer else "none"
+                    for way, peer in best
+                ]
                 ratios = [
                     f"{mine[GEOMETRY]['cpu_seconds'] / peer[way]['cpu_seconds']:.2f}"
-                    for way, peer in best.items()
                     if mine and peer
+                    else "-"
+                    for way, peer in best
                 ]
-                cells = [told(peer, way) for way, peer in best.items()]
-                yield row(title, f"{100 * limit:g} %", told(mine, GEOMETRY), *cells, ", ".join(ratios) or "-")
+                own = f"{mine[GEOMETRY]['cpu_seconds']:.2f} ({mine['label']})" if mine else "none"
+                yield row(TITLES[part] + which, f"{100 * limit:g} %", own, *told, *ratios)
 
 
 def tables(results: Results) -> str:
@@ -143,7 +150,7 @@ def draw(path: Path, results: Results) -> None:
     from matplotlib.figure import Figure
 
     shown = [part for part in QUANTITIES if part in results]
-    figure = Figure(figsize=(4.6 * len(shown), 4.6), layout="constrained")
+    figure = Figure(figsize=(4.2 * len(shown), 5.2), layout="constrained")
     FigureCanvasAgg(figure)
     programs = sorted({point["program"] for part in shown for point in results[part]})
     for axes, part in zip(figure.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
@@ -157,8 +164,11 @@ def draw(path: Path, results: Results) -> None:
                 if points:
                     label = program if way == GEOMETRY else None
                     marks = {"marker": "osDP^vX*"[number % 8], "color": f"C{number}", "mfc": face}
-                    axes.loglog(*zip(*points, strict=True), "-", linewidth=0.6, label=label, **marks)
+                    axes.loglog(*zip(*points, strict=True), linestyle="", label=label, **marks)
         axes.set(title=QUANTITIES[part], xlabel="CPU seconds of the whole process", ylabel="error, L2 [%]")
         axes.grid(which="both", alpha=0.3)
-        axes.legend(fontsize=7, title="filled: from geometry; open: mesh given", title_fontsize=7)
+    handles = {line.get_label(): line for axes in figure.axes for line in axes.get_lines()}
+    named = {name: handle for name, handle in handles.items() if name in programs}
+    title = "filled: from the geometry on; open: mesh given"
+    figure.legend(named.values(), named.keys(), title=title, loc="outside lower center", ncols=5)
     figure.savefig(path, dpi=110)
