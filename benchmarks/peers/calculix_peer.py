@@ -1,10 +1,11 @@
 """CalculiX: writes a deck, runs ccx, reads the contact pressures.
 
-    python calculix_peer.py MESH.npz OUT.csv [--levels N]
+    python calculix_peer.py hertz|slip|patch MESH OUT.csv [--levels N] [--stiffness 3e8]
 
-Quadratic plane strain triangles on the mesh scikit-fem gets. The platen is moved by the displacement that the
-reference solution has under the load: with a force the cylinder would be held by nothing before it touches.
-Contact is face to face with a penalty; ccx's own mortar contact refuses plane elements.
+MESH is an .npz file or a name in meshes.py. Quadratic plane strain triangles. The platen is moved by the
+displacements that the reference solution has under the loads: with a force the cylinder would be held by
+nothing before it touches. Contact and friction are face to face with penalties, pressure per overlap and
+traction per slip of what sticks; ccx's own mortar contact refuses plane elements.
 Only Python's own modules and numpy; what is timed includes writing the deck and reading the results.
 """
 
@@ -16,12 +17,16 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from scenes import POISSON, RADIUS, YOUNG, write_profile
+from meshes import Mesh, load
+from scenes import FRICTION, PATCH_PRESSURE, POISSON, RADIUS, YOUNG, Array, write_profile
 
-APPROACH = 0.00506974
+APPROACH, SIDEWAYS = 0.0050695, 0.0011566
 REACH = 0.075
-STIFFNESS = 3e8
-"""Contact pressure per overlap: p0 overlaps by 1 % of the indentation, and a stiffer one took longer."""
+"""Displacements of the platen, and how far from the centre the arc may touch."""
+PATCH_HEIGHT, PATCH_APPROACH = 1.0, 2.0 * PATCH_PRESSURE * (1.0 - POISSON**2) / YOUNG
+"""Of the interface, and the exact displacement of the top of two blocks, each as high."""
+ROUND_OFF = 1e-9
+"""Of coordinates in a mesh."""
 
 
 def quadratic(triangles: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -49,44 +54,60 @@ def surface(name: str, triangles: np.ndarray, on: np.ndarray, first: int) -> str
     return "".join(rows)
 
 
-def deck(mesh: str, levels: int) -> str:
-    """Text of the input file."""
-    with np.load(mesh) as arrays:
-        upper, upper_triangles = quadratic(arrays["upper_triangles"], arrays["upper_points"])
-        lower, lower_triangles = quadratic(arrays["lower_triangles"], arrays["lower_points"])
+def deck(mesh: Mesh, problem: str, levels: int, stiffness: float) -> str:
+    """Text of the input file; the stages share the ``levels`` evenly."""
+    upper, upper_triangles = quadratic(mesh["upper_triangles"], mesh["upper_points"])
+    lower, lower_triangles = quadratic(mesh["lower_triangles"], mesh["lower_points"])
     points = np.vstack([upper, lower])
     triangles = np.vstack([upper_triangles, lower_triangles + len(upper)])
     x, y = points.T
     above = np.arange(len(points)) < len(upper)
     corners = np.zeros(len(points), dtype=bool)
     corners[triangles[:, :3]] = True
-    on_arc = above & corners & (np.abs(np.hypot(x, y - RADIUS) - RADIUS) < 1e-9) & (np.abs(x) < REACH)
-    on_top = ~above & (np.abs(y) < 1e-12) & (np.abs(x) < 1.5 * REACH)
+    patch, surface_y = problem == "patch", lower[:, 1].max()
+    height = np.abs(y - surface_y) if patch else np.abs(np.hypot(x, y - RADIUS) - RADIUS)
+    reach = np.inf if patch else REACH
+    on_arc = above & corners & (height < ROUND_OFF) & (np.abs(x) < reach)
+    on_top = ~above & (np.abs(y - surface_y) < ROUND_OFF) & (np.abs(x) < 1.5 * reach)
     text = ["*NODE\n"]
     text += [f"{number},{a:.12g},{b:.12g},0\n" for number, (a, b) in enumerate(points, 1)]
     text.append("*ELEMENT,TYPE=CPE6,ELSET=ALL\n")
     text += [f"{number},{','.join(map(str, row + 1))}\n" for number, row in enumerate(triangles, 1)]
-    text.append(lines("FLAT", np.flatnonzero(above & (y > RADIUS - 1e-9))))
-    text.append(lines("BOTTOM", np.flatnonzero(~above & (y < lower[:, 1].min() + 1e-9))))
+    text.append(lines("FLAT", np.flatnonzero(above & (y > upper[:, 1].max() - ROUND_OFF))))
+    text.append(lines("BOTTOM", np.flatnonzero(~above & (y < lower[:, 1].min() + ROUND_OFF))))
     text.append(surface("SLAVE", upper_triangles, on_arc[: len(upper)], 0))
     text.append(surface("MASTER", lower_triangles, on_top[len(upper) :], len(upper_triangles)))
     text.append(
         f"*MATERIAL,NAME=STEEL\n*ELASTIC\n{YOUNG:g},{POISSON:g}\n*SOLID SECTION,ELSET=ALL,MATERIAL=STEEL\n"
         "1.\n"
         f"*SURFACE INTERACTION,NAME=LAW\n*SURFACE BEHAVIOR,PRESSURE-OVERCLOSURE=LINEAR\n"
-        f"{STIFFNESS:g},{STIFFNESS / 1000:g}\n"
-        f"*CONTACT PAIR,INTERACTION=LAW,TYPE=SURFACE TO SURFACE\nSLAVE,MASTER\n"
-        f"*BOUNDARY\nBOTTOM,1,2\nFLAT,1,1\n"
-        f"*STEP,INC=1000\n*STATIC,DIRECT\n{1.0 / levels:.9g},1.\n*BOUNDARY\nFLAT,2,2,{-APPROACH:.9g}\n"
-        f"*CONTACT FILE,FREQUENCY=1000\nCDIS,CSTR\n*END STEP\n"
+        f"{stiffness:g},{stiffness / 1000:g}\n"
+        + (f"*FRICTION\n{FRICTION},{stiffness:g}\n" if problem == "slip" else "")
+        + "*CONTACT PAIR,INTERACTION=LAW,TYPE=SURFACE TO SURFACE\nSLAVE,MASTER\n"
     )
+    if patch:
+        text.append(lines("LEFT", np.flatnonzero(x < ROUND_OFF)))
+    text.append(f"*BOUNDARY\n{'LEFT,1,1' if patch else 'BOTTOM,1,1'}\nBOTTOM,2,2\n")
+    stages = (0.0, SIDEWAYS) if problem == "slip" else (0.0,)
+    for sideways in stages:
+        platen = f"FLAT,2,2,{-PATCH_APPROACH:.9g}\n"
+        if not patch:
+            platen = f"FLAT,1,1,{sideways:.9g}\nFLAT,2,2,{-APPROACH:.9g}\n"
+        text.append(
+            f"*STEP,INC=1000\n*STATIC,DIRECT\n{len(stages) / levels:.9g},1.\n"
+            f"*BOUNDARY\n{platen}"
+            "*CONTACT FILE,FREQUENCY=1000\nCDIS,CSTR\n*END STEP\n"
+        )
     return "".join(text)
 
 
-def pressures(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """x and contact pressure of the last CONTACT block of an .frd file; one layer of the two."""
+def stresses(path: Path, patch: bool) -> tuple[Array, Array, Array]:
+    """x, pressure and traction on the slave in the last CONTACT block of an .frd file.
+
+    The program makes two layers of nodes from a plane; one of them is read.
+    """
     nodes: dict[int, tuple[float, float]] = {}
-    values: dict[int, float] = {}
+    values: dict[int, tuple[float, float]] = {}
     block = ""
     for line in path.read_text().splitlines():
         if line.startswith("    2C"):
@@ -99,26 +120,39 @@ def pressures(path: Path) -> tuple[np.ndarray, np.ndarray]:
         elif line.startswith(" -1") and block == "nodes":
             nodes[int(line[3:13])] = (float(line[13:25]), float(line[25:37]))
         elif line.startswith(" -1") and block == "contact":
-            values[int(line[3:13])] = float(line[49:61])
-    profile: dict[float, float] = {}
+            values[int(line[3:13])] = (float(line[49:61]), -float(line[61:73]))
+    profile: dict[float, tuple[float, float]] = {}
     for node, value in values.items():
         x, y = nodes[node]
-        on_arc = abs(x) < REACH and abs(np.hypot(x, y - RADIUS) - RADIUS) < 1e-6
-        if on_arc and (value > 0.0 or abs(x) > 1e-9):  # the block, without pressures, has a node at x = 0 too
+        # Near the middle the arc is as low as the block: only relative to its height they can be told apart,
+        # and where the height is 0 by the block's having no pressure.
+        height = 0.0 if patch else x * x / (RADIUS + max(RADIUS**2 - x * x, 0.0) ** 0.5)
+        off = (
+            abs(y - PATCH_HEIGHT) > ROUND_OFF if patch else abs(y - height) > 1e-3 * height or abs(x) > REACH
+        )
+        if not off and (height > 0.0 or value[0] > 0.0):
             profile[x] = value
     x = np.array(sorted(profile))
-    return x, np.array([profile[at] for at in x])
+    pressure, traction = np.array([profile[at] for at in x]).T
+    return x, pressure, traction
 
 
 def main(arguments: list[str]) -> None:
-    levels = int(arguments[arguments.index("--levels") + 1]) if "--levels" in arguments else 1
+    problem, source, out = arguments[:3]
+    options = {
+        "--levels": "2" if problem == "slip" else "1",
+        "--stiffness": "3e8",
+        **dict(zip(arguments[3::2], arguments[4::2], strict=True)),
+    }
     with tempfile.TemporaryDirectory() as directory:
-        (Path(directory) / "case.inp").write_text(deck(arguments[0], levels))
+        (Path(directory) / "case.inp").write_text(
+            deck(load(source), problem, int(options["--levels"]), float(options["--stiffness"]))
+        )
         done = subprocess.run(["ccx", "-i", "case"], cwd=directory, capture_output=True, text=True)
         if done.returncode:
             sys.exit(done.stdout[-3000:])
-        x, pressure = pressures(Path(directory) / "case.frd")
-    write_profile(arguments[1], x, {"pressure": pressure})
+        x, pressure, traction = stresses(Path(directory) / "case.frd", problem == "patch")
+    write_profile(out, x, {"pressure": pressure, "traction": traction})
 
 
 if __name__ == "__main__":

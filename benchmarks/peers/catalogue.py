@@ -1,80 +1,17 @@
-"""What is run: for every part the programs, each with the meshes or clouds that were found cheapest."""
+"""What is run: for every part mlsanm on the clouds that were found cheapest, and its peers."""
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import shutil
 import sys
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
-from meshes import Grading, hertz_mesh, patch_mesh
+from entries import HERE, Entry, Job
+from meshes import KINKS
+from programs import PEERS
 from scenes import HALF_WIDTH, RADIUS, STICK
 
-HERE = Path(__file__).resolve().parent
 CASES = HERE.parents[1] / "cases"
-
-
-@dataclass(frozen=True)
-class Job:
-    """A command, the file it leaves, and what its mesh cost before."""
-
-    command: list[str]
-    result: Path
-    mesh_seconds: float
-    nodes: Callable[[], int]
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One point of a picture. ``needs`` is the package without which it is left out."""
-
-    program: str
-    label: str
-    needs: str
-    prepare: Callable[[Path], Job]
-
-
-def missing() -> dict[str, str]:
-    """Programs that cannot run here, and why."""
-    absent = {}
-    if importlib.util.find_spec("gmsh") is None:
-        reason = "its meshes need gmsh (pip install gmsh)"
-        return {"skfem": reason, "ccx": reason}
-    if importlib.util.find_spec("skfem") is None:
-        absent["skfem"] = "pip install scikit-fem"
-    if shutil.which("ccx") is None:
-        absent["ccx"] = "no ccx on the path (Debian: calculix-ccx)"
-    return absent
-
-
-def scikit_fem(program: str, label: str, problem: str, grading: Grading | None, *options: str) -> Entry:
-    """The scikit-fem script on a mesh; without a grading on the patch test's."""
-
-    def prepare(stem: Path) -> Job:
-        mesh, out = stem.with_suffix(".npz"), stem.with_suffix(".csv")
-        start = time.process_time()
-        nodes = patch_mesh(mesh) if grading is None else hertz_mesh(mesh, grading)
-        command = [sys.executable, str(HERE / "skfem_peer.py"), problem, str(mesh), str(out), *options]
-        return Job(command, out, time.process_time() - start, lambda: nodes)
-
-    return Entry(program, label, "skfem", prepare)
-
-
-def calculix(label: str, grading: Grading, *options: str) -> Entry:
-    """The CalculiX script on a mesh."""
-
-    def prepare(stem: Path) -> Job:
-        mesh, out = stem.with_suffix(".npz"), stem.with_suffix(".csv")
-        start = time.process_time()
-        nodes = hertz_mesh(mesh, grading)
-        command = [sys.executable, str(HERE / "calculix_peer.py"), str(mesh), str(out), *options]
-        return Job(command, out, time.process_time() - start, lambda: nodes)
-
-    return Entry("CalculiX", label, "ccx", prepare)
 
 
 def mlsanm(label: str, case: str, *settings: str) -> Entry:
@@ -86,9 +23,8 @@ def mlsanm(label: str, case: str, *settings: str) -> Entry:
         command += ["--no-cache", "--force", "--threads", "1", "--out", str(stem)]
         command += [part for text in given for part in ("--set", text)]
         summary = stem / "summary.json"
-        return Job(
-            command, stem / "interface.csv", 0.0, lambda: int(json.loads(summary.read_text())["nodes"])
-        )
+        nodes = lambda: int(json.loads(summary.read_text())["nodes"])  # noqa: E731
+        return Job({"geometry": command}, stem / "interface.csv", nodes)
 
     return Entry("mlsanm", label, "mlsanm", prepare)
 
@@ -142,19 +78,7 @@ def graded_slip(coarse: float, under: float, kinks: tuple[float, float, float]) 
     return [*cloud(coarse, (under, 0.057, 0.2), kinks, (STICK, HALF_WIDTH)), "mls.neighbors=18"]
 
 
-KINKS = (-HALF_WIDTH, -STICK, STICK, HALF_WIDTH)
 FINE_EDGE = (0.00015, 0.0015, 0.12)
-GRADED = {
-    "coarse": Grading(0.0008, 0.008, 0.6, 0.4),
-    "medium": Grading(0.0004, 0.005, 0.5, 0.3),
-    "fine": Grading(0.0002, 0.003, 0.3, 0.3),
-    "finest": Grading(0.0001, 0.002, 0.22, 0.25),
-}
-EVEN = {f"a/{n}": Grading(1.0, HALF_WIDTH / n, 0.3, 0.3, even=1.2 * HALF_WIDTH) for n in (10, 20, 40, 80)}
-KINKED = {
-    "coarse": Grading(0.0008, 0.006, 0.5, 0.3, KINKS),
-    "fine": Grading(0.0002, 0.0025, 0.3, 0.3, KINKS),
-}
 CLOUDS = {
     "1.6k": hertz_cloud(2, 20, 0.29, (0.0087, 0.061, 0.26), (0.00093, 0.0025, 0.18)),
     "degree 4, 1.6k": hertz_cloud(4, 34, 0.2, (0.0084, 0.01, 0.18), (0.00057, 0.0016, 0.2)),
@@ -173,18 +97,11 @@ SLIP = [stages("{press=1.0}", "{shear=1.0}"), "output.at=[2.0]"]
 PARTS: dict[str, list[Entry]] = {
     "hertz": [
         *(mlsanm(label, "hertz", *settings) for label, settings in CLOUDS.items()),
-        *(scikit_fem("scikit-fem, graded", label, "hertz", grading) for label, grading in GRADED.items()),
-        *(scikit_fem("scikit-fem, even", label, "hertz", grading) for label, grading in EVEN.items()),
-        calculix("coarse", GRADED["coarse"]),
-        calculix("medium", GRADED["medium"]),
+        *PEERS["hertz"],
     ],
     "levels": [
         *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.6k", "degree 4, 2.2k")),
-        *(
-            scikit_fem(f"scikit-fem, {way}", label, "hertz", GRADED[label], "--levels", "50", *option)
-            for way, option in (("condensed", ()), ("sparse", ("--sparse",)))
-            for label in ("coarse", "medium")
-        ),
+        *PEERS["levels"],
     ],
     "slip": [
         mlsanm("as in cases/", "cattaneo_mindlin", *SLIP),
@@ -192,27 +109,8 @@ PARTS: dict[str, list[Entry]] = {
         mlsanm("graded, 3.4k", "cattaneo_mindlin", *SLIP, *graded_slip(0.2, 0.005, (0.0004, 0.0012, 0.15))),
         mlsanm("graded, 6.2k", "cattaneo_mindlin", *SLIP, *graded_slip(0.17, 0.002, (0.0002, 0.001, 0.15))),
         mlsanm("finer", "cattaneo_mindlin", *SLIP, *cloud(0.1, (0.0012, 0.056, 0.12), FINE_EDGE, KINKS[2:])),
-        *(
-            scikit_fem(
-                "scikit-fem, condensed", f"{label}, {levels} levels", "slip", grading, "--levels", levels
-            )
-            for label, grading in KINKED.items()
-            for levels in ("2", "20")
-        ),
-        scikit_fem(
-            "scikit-fem, sparse", "fine, 20 levels", "slip", KINKED["fine"], "--levels", "20", "--sparse"
-        ),
+        *PEERS["slip"],
     ],
-    "history": [
-        mlsanm("as in cases/", "cattaneo_mindlin", "output.at=[4.0]"),
-        *(
-            scikit_fem(f"scikit-fem, {way}", label, "history", KINKED[label], "--levels", "60", *option)
-            for way, option in (("condensed", ()), ("sparse", ("--sparse",)))
-            for label in KINKED
-        ),
-    ],
-    "patch": [
-        mlsanm("cases/patch.toml", "patch"),
-        scikit_fem("scikit-fem, mortar", "same spacings", "patch", None),
-    ],
+    "history": [mlsanm("as in cases/", "cattaneo_mindlin", "output.at=[4.0]"), *PEERS["history"]],
+    "patch": [mlsanm("cases/patch.toml", "patch"), *PEERS["patch"]],
 }

@@ -13,7 +13,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from meshes import Grading, hertz_mesh
+import numpy as np
+from meshes import Grading, hertz_outlines, make, vertices
 from scenes import REFERENCE, STICK, difference, read_profile
 
 ENDS = (-0.04994, 0.04994)
@@ -40,14 +41,18 @@ def main(problems: list[str]) -> None:
                 [Path(directory) / "coarse.csv", REFERENCE / f"{problem}.csv"],
             )
             for (grading, levels), out in zip(RUNS[problem], outs, strict=True):
-                vertices = hertz_mesh(mesh, grading)
+                arrays = make(hertz_outlines(grading))
+                np.savez(mesh, **arrays)
                 arguments = [problem, str(mesh), str(out), "--levels", str(levels)]
                 subprocess.run([sys.executable, str(script), *arguments], check=True)
             coarse, fine = (read_profile(out, column) for out in outs)
             if column == "traction":
                 coarse, fine = coarse.even(), fine.even()
             change = difference(coarse, fine)
-        print(f"{problem}: {vertices} vertices; the last halving changed {100 * change:.3f} %", flush=True)
+        print(
+            f"{problem}: {vertices(arrays)} vertices; the last halving changed {100 * change:.3f} %",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

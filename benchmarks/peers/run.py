@@ -1,11 +1,13 @@
 """mlsanm and finite element programs on the same three problems: error against CPU time of whole processes.
 
-    python benchmarks/peers/run.py [--repeat 5] [--only hertz levels ...] [--out DIRECTORY]
+    python benchmarks/peers/run.py [--repeat 5] [--only [hertz levels ...]] [--out DIRECTORY]
 
 Needs what benchmarks/peers/README.md lists; a program that is not installed is left out with a message. Every
 process has one thread. The programs take turns, so that a busy machine slows all of them; compare
-figures of one run only. Meshes are made by gmsh before the clock starts; mlsanm makes its clouds inside it.
-Each part is written to peers.json as soon as it is done, and replaces only itself there.
+figures of one run only. Peers run twice, with a mesh given in a file and making it themselves; mlsanm always
+makes its clouds. Each part is written to peers.json as soon as it is done, and replaces only itself there;
+picture and tables follow it: the tables stand in docs/peers.md, or beside peers.json with --out.
+``--only`` without a part measures nothing and writes them again.
 """
 
 from __future__ import annotations
@@ -18,15 +20,47 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from catalogue import PARTS, Entry, missing
+from catalogue import PARTS
+from entries import Entry, Job, missing
+from report import END, GEOMETRY, START, draw, insert, tables
 from scenes import PATCH_PRESSURE, REFERENCE, Profile, difference, read_profile
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "peers.md"
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+LONG, BUDGET = 3.0, 15.0
+"""What takes longer than LONG seconds is run for about BUDGET seconds only, at least once."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One way to run an entry, and the times of its turns."""
+
+    entry: Entry
+    job: Job
+    way: str
+    seconds: list[float] = field(default_factory=list)
+
+    def wanted(self, repeat: int) -> int:
+        """Number of turns; of a short entry's the first is not counted, its caches are cold."""
+        first = self.seconds[0] if self.seconds else 0.0
+        if first > LONG:
+            return min(repeat, max(1, int(BUDGET / first)))
+        return repeat + (repeat > 1)
+
+    def measured(self, repeat: int) -> dict[str, Any]:
+        """Median, extremes and number of the turns that count."""
+        counted = self.seconds[-repeat:]
+        return {
+            "cpu_seconds": statistics.median(counted),
+            "spread": [min(counted), max(counted)],
+            "turns": len(counted),
+        }
 
 
 def cpu_seconds(command: list[str]) -> float:
@@ -53,76 +87,40 @@ def error(part: str, path: Path) -> float:
 
 
 def measure(part: str, entries: list[Entry], repeat: int) -> list[dict[str, Any]]:
-    """All entries of a part in turn, ``repeat`` times; of more than one a first turn is not counted."""
+    """All entries of a part in turn, each in all its ways."""
     with tempfile.TemporaryDirectory() as directory:
         jobs = [(entry, entry.prepare(Path(directory) / str(number))) for number, entry in enumerate(entries)]
-        seconds: list[list[float]] = [[] for _ in jobs]
-        for _ in range(repeat + (repeat > 1)):
-            for place, (entry, job) in zip(seconds, jobs, strict=True):
+        runs = [Run(entry, job, way) for entry, job in jobs for way in job.commands]
+        for turn in range(repeat + (repeat > 1)):
+            for run in runs:
+                if len(run.seconds) < turn or turn >= run.wanted(repeat):
+                    continue  # failed before, or has had its turns
                 try:
-                    place.append(cpu_seconds(job.command))
+                    run.seconds.append(cpu_seconds(run.job.commands[run.way]))
                 except RuntimeError as problem:
-                    print(f"{entry.program}, {entry.label}: {problem}", file=sys.stderr, flush=True)
+                    print(f"{run.entry.program}, {run.entry.label}: {problem}", file=sys.stderr, flush=True)
         points: list[dict[str, Any]] = []
-        for (entry, job), place in zip(jobs, seconds, strict=True):
-            if not place:
-                points.append({"program": entry.program, "label": entry.label, "failed": True})
-                continue
-            place = place[-repeat:]
-            point = {
-                "program": entry.program,
-                "label": entry.label,
-                "nodes": job.nodes(),
-                "mesh_seconds": job.mesh_seconds,
-                "error": error(part, job.result),
-                "cpu_seconds": statistics.median(place),
-                "spread": [min(place), max(place)],
-            }
+        for entry, job in jobs:
+            point: dict[str, Any] = {"program": entry.program, "label": entry.label}
+            ways = [run for run in runs if run.job is job]
             points.append(point)
+            if not all(run.seconds for run in ways):
+                point["failed"] = True
+                continue
+            point |= {"nodes": job.nodes(), "error": error(part, job.result)}
+            point |= {run.way: run.measured(repeat) for run in ways}
             print(
-                f"{part:8} {entry.program:28} {entry.label:22} {point['nodes']:6d} nodes "
-                f"{point['cpu_seconds']:7.2f} s  {100 * point['error']:.3g} %",
+                f"{part:8} {entry.program:24} {entry.label:16} {point['nodes']:6d} nodes "
+                f"{point[GEOMETRY]['cpu_seconds']:7.2f} s  {100 * point['error']:.3g} %",
                 flush=True,
             )
     return points
 
 
-def draw(path: Path, results: dict[str, list[dict[str, Any]]]) -> None:
-    """Error against time for every part that has errors worth drawing."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    titles = {
-        "hertz": "pressure, one load level",
-        "levels": "pressure, 50 load levels",
-        "slip": "partial slip: traction's even part",
-        "history": "traction after 60 levels",
-    }
-    shown = [part for part in titles if part in results]
-    figure = Figure(figsize=(4.2 * len(shown), 4.4), layout="constrained")
-    FigureCanvasAgg(figure)
-    programs = sorted({point["program"] for part in shown for point in results[part]})
-    for axes, part in zip(figure.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
-        for number, program in enumerate(programs):
-            points = sorted(
-                (point["cpu_seconds"], 100 * point["error"])
-                for point in results[part]
-                if point["program"] == program and "error" in point
-            )
-            if points:
-                axes.loglog(
-                    *zip(*points, strict=True), "osDP^vX"[number % 7], color=f"C{number}", label=program
-                )
-        axes.set(title=titles[part], xlabel="CPU seconds of the whole process", ylabel="error, L2 [%]")
-        axes.grid(which="both", alpha=0.3)
-        axes.legend(fontsize=7)
-    figure.savefig(path, dpi=110)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--repeat", type=int, default=5)
-    parser.add_argument("--only", nargs="+", choices=list(PARTS), default=list(PARTS))
+    parser.add_argument("--only", nargs="*", choices=list(PARTS), default=list(PARTS))
     parser.add_argument("--out", type=Path, default=RESULTS)
     arguments = parser.parse_args()
     absent = missing()
@@ -130,13 +128,17 @@ def main() -> None:
         print(f"{program} is left out: {reason}", file=sys.stderr)
     arguments.out.mkdir(parents=True, exist_ok=True)
     store = arguments.out / "peers.json"
+    page = PAGE if arguments.out.resolve() == RESULTS else arguments.out / "peers.md"
     results = json.loads(store.read_text()) if store.exists() else {}
+    if arguments.only:  # kernels are compiled once, which is no part of a run
+        subprocess.run([sys.executable, "-m", "mlsanm_cli.cli", "warmup"], check=True)
     for part in arguments.only:
         entries = [entry for entry in PARTS[part] if entry.needs not in absent]
         results[part] = measure(part, entries, arguments.repeat)
         store.write_text(json.dumps(results, indent=1) + "\n")
     if set(results) - {"patch"}:
         draw(arguments.out / "peers.png", results)
+    page.write_text(insert(page.read_text() if page.exists() else f"{START}\n{END}\n", tables(results)))
 
 
 if __name__ == "__main__":
