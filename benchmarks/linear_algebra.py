@@ -1,4 +1,4 @@
-"""Factorisation and condensation of one body, against SuperLU under the same nested dissection.
+"""Factorisation and condensation of one body, against SuperLU under the same nested dissection, and engines.
 
     python benchmarks/linear_algebra.py [--scale 1.0 0.7 0.43 0.17] [--repeat 5] [--out benchmarks/results]
 
@@ -8,7 +8,9 @@ seconds, medians, all in one process with one thread:
 - ``factor`` and ``superlu``: normal equations to factor, nested dissection and our check included;
 - ``condense``: all functionals of all contact columns; ``blocks`` the same by solutions refined 64 at a time
   with our factor; ``superlu_solves`` one back-substitution by SuperLU for every column, without refinement;
-- ``error`` and ``blocks_error``: of a few columns against refinement in extended precision, relatively.
+- ``error`` and ``blocks_error``: of a few columns against refinement in extended precision, relatively;
+- ``solve``: one right-hand side with our factor; and ``engines``, where their packages are installed:
+  ``factor``, ``solve``, ``condense`` and ``error`` of PARDISO and MUMPS, the same work with theirs for ours.
 
 Writes linear_algebra.json.
 """
@@ -22,6 +24,8 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +45,12 @@ from mlsanm_cli.case import load_case  # noqa: E402
 from mlsanm_cli.contact.linear_map import Columns  # noqa: E402
 from mlsanm_cli.contact.observers import gap_rows, slip_rows  # noqa: E402
 from mlsanm_cli.contact.sources import body_sources  # noqa: E402
-from mlsanm_cli.operators.least_squares import LeastSquares  # noqa: E402
+from mlsanm_cli.operators.least_squares import LeastSquares, UpdatedFactor  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
+from mlsanm_cli.operators.linear.engine import MissingEngineError  # noqa: E402
+from mlsanm_cli.operators.linear.interface import DirectSolver, Factor  # noqa: E402
+from mlsanm_cli.operators.linear.mumps import MumpsSolver  # noqa: E402
+from mlsanm_cli.operators.linear.pardiso import PardisoSolver  # noqa: E402
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
 from mlsanm_cli.operators.normal import normal_equations  # noqa: E402
 from mlsanm_cli.operators.refinement import BLOCK, QUICK  # noqa: E402
@@ -74,8 +82,26 @@ def exactly(system: LeastSquares, observed: sparse.csr_array, sources: sparse.cs
     return np.asarray(observed @ solution, dtype=float)
 
 
-def measure(scale: float, friction: float, repeat: int) -> dict[str, float]:
-    """One line of the table."""
+def installed() -> dict[str, DirectSolver]:
+    """Engines whose packages are there."""
+    found: dict[str, DirectSolver] = {}
+    for name, solver in (("pardiso", PardisoSolver), ("mumps", MumpsSolver)):
+        try:
+            found[name] = solver()
+        except MissingEngineError as error:
+            print(f"{name} {error}: {error.hint}")
+    return found
+
+
+def with_factor(system: LeastSquares, factor: Factor) -> LeastSquares:
+    """The same equations, solved by another factor of them."""
+    if isinstance(system.factor, UpdatedFactor):
+        return replace(system, factor=replace(system.factor, factor=factor))
+    return replace(system, factor=factor)
+
+
+def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
+    """One line of the tables."""
     sizes = [f"body.{name}.spacing={0.1 * scale}" for name in ("cylinder", "block")]
     sizes += [
         f"body.{name}.refine.{number}.spacing={value * scale}"
@@ -111,10 +137,20 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, float]:
     judged = np.linspace(0, sources.shape[1] - 1, JUDGED).astype(int)
     exact = exactly(system, observed, sources[:, judged])
     size = np.linalg.norm(exact, axis=0)
-    errors = [
-        float((np.linalg.norm(found[:, judged] - exact, axis=0) / size).max())
-        for found in (system.functionals(observed, sources), blocks())
-    ]
+
+    def error(found: FloatArray) -> float:
+        return float((np.linalg.norm(found[:, judged] - exact, axis=0) / size).max())
+
+    engines = {}
+    for name, engine in installed().items():
+        its = engine.factor_definite(matrix, body.model.nodes)
+        same = with_factor(system, its)
+        engines[name] = {
+            "factor": cpu_of(partial(engine.factor_definite, matrix, body.model.nodes), repeat),
+            "solve": cpu_of(partial(its.solve, block[:, 0]), repeat),
+            "condense": cpu_of(partial(same.functionals, observed, sources), repeat),
+            "error": error(same.functionals(observed, sources)),
+        }
     return {
         "nodes": len(body.model.nodes),
         "columns": sources.shape[1],
@@ -124,8 +160,10 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, float]:
         "condense": cpu_of(lambda: system.functionals(observed, sources), repeat),
         "blocks": cpu_of(blocks, repeat),
         "superlu_solves": cpu_of(lambda: factor.solve(block), repeat) / BLOCK * sources.shape[1],
-        "error": errors[0],
-        "blocks_error": errors[1],
+        "error": error(system.functionals(observed, sources)),
+        "blocks_error": error(blocks()),
+        "solve": cpu_of(lambda: system.factor.solve(block[:, 0]), repeat),
+        "engines": engines,
     }
 
 
@@ -149,6 +187,9 @@ def main() -> None:
                 f"error {line['error']:.0e}, blocks {line['blocks_error']:.0e}",
                 flush=True,
             )
+            for name, engine in line["engines"].items():
+                ratios = [f"{key} {engine[key] / line[key]:.2f}" for key in ("factor", "solve", "condense")]
+                print(f"  {name}, times ours: {', '.join(ratios)}; error {engine['error']:.0e}", flush=True)
     wishes.out.mkdir(parents=True, exist_ok=True)
     (wishes.out / "linear_algebra.json").write_text(json.dumps(lines, indent=1) + "\n")
 

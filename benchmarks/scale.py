@@ -1,11 +1,12 @@
 """CPU time and memory of whole runs as their clouds get finer.
 
-    python benchmarks/scale.py [--case hertz] [--scale 1.0 0.36 0.147 0.104] [--out benchmarks/results]
+    python benchmarks/scale.py [--case hertz] [--linear auto] [--scale 1.0 0.36 0.147 0.104]
 
 A case of ``cases/`` with all spacings multiplied by each scale, every run a process of its own with one
-thread, compiled kernels and no cache of operators. Tells CPU seconds (user and system, of the process), those
-of the phases, peak memory, and the exponents of CPU time in the number of nodes, from line to line and over
-all. Writes scale.json after every line; lines of other cases stay.
+thread, compiled kernels and no cache of operators, its bodies factorised by ``solver.linear``. Tells CPU
+seconds (user and system, of the process), those of the phases, peak memory, and the exponents of CPU time in
+the number of nodes, from line to line and over all. Writes scale.json (``--out``) after every line; lines of
+other cases and solvers stay.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def finer(case: Path, scale: float) -> list[str]:
     return [part for option in options for part in ("--set", option)]
 
 
-def measure(case: Path, scale: float) -> dict[str, Any]:
+def measure(case: Path, linear: str, scale: float) -> dict[str, Any]:
     """One run."""
     environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -45,12 +46,16 @@ def measure(case: Path, scale: float) -> dict[str, Any]:
         out = Path(directory) / "run"
         command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet", "--no-cache"]
         subprocess.run(
-            [*command, "--out", str(out), *finer(case, scale)], check=True, env=environment, cwd=ROOT
+            [*command, "--out", str(out), "--set", f'solver.linear="{linear}"', *finer(case, scale)],
+            check=True,
+            env=environment,
+            cwd=ROOT,
         )
         summary = json.loads((out / "summary.json").read_text())
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {
         "case": case.stem,
+        "linear": linear,
         "scale": scale,
         "nodes": summary["nodes"],
         "contact_unknowns": summary["contact_unknowns"],
@@ -68,17 +73,19 @@ def exponent(one: dict[str, Any], other: dict[str, Any]) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--case", default="hertz")
+    parser.add_argument("--linear", default="auto")
     parser.add_argument("--scale", type=float, nargs="+", default=[1.0, 0.36, 0.147, 0.104])
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
     wishes = parser.parse_args()
     subprocess.run([sys.executable, "-m", "mlsanm_cli.cli", "warmup"], check=True, cwd=ROOT)
     path = wishes.out / "scale.json"
     kept = json.loads(path.read_text()) if path.exists() else []
-    others = [line for line in kept if line["case"] != wishes.case]
+    here = (wishes.case, wishes.linear)
+    others = [line for line in kept if (line["case"], line.get("linear", "auto")) != here]
     wishes.out.mkdir(parents=True, exist_ok=True)
     lines: list[dict[str, Any]] = []
     for scale in sorted(wishes.scale, reverse=True):
-        line = measure(ROOT / "cases" / f"{wishes.case}.toml", scale)
+        line = measure(ROOT / "cases" / f"{wishes.case}.toml", wishes.linear, scale)
         step = f", exponent {exponent(lines[-1], line):.2f}" if lines else ""
         lines.append(line)
         path.write_text(json.dumps([*others, *lines], indent=1) + "\n")

@@ -150,7 +150,9 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: 
             refined = place(case, clock, console, wanted, memo, prepared)
             built, accuracy = _solved(case, refined, clock, console, memo, built.scene)
         except NumericalError as error:
-            failed = f"pass {number} of [adapt] failed, the result is that of the clouds before: {error.message}"
+            failed = (
+                f"pass {number} of [adapt] failed, the result is that of the clouds before: {error.message}"
+            )
             break
         prepared, bulk, placed = refined, (*bulk, *more), wanted
         history.append(_figures(built, accuracy, history[-1]))

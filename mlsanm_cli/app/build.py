@@ -14,6 +14,7 @@ from mlsanm_cli.app.clouds import clouds
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.contacts import refuse_overlap
 from mlsanm_cli.app.estimate import refuse_too_large, refuse_too_many_contacts
+from mlsanm_cli.app.linear import direct_solver
 from mlsanm_cli.app.scene import NOTHING, Prepared, equip, prepare
 from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import BoolArray, FloatArray
@@ -28,12 +29,8 @@ from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo, digest
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.values import dataclass
 
-LINEAR = {"auto": CholeskySolver, "superlu": SuperLUSolver}
-"""Direct solvers by ``solver.linear``."""
 MANY = 50_000
 """Scenes of more nodes are announced: they take a while, and may be a typing error."""
 WIDER = 1.5
@@ -77,10 +74,12 @@ def load_kernels(clock: Clock, console: Console) -> Loaded:
 def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo = AFRESH) -> Prepared:
     """All that can show that a case cannot be run as written, on its own clouds.
 
-    Raises CaseError for a scene that memory cannot hold, and for contacts and platens without sense.
+    Raises CaseError for a scene that memory cannot hold, a solver that is not installed, and contacts and
+    platens without sense.
     """
     load_kernels(clock, console)
     try:
+        direct_solver(loaded.case)
         with clock.phase("cloud"):
             size = memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
         if sum(size.nodes.values()) > MANY:
@@ -143,7 +142,7 @@ def complete(
 
     with clock.phase("operators"):
         bodies = before.bodies if before is not None else NOTHING
-        scene = equip(case, prepared, LINEAR[case.solver.linear](), factorising, memo, bodies)
+        scene = equip(case, prepared, direct_solver(case), factorising, memo, bodies)
     stages = stage_factors(case)
     condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console, memo)
     with clock.phase("condensation"):

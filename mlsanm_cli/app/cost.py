@@ -16,7 +16,8 @@ PER_NODE = 1.0e-5
 FACTOR = 5.0e-7
 COLUMN = 3.7e-8
 REFINED = 60
-SUPERLU = 3.0
+SLOW = {"auto": 1.0, "superlu": 3.0, "pardiso": 1.3, "mumps": 2.0}
+"""Factor and solutions against ours, by ``solver.linear``."""
 STAGE = 0.06
 STAGE_NODE = 5.0e-4
 STEPS = 70
@@ -29,8 +30,8 @@ def cpu_seconds(case: Case, prepared: Prepared) -> float:
     """Estimated CPU seconds of ``mlsanm run``.
 
     Clouds and operators grow like the nodes n, the factorisation like n^1.5 (nested dissection in the
-    plane), the condensation like n log n for each solution it takes: one per contact node where SuperLU is at
-    work, few otherwise. The path grows like m^3 for each step, m the contact nodes.
+    plane), the condensation like n log n for each solution it takes: few with our own solver, which has half
+    solutions, else one per contact node. The path grows like m^3 for each step, m the contact nodes.
     """
     sizes = [len(model.cloud.points) for model in prepared.models.values()]
     touching = {
@@ -39,9 +40,10 @@ def cpu_seconds(case: Case, prepared: Prepared) -> float:
     }
     settings = mls_settings(case)
     stencil = settings.stencil_size / REFERENCE_STENCIL
-    slow = SUPERLU if settings.square or case.solver.linear == "superlu" else 1.0
+    solver = "superlu" if settings.square else case.solver.linear
+    slow = SLOW[solver]
     columns = [count + len(case.load) for count in touching.values()]
-    if slow == 1.0:
+    if solver == "auto":
         columns = [min(count, REFINED) for count in columns]
     unknown = sum(int(pairing.candidate.sum()) for pairing in prepared.pairings)
     bulk = PER_NODE * stencil * sum(sizes) + slow * FACTOR * stencil**1.2 * sum(n**1.5 for n in sizes)

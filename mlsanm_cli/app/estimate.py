@@ -20,8 +20,8 @@ from mlsanm_cli.values import dataclass
 COUNT_LIMIT = 2e8
 PROCESS_MB = 280.0
 """Memory of a process before its first body."""
-SUPERLU = 3.0
-"""Its factor, of both halves, against ours."""
+FILL = {"auto": 1.0, "superlu": 3.0, "pardiso": 1.5, "mumps": 0.25}
+"""Memory for the factor against ours, by ``solver.linear``: SuperLU's is of both halves, MUMPS's on disk."""
 DENSE = 8.0
 """Square matrices of the contact unknowns that are there at the same time; 5 to 6 were measured."""
 
@@ -37,11 +37,16 @@ class Estimate:
 def estimate(case: Case) -> Estimate:
     """Nodes by quadrature of the spacing field or counted, memory by the model below."""
     nodes = {body.name: _nodes(body) for body in case.body}
-    return Estimate(nodes, _memory_mb(case, nodes, mls_settings(case).stencil_size))
+    return Estimate(nodes, _memory_mb(nodes, mls_settings(case).stencil_size, _solver(case)))
 
 
-def _memory_mb(case: Case, nodes: Mapping[str, float], stencil: int) -> float:
-    fill = SUPERLU if mls_settings(case).square or case.solver.linear == "superlu" else 1.0
+def _solver(case: Case) -> str:
+    """What factorises the case's bodies."""
+    return "superlu" if mls_settings(case).square else case.solver.linear
+
+
+def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
+    fill = FILL[solver]
     return PROCESS_MB + sum(_body_memory_mb(count, stencil, fill) for count in nodes.values())
 
 
@@ -95,9 +100,13 @@ def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
 
 def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
     """The key to change, and how."""
-    usual = replace(mls_settings(case), neighbors=None).stencil_size
-    if _memory_mb(case, size.nodes, usual) <= room:
+    settings = mls_settings(case)
+    usual = replace(settings, neighbors=None).stencil_size
+    if _memory_mb(size.nodes, usual, _solver(case)) <= room:
         return "mls.neighbors", f'"auto" takes {usual}'
+    on_disk = _memory_mb(size.nodes, settings.stencil_size, "mumps")
+    if on_disk <= room and not settings.square:
+        return "solver.linear", f'"mumps", with its factors on disk, needs about {on_disk / 1024:.3g} GB'
     body = max(case.body, key=lambda body: size.nodes[body.name])
     if body.brings_nodes:
         return f"body.{body.name}.shape.file", "use a coarser mesh"

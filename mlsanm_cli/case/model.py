@@ -190,8 +190,9 @@ class Solver(Section):
     """End every saved level with the exact laws."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """A path that needs more steps fails."""
-    linear: Literal["auto", "superlu"] = "auto"
-    """Direct solver of the bodies' linear systems."""
+    linear: Literal["auto", "superlu", "pardiso", "mumps"] = "auto"
+    """Direct solver of the bodies' linear systems: auto is our own, with SuperLU for square schemes; pardiso
+    and mumps, which keeps its factors on disk, take packages of their own."""
 
 
 class Output(Section):

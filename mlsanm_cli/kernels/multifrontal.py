@@ -16,7 +16,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.blas import dpotrf, dsyrk
-from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, solve_right
+from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, multiply, solve_right
 from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.signature import Float3, FloatOut1, Index1, Int1
 

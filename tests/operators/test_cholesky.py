@@ -23,8 +23,9 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels import multifrontal
 from mlsanm_cli.kernels.multifrontal import borders
 from mlsanm_cli.operators.linear import cholesky
-from mlsanm_cli.operators.linear.cholesky import SOUND, CholeskyFactor, CholeskySolver
+from mlsanm_cli.operators.linear.cholesky import CholeskyFactor, CholeskySolver
 from mlsanm_cli.operators.linear.dissection import nested_dissection
+from mlsanm_cli.operators.linear.fallback import SOUND
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
 

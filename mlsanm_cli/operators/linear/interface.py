@@ -11,6 +11,8 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 
 Matrix: TypeAlias = "sparse.csc_array | sparse.bsr_array"
 """A symmetric matrix, in columns or in blocks."""
+BLOCK = 64
+"""Columns solved together."""
 
 
 class Factor(Protocol):
@@ -26,7 +28,10 @@ class Factor(Protocol):
         ...
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c), as a matrix (g, c)."""
+        """``left`` (g, n) times the solutions for ``right`` (n, c), as a matrix (g, c).
+
+        By halves of solutions where the method has them, else by :func:`products_of_solutions`.
+        """
         ...
 
 
@@ -50,6 +55,15 @@ class DirectSolver(Protocol):
     def factor_unsymmetric(self, matrix: sparse.csc_array, order: IntArray) -> Factor:
         """Factorise any square matrix, rows exchanged where needed; NumericalError for a singular one."""
         ...
+
+
+def products_of_solutions(factor: Factor, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
+    """``left`` (g, n) times whole solutions for ``right`` (n, c), a block of columns at a time: (g, c)."""
+    result = np.empty((left.shape[0], right.shape[1]))
+    for first in range(0, right.shape[1], BLOCK):
+        columns = slice(first, first + BLOCK)
+        result[:, columns] = left @ factor.solve(right[:, columns].toarray())
+    return result
 
 
 def backward_error(matrix: Matrix, factor: Factor) -> float:

@@ -10,14 +10,12 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.dissection import nested_dissection
-from mlsanm_cli.operators.linear.interface import Factor, Matrix
+from mlsanm_cli.operators.linear.interface import Factor, Matrix, products_of_solutions
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
-BLOCK = 64
-"""Columns solved together."""
 THRESHOLD = 0.1
 """A diagonal entry is kept as pivot unless another in its column is 1/THRESHOLD times larger."""
 
@@ -41,12 +39,8 @@ class SuperLUFactor:
         return solution
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c), a block of columns at a time."""
-        result = np.empty((left.shape[0], right.shape[1]))
-        for first in range(0, right.shape[1], BLOCK):
-            columns = slice(first, first + BLOCK)
-            result[:, columns] = left @ self.solve(right[:, columns].toarray())
-        return result
+        """``left`` (g, n) times the solutions for ``right`` (n, c)."""
+        return products_of_solutions(self, left, right)
 
 
 class SuperLUSolver:

@@ -1,0 +1,35 @@
+"""What happens where a method for positive definite matrices does not give a factor that solves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
+from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+
+SOUND = 1e-11
+"""Largest backward error of a factor that is believed; what is expected is round-off."""
+
+
+def believed(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
+    """The ``factor`` of a ``matrix`` (2n, 2n) if there is one and it solves, else SuperLU's, with a note.
+
+    Raises NumericalError where that does not solve either.
+    """
+    if factor is not None and backward_error(matrix, factor) <= SOUND:
+        return factor
+    solver, plain = SuperLUSolver(), sparse.csc_array(matrix)
+    other = solver.factor(plain, solver.analyse(plain, points))
+    if not backward_error(matrix, other) <= SOUND:
+        raise NumericalError(
+            "the elastic system of a body is singular to working precision",
+            "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
+        )
+    return replace(
+        other,
+        note="the equations are not positive definite to working precision; SuperLU factorised them",
+    )
