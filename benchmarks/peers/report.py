@@ -167,8 +167,9 @@ def draw(path: Path, results: Results) -> None:
                     axes.loglog(*zip(*points, strict=True), linestyle="", label=label, **marks)
         axes.set(title=QUANTITIES[part], xlabel="CPU seconds of the whole process", ylabel="error, L2 [%]")
         axes.grid(which="both", alpha=0.3)
-    handles = {line.get_label(): line for axes in figure.axes for line in axes.get_lines()}
-    named = {name: handle for name, handle in handles.items() if name in programs}
+    drawn = {str(line.get_label()): line for axes in figure.axes for line in axes.get_lines()}
+    named = [program for program in programs if program in drawn]
     title = "filled: from the geometry on; open: mesh given"
-    figure.legend(named.values(), named.keys(), title=title, loc="outside lower center", ncols=5)
+    handles = [drawn[program] for program in named]
+    figure.legend(handles, named, title=title, loc="outside lower center", ncols=5)
     figure.savefig(path, dpi=110)
