@@ -148,6 +148,7 @@ def draw(path: Path, results: Results) -> None:
     """Error against time for every part that has errors worth drawing; meshes given: open marks."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
     shown = [part for part in QUANTITIES if part in results]
     figure = Figure(figsize=(4.2 * len(shown), 5.2), layout="constrained")
@@ -167,8 +168,13 @@ def draw(path: Path, results: Results) -> None:
                     axes.loglog(*zip(*points, strict=True), linestyle="", label=label, **marks)
         axes.set(title=QUANTITIES[part], xlabel="CPU seconds of the whole process", ylabel="error, L2 [%]")
         axes.grid(which="both", alpha=0.3)
-    handles = {line.get_label(): line for axes in figure.axes for line in axes.get_lines()}
-    named = {name: handle for name, handle in handles.items() if name in programs}
+        for axis in (axes.xaxis, axes.yaxis):  # less than a decade may be shown, which needs more ticks
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(FormatStrFormatter("%g"))
+            axis.set_minor_formatter(NullFormatter())
+    drawn = {str(line.get_label()): line for axes in figure.axes for line in axes.get_lines()}
+    named = [program for program in programs if program in drawn]
     title = "filled: from the geometry on; open: mesh given"
-    figure.legend(named.values(), named.keys(), title=title, loc="outside lower center", ncols=5)
+    handles = [drawn[program] for program in named]
+    figure.legend(handles, named, title=title, loc="outside lower center", ncols=5)
     figure.savefig(path, dpi=110)
