@@ -233,8 +233,8 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
 
 
 def _feet(pairing: Pairing, master: Surface, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where on the slave the master's nodes ``points`` (b, 2) have their pressures from: arc lengths (b,), how
-    far each place misses its node (b,), and the slave's length per length of the master (b,).
+    """Where on the slave the master's nodes ``points`` (b, 2) have their pressures from: arc lengths (b,),
+    how far each place misses its node (b,), and the slave's length per length of the master (b,).
 
     In general that is the slave's closest point. For a conserving contact it is the point whose closest one
     on the master is the node, found by Newton's method from there.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app import adapt, build, scene
-from mlsanm_cli.app.adapt import ROUGH, SMOOTH, Rule
+from mlsanm_cli.app.adapt import ROUGH, Rule
 from mlsanm_cli.app.build import Built, complete, place
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.arrays import FloatArray
