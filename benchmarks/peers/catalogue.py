@@ -35,14 +35,16 @@ def cloud(
     edge: tuple[float, float, float],
     points: tuple[float, ...] = (HALF_WIDTH,),
     beside: tuple[tuple[float, float, float], ...] = (),
+    stick: tuple[tuple[float, float, float], ...] = (),
 ) -> list[str]:
-    """Settings of both bodies: spacing far away; spacing, radius, growth of the zone, and of ``edge`` and
-    what lies ``beside`` it at +-points."""
+    """Settings of both bodies: spacing far away; spacing, radius, growth of the zone, of ``edge`` and
+    what lies ``beside`` it at +-points, and of what lies where sticking ends."""
 
     def refinements(body: str) -> str:
         places = [
             (0.0, *zone),
             *((sign * at, *one) for one in (edge, *beside) for at in points for sign in (-1, 1)),
+            *((sign * STICK, *one) for one in stick for sign in (-1, 1)),
         ]
         # On the arc, not beside it: a fine radius may be smaller than the arc's height there.
         height = {"cylinder": lambda x: RADIUS - (RADIUS**2 - x**2) ** 0.5, "block": lambda _x: 0.0}[body]
@@ -73,23 +75,33 @@ def stages(*factors: str) -> str:
     return f"stage=[{', '.join(factors)}]"
 
 
-def graded_slip(coarse: float, under: float, kinks: tuple[float, float, float]) -> list[str]:
+def graded_slip(
+    neighbors: int,
+    coarse: float,
+    under: tuple[float, float, float],
+    edge: tuple[float, float, float],
+    stick: tuple[float, float, float],
+) -> list[str]:
     """A cloud whose spacing ``under`` the contact is finer where it and its stick zone end."""
-    return [*cloud(coarse, (under, 0.057, 0.2), kinks, (STICK, HALF_WIDTH)), "mls.neighbors=18"]
+    return [*cloud(coarse, under, edge, stick=(stick,)), f"mls.neighbors={neighbors}"]
 
 
 FINE_EDGE = (0.00015, 0.0015, 0.12)
 CLOUDS = {
     "1.6k": hertz_cloud(2, 20, 0.29, (0.0087, 0.061, 0.26), (0.00093, 0.0025, 0.18)),
-    "degree 4, 1.6k": hertz_cloud(4, 34, 0.2, (0.0084, 0.01, 0.18), (0.00057, 0.0016, 0.2)),
-    "degree 4, 2.2k": hertz_cloud(4, 38, 0.19, (0.0067, 0.011, 0.17), (0.00031, 0.00087, 0.17)),
-    "degree 4, 3k": hertz_cloud(
-        4, 34, 0.21, (0.0071, 0.057, 0.24), (0.0001, 0.00031, 0.16), (0.0064, 0.0055, 0.16)
+    "degree 4, 1.7k": hertz_cloud(
+        4, 37, 0.282, (0.00622, 0.0332, 0.242), (0.000264, 0.000763, 0.209), (0.00849, 0.00912, 0.222)
     ),
-    "degree 4, 4k": hertz_cloud(
-        4, 34, 0.2, (0.0068, 0.044, 0.24), (0.0001, 0.00031, 0.13), (0.0052, 0.009, 0.13)
+    "degree 4, 2.7k": hertz_cloud(
+        4, 39, 0.349, (0.00545, 0.0446, 0.272), (7.1e-5, 0.000256, 0.179), (0.00336, 0.00607, 0.17)
     ),
     "as in cases/": ["mls.degree=2"],
+}
+SLIP_CLOUDS = {
+    "1.8k": graded_slip(20, 0.27, (0.0102, 0.057, 0.3), (0.00059, 0.00145, 0.27), (0.0014, 0.00206, 0.153)),
+    "10k": graded_slip(
+        18, 0.156, (0.0018, 0.0783, 0.199), (0.000131, 0.000614, 0.139), (0.00029, 0.0013, 0.115)
+    ),
 }
 LEVELS = stages(*(f"{{press={k / 50}}}" for k in range(1, 51)))
 SLIP = [stages("{press=1.0}", "{shear=1.0}"), "output.at=[2.0]"]
@@ -100,14 +112,13 @@ PARTS: dict[str, list[Entry]] = {
         *PEERS["hertz"],
     ],
     "levels": [
-        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.6k", "degree 4, 2.2k")),
+        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.6k", "degree 4, 1.7k")),
         *PEERS["levels"],
     ],
     "slip": [
         mlsanm("as in cases/", "cattaneo_mindlin", *SLIP),
-        mlsanm("coarser", "cattaneo_mindlin", *SLIP, *cloud(0.2, (0.004, 0.056, 0.15), (0.001, 0.003, 0.15))),
-        mlsanm("graded, 3.4k", "cattaneo_mindlin", *SLIP, *graded_slip(0.2, 0.005, (0.0004, 0.0012, 0.15))),
-        mlsanm("graded, 6.2k", "cattaneo_mindlin", *SLIP, *graded_slip(0.17, 0.002, (0.0002, 0.001, 0.15))),
+        mlsanm("graded, 1.8k", "cattaneo_mindlin", *SLIP, *SLIP_CLOUDS["1.8k"]),
+        mlsanm("graded, 10k", "cattaneo_mindlin", *SLIP, *SLIP_CLOUDS["10k"]),
         mlsanm("finer", "cattaneo_mindlin", *SLIP, *cloud(0.1, (0.0012, 0.056, 0.12), FINE_EDGE, KINKS[2:])),
         *PEERS["slip"],
     ],

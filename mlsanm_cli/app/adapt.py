@@ -50,7 +50,8 @@ class Rule:
 ROUGH = Rule(20.0, 1.0, 256.0, 0.12)
 """Degrees 1 to 3."""
 SMOOTH = Rule(10.0, 0.5, 256.0, 0.14)
-"""Degrees 4 to 6."""
+"""Degrees 4 to 6. Over six seeds of three scenes a quarter of the nodes less than by the other rule, and
+errors of 0.10 to 0.18 % instead of 0.10 to 0.19 %. With spacings that grow by 0.16 some were not stable."""
 AT_STICK = 64.0
 KNOWN = 0.05
 """Edges of contact are known well enough for stick zones when they are this near, in half-widths."""
@@ -150,9 +151,7 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: 
             refined = place(case, clock, console, wanted, memo, prepared)
             built, accuracy = _solved(case, refined, clock, console, memo, built.scene)
         except NumericalError as error:
-            failed = (
-                f"pass {number} of [adapt] failed, the result is that of the clouds before: {error.message}"
-            )
+            failed = f"pass {number} of [adapt] failed, the clouds before it are taken: {error.message}"
             break
         prepared, bulk, placed = refined, (*bulk, *more), wanted
         history.append(_figures(built, accuracy, history[-1]))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from benchmarks.peers.scenes import REFERENCE, Profile, difference, read_profile
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData, read_run
@@ -94,6 +95,14 @@ def check(summary: Mapping[str, Any], data: RunData, truth: Truth) -> None:
     estimate = summary["error_estimate"]
     assert displacement / FACTOR <= estimate["displacement"] <= displacement * FACTOR
     assert pressure / FACTOR <= estimate["pressure"]["interface"] <= pressure * FACTOR
+
+
+def test_the_over_refined_pressure_is_that_of_finite_elements(hertz: Truth) -> None:
+    contact = hertz.data.contacts["interface"]
+    along = np.argsort(contact.points[:, 0])
+    found = Profile(contact.points[along, 0], contact.pressure[-1][along])
+    # 0.10 % where the master took its pressures from the slave's closest points.
+    assert difference(found, read_profile(REFERENCE / "hertz.csv", "pressure")) <= 5e-4
 
 
 def test_a_coarse_hertz_case_refined(tmp_path: Path, hertz: Truth) -> None:
