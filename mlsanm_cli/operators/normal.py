@@ -14,7 +14,7 @@ def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
 
     Raises NumericalError where there are too many of them to be counted.
     """
-    pairs = sparse.bsr_array(rows, blocksize=(1, 2))
+    pairs = _pairs(rows)
     indptr, nodes = structure(pairs)
     count = rows.shape[1] // 2
     group, begin = np.empty(rows.shape[0], dtype=np.int32), np.zeros(rows.shape[0] + 1, dtype=np.int32)
@@ -29,7 +29,14 @@ def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
     neighbour, blocks = np.empty(end[-1], dtype=np.int32), np.zeros((end[-1], 2, 2))
     row = np.argsort(group, kind="stable")
     grouped = (row, np.searchsorted(group[row], np.arange(groups + 1)), begin, members)
-    values = np.ascontiguousarray(pairs.data).reshape(-1, 2)
-    slot = np.full(count, -1, dtype=np.int64)
+    values, slot = pairs.data.reshape(-1, 2), np.full(count, -1, dtype=np.int64)
     add_blocks(indptr, values, *grouped, start, of_node, entry, slot, end, neighbour, blocks)
     return sparse.bsr_array((blocks, neighbour, end.astype(np.int32)), shape=(2 * count, 2 * count))
+
+
+def _pairs(rows: sparse.csr_array) -> sparse.bsr_array:
+    """The rows in blocks of a node's two unknowns (1 x 2), without copies where all entries are in pairs."""
+    first, second = rows.indices[::2], rows.indices[1::2]
+    if (rows.indptr % 2).any() or (first % 2).any() or not np.array_equal(second, first + 1):
+        return sparse.bsr_array(rows, blocksize=(1, 2))
+    return sparse.bsr_array((rows.data.reshape(-1, 1, 2), first // 2, rows.indptr // 2), shape=rows.shape)

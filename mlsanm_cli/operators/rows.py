@@ -50,11 +50,9 @@ def scalar_rows(stencils: Stencils, weights: FloatArray) -> sparse.csr_array:
 
 def nodal_rows(indices: IntArray, component: int, nodes: int) -> sparse.csr_array:
     """Rows (e, 2n) that pick the nodal displacement u_x (0) or u_y (1) of nodes ``indices`` (e,)."""
-    count = len(indices)
-    columns = (2 * indices + component).astype(np.int32)
-    return sparse.csr_array(
-        (np.ones(count), columns, np.arange(count + 1, dtype=np.int32)), shape=(count, 2 * nodes)
-    )
+    factors = np.zeros((len(indices), 2))
+    factors[:, component] = 1.0
+    return nodal_pairs(indices, factors, nodes)
 
 
 def nodal_pairs(indices: IntArray, factors: FloatArray, nodes: int) -> sparse.csr_array:
