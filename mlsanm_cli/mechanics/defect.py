@@ -34,7 +34,7 @@ That distance is smooth, and its own defect a small part of it: with 0.3 the est
 are those of refined displacements to 6e-4. Not so in nearly incompressible bodies, where it may be 500 times
 as large: there displacements are refined as far as they can be.
 """
-SETTLED = 1e-10
+SETTLED = 1e-13
 """The same as part of the displacements, for scenes that the fits meet exactly."""
 
 
