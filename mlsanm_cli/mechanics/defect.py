@@ -27,7 +27,7 @@ DEGREES = (2, 3, 4)
 
 ROUGH = 1e-3
 """Relative error of a correction that is left alone: an estimate has a digit or two."""
-UNSETTLED = 0.05
+UNSETTLED = 0.15
 """Part of a correction that the displacements it was found from may be away from their own equations'.
 
 That distance is smooth, and its own defect a small part of it: with 0.3 the estimates of all published cases
