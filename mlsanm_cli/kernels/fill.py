@@ -196,8 +196,7 @@ def _around(
 
 @inner
 def _nearest(near: FloatArray, count: int, x: float, y: float, enough: float) -> float:
-    """Square of the distance from (x, y) to the nearest of the first ``count`` points of ``near``, or to the
-    first that is nearer than the root of ``enough``."""
+    """Squared distance from (x, y) to the nearest of ``count`` points, or to the first below ``enough``."""
     smallest = math.inf
     for k in range(count):
         dx = near[k, 0] - x

@@ -27,14 +27,14 @@ DEGREES = (2, 3, 4)
 
 ROUGH = 1e-3
 """Relative error of a correction that is left alone: an estimate has a digit or two."""
-UNSETTLED = 0.05
+UNSETTLED = 0.15
 """Part of a correction that the displacements it was found from may be away from their own equations'.
 
 That distance is smooth, and its own defect a small part of it: with 0.3 the estimates of all published cases
-are those of refined displacements to 6e-4. Not so in nearly incompressible bodies, where it may be 500 times
+are those of refined displacements to 2e-3. Not so in nearly incompressible bodies, where it may be 500 times
 as large: there displacements are refined as far as they can be.
 """
-SETTLED = 1e-10
+SETTLED = 1e-13
 """The same as part of the displacements, for scenes that the fits meet exactly."""
 
 

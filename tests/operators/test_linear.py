@@ -192,6 +192,14 @@ def test_residual_tells_the_size_of_a_step(kind: str) -> None:
         assert 0.4e-4 <= system.residual(b, off, often=True) <= 2e-4
 
 
+def test_a_step_of_a_square_system_comes_with_the_solution_for_more() -> None:
+    system, rng = square(), np.random.default_rng(8)
+    one, other = (sparse.csc_array(rng.normal(size=(120, 1))) for _ in range(2))
+    away, expected = 1e-3 * rng.normal(size=(120, 1)), system.solve(other)
+    found = system.step(one, system.solve(one) + away, other)
+    assert np.abs(found - np.hstack([-away, expected, expected])).max() <= 1e-9 * np.abs(expected).max()
+
+
 def test_a_step_comes_with_both_solutions_for_more() -> None:
     _, rows, weight = least_squares(1.0)
     rng = np.random.default_rng(8)
