@@ -120,8 +120,8 @@ class CholeskyFactor:
         indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
         shape = self.fronts
         tree = (shape.start, shape.parent, shape.begin, shape.border, shape.kept, shape.panel, self.values)
-        columns = (indptr, indices, both.data, left.shape[0], both.shape[1])
-        return products(*tree, shape.unit, *self.links, *columns)
+        unit, counts = shape.unit, (left.shape[0], both.shape[1])
+        return products(*tree, unit, *self.links, indptr, indices, both.data, *counts)
 
 
 class CholeskySolver(SuperLUSolver):
