@@ -15,13 +15,16 @@ from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.operators.linear.scratch import LARGE
 from mlsanm_cli.values import dataclass
 
 COUNT_LIMIT = 2e8
-PROCESS_MB = 280.0
+PROCESS_MB = 150.0
 """Memory of a process before its first body."""
-FILL = {"auto": 1.0, "superlu": 3.0, "pardiso": 1.5, "mumps": 0.25}
-"""Memory for the factor against ours, by ``solver.linear``: SuperLU's is of both halves, MUMPS's on disk."""
+CHOLESKY = 64.0
+OTHERS = {"superlu": 217.0, "pardiso": 109.0, "mumps": 18.0}
+"""Bytes of a factor for every node, node of its stencil and level of nested dissection: of our own, and by
+``solver.linear`` of others. SuperLU's is of both halves, MUMPS's on disk."""
 DENSE = 8.0
 """Square matrices of the contact unknowns that are there at the same time; 5 to 6 were measured."""
 
@@ -46,21 +49,31 @@ def _solver(case: Case) -> str:
 
 
 def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
-    fill = FILL[solver]
-    return PROCESS_MB + sum(_body_memory_mb(count, stencil, fill) for count in nodes.values())
+    """What all bodies keep, stencils, rows and sums of rows, with the factors, and what making the largest
+    factor takes besides; fitted to measured runs (docs/performance.md)."""
+    counts = list(nodes.values())
+    kept = sum((150.0 * stencil + 1950.0) * count for count in counts)
+    if solver in OTHERS:
+        factors = sum(OTHERS[solver] * count * stencil * _levels(count, 7.2) for count in counts)
+    else:
+        ours = [CHOLESKY * count * stencil * _levels(count, 8.6) for count in counts]
+        # Of large factors one at a time is in memory.
+        factors = sum(size for size in ours if size < LARGE) + max(
+            (size for size in ours if size >= LARGE), default=0.0
+        )
+    made = (115.0 * stencil + 1400.0) * max(counts)
+    return PROCESS_MB + (kept + factors + made) / 1e6
+
+
+def _levels(nodes: float, without: float) -> float:
+    """How often nested dissection cuts, less the last cuts, which make hardly any fill."""
+    return max(math.log2(max(nodes, 2.0)) - without, 1.0)
 
 
 def _nodes(body: Body) -> float:
     if isinstance(body.shape, Mesh | Points) and body.shape.brings_nodes:
         return float(len(foreign(body.shape).points))
     return estimate_nodes(outline_of(body), spacing_of(body), COUNT_LIMIT)
-
-
-def _body_memory_mb(nodes: float, stencil: int, fill: float) -> float:
-    """Stencils, rows, normal equations and sums of rows, and the factor, whose part per node grows like log n
-    under nested dissection; fitted to measured runs (docs/performance.md)."""
-    factor = 72.5 * fill * stencil * max(math.log2(max(nodes, 2.0)) - 7.2, 1.0)
-    return nodes * (270.0 * stencil + 1400.0 + factor) / 1e6
 
 
 def available_memory_mb() -> float:

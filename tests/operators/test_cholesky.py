@@ -22,7 +22,7 @@ from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels import multifrontal
 from mlsanm_cli.kernels.multifrontal import borders
-from mlsanm_cli.operators.linear import cholesky
+from mlsanm_cli.operators.linear import cholesky, scratch
 from mlsanm_cli.operators.linear.cholesky import CholeskyFactor, CholeskySolver
 from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.linear.fallback import SOUND
@@ -206,6 +206,18 @@ def test_the_same_matrix_gives_the_same_bits() -> None:
     assert np.array_equal(first.values, second.values)
     rhs = np.random.default_rng(0).normal(size=(600, 3))
     assert np.array_equal(first.solve(rhs), second.solve(rhs))
+
+
+def test_factors_in_files_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = scattered(300)
+    matrices = [normal_equations(points, seed) for seed in range(2)]
+    rhs = np.random.default_rng(0).normal(size=600)
+    expected = [CholeskySolver().factor_definite(matrix, points).solve(rhs) for matrix in matrices]
+    monkeypatch.setattr(scratch, "LARGE", 0)
+    factors = [CholeskySolver().factor_definite(matrix, points) for matrix in matrices]
+    for _ in range(2):
+        for factor, solution in zip(factors, expected, strict=True):
+            assert np.array_equal(factor.solve(rhs), solution)
 
 
 def test_indefinite_matrices_are_left_to_superlu_and_noted() -> None:

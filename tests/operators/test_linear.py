@@ -232,6 +232,9 @@ def test_functionals_are_those_of_the_solutions(apart: float, summed: bool) -> N
     assert np.abs(halves - np.asarray(observed @ system.factor.solve(rhs.toarray()))).max() <= 1e-7 / apart
     found = system.functionals(observed, sparse.csc_array(rows @ exact))
     assert np.abs(found - np.asarray(observed @ exact)).max() <= 1e-9
+    mixture = rng.normal(size=(70, 30))
+    found = system.functionals(observed, sparse.csc_array(rows @ exact), mixture)
+    assert np.abs(found - np.asarray(observed @ exact) @ mixture).max() <= 1e-8
     # Where the rows contradict each other the sums make a difference.
     sources = sparse.csc_array(rng.normal(size=(300, 70)))
     expected = np.asarray(observed @ system.solve(sources))

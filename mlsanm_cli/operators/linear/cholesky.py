@@ -115,10 +115,9 @@ class CholeskyFactor:
         both = sparse.csr_array(sparse.hstack([left.T, right], format="csr"))[self.order]
         indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
         shape = self.fronts
-        tree = (shape.start, shape.parent, shape.begin, shape.border, shape.kept, shape.panel)
-        columns = (indptr, indices, both.data)
-        known, total = left.shape[0], both.shape[1]
-        return products(*tree, self.values, shape.unit, *self.links, *columns, known, total)
+        tree = (shape.start, shape.parent, shape.begin, shape.border, shape.kept, shape.panel, self.values)
+        unit, counts = shape.unit, (left.shape[0], both.shape[1])
+        return products(*tree, unit, *self.links, indptr, indices, both.data, *counts)
 
 
 class CholeskySolver(SuperLUSolver):
