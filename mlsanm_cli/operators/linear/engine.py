@@ -1,8 +1,13 @@
-"""Engines that other packages bring: which are installed."""
+"""Engines that other packages bring: which are installed, and matrices as they take them."""
 
 from __future__ import annotations
 
 from importlib import metadata
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.operators.linear.interface import Matrix
 
 
 class MissingEngineError(Exception):
@@ -19,3 +24,20 @@ def installed(package: str, extra: str) -> metadata.Distribution:
         return metadata.distribution(package)
     except metadata.PackageNotFoundError as error:
         raise MissingEngineError(package, extra) from error
+
+
+def upper_triangle(matrix: Matrix) -> sparse.coo_array:
+    """The upper triangle of a symmetric ``matrix`` (2n, 2n), its diagonal included.
+
+    Taken from its blocks: scipy's would expand both halves first, which is where memory would end.
+    """
+    blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
+    nodes = np.repeat(np.arange(blocks.shape[0] // 2, dtype=np.int32), np.diff(blocks.indptr))
+    upper = blocks.indices >= nodes
+    first, second = 2 * nodes[upper], 2 * blocks.indices[upper].astype(np.int32)
+    half = np.arange(2, dtype=np.int32)
+    rows = np.broadcast_to(first[:, None, None] + half[:, None], (len(first), 2, 2))
+    columns = np.broadcast_to(second[:, None, None] + half, (len(first), 2, 2))
+    kept = rows <= columns
+    entries = (blocks.data[upper][kept], (rows[kept], columns[kept]))
+    return sparse.coo_array(entries, shape=blocks.shape)

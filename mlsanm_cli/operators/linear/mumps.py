@@ -17,7 +17,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.linear.engine import MissingEngineError, installed
+from mlsanm_cli.operators.linear.engine import MissingEngineError, installed, upper_triangle
 from mlsanm_cli.operators.linear.fallback import believed
 from mlsanm_cli.operators.linear.interface import BLOCK, Factor, Matrix, products_of_solutions
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
@@ -97,7 +97,7 @@ def _factor(matrix: Matrix) -> MumpsFactor | None:
     before = os.environ.get(DIRECTORY)
     os.environ[DIRECTORY] = directory
     try:
-        context.set_matrix(sparse.triu(matrix, format="coo"), overwrite_a=True, symmetric=True)
+        context.set_matrix(upper_triangle(matrix), overwrite_a=True, symmetric=True)
         context.mumps_instance.icntl[COLUMNS] = BLOCK
         # No pivoting, which a positive definite matrix does not need.
         context.factor(ordering=ORDERING, ooc=True, pivot_tol=0.0)
