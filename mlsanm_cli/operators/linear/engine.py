@@ -11,19 +11,20 @@ from mlsanm_cli.operators.linear.interface import Matrix
 
 
 class MissingEngineError(Exception):
-    """An engine's package is not installed; ``extra`` of mlsanm would install it."""
+    """An engine's package is not installed; ``extra`` of mlsanm would install it, for which it ``wants``
+    something else sometimes."""
 
-    def __init__(self, package: str, extra: str) -> None:
+    def __init__(self, package: str, extra: str, wants: str = "") -> None:
         super().__init__(f"needs the package {package}, which is not installed")
-        self.hint = f"pip install 'mlsanm[{extra}]'"
+        self.hint = f"pip install 'mlsanm[{extra}]'" + (f", which wants {wants}" if wants else "")
 
 
-def installed(package: str, extra: str) -> metadata.Distribution:
+def installed(package: str, extra: str, wants: str = "") -> metadata.Distribution:
     """The distribution called ``package``; MissingEngineError where there is none."""
     try:
         return metadata.distribution(package)
     except metadata.PackageNotFoundError as error:
-        raise MissingEngineError(package, extra) from error
+        raise MissingEngineError(package, extra, wants) from error
 
 
 def upper_triangle(matrix: Matrix) -> sparse.coo_array:

@@ -26,7 +26,8 @@ from mlsanm_cli.values import dataclass
 if TYPE_CHECKING:
     from mumps import Context
 
-PACKAGE, EXTRA = "python-mumps", "mumps"
+PACKAGE = ("python-mumps", "mumps", "MUMPS's own libraries, as in Debian's libmumps-seq-dev")
+"""The package, the extra of ours that names it, and what its installation wants."""
 DIRECTORY = "MUMPS_OOC_TMPDIR"
 """Where MUMPS writes, read when it begins to."""
 ORDERING = "auto"
@@ -71,11 +72,11 @@ class MumpsSolver(SuperLUSolver):
     """
 
     def __init__(self) -> None:
-        self.name = f"mumps {installed(PACKAGE, EXTRA).version}"
+        self.name = f"mumps {installed(*PACKAGE).version}"
         try:
             import mumps  # noqa: F401
         except ImportError as error:
-            raise MissingEngineError(PACKAGE, EXTRA) from error
+            raise MissingEngineError(*PACKAGE) from error
 
     def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
         """Factorise; SuperLU does it, with a note, if a pivot is not positive or the factor does not solve.
