@@ -12,7 +12,7 @@ seconds, medians, all in one process with one thread:
 - ``solve``: one right-hand side with our factor; and ``engines``, where their packages are installed:
   ``factor``, ``solve``, ``condense`` and ``error`` of PARDISO and MUMPS, the same work with theirs for ours.
 
-Writes linear_algebra.json.
+Writes linear_algebra.json after every line.
 """
 
 from __future__ import annotations
@@ -173,11 +173,13 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
     wishes = parser.parse_args()
+    wishes.out.mkdir(parents=True, exist_ok=True)
     lines = []
     for scale in wishes.scale:
         for friction in (0.0, 0.3):
             line = measure(scale, friction, wishes.repeat)
             lines.append(line)
+            (wishes.out / "linear_algebra.json").write_text(json.dumps(lines, indent=1) + "\n")
             print(
                 f"{line['nodes']:6} nodes {line['columns']:4} columns: "
                 f"factor {line['factor']:.3f}, SuperLU {line['superlu'] / line['factor']:.2f} times; "
@@ -190,8 +192,6 @@ def main() -> None:
             for name, engine in line["engines"].items():
                 ratios = [f"{key} {engine[key] / line[key]:.2f}" for key in ("factor", "solve", "condense")]
                 print(f"  {name}, times ours: {', '.join(ratios)}; error {engine['error']:.0e}", flush=True)
-    wishes.out.mkdir(parents=True, exist_ok=True)
-    (wishes.out / "linear_algebra.json").write_text(json.dumps(lines, indent=1) + "\n")
 
 
 if __name__ == "__main__":

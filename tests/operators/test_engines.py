@@ -24,7 +24,7 @@ from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear import mumps, pardiso
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
-from mlsanm_cli.operators.linear.engine import MissingEngineError
+from mlsanm_cli.operators.linear.engine import MissingEngineError, upper_triangle
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.mumps import MumpsFactor, MumpsSolver
 from mlsanm_cli.operators.linear.pardiso import PardisoFactor, PardisoSolver
@@ -50,6 +50,14 @@ def mumps_or_skip() -> DirectSolver:
 
 
 engines = pytest.mark.parametrize("make", [pardiso_or_skip, mumps_or_skip], ids=["pardiso", "mumps"])
+
+
+@pytest.mark.parametrize("count", [1, 2, 40])
+def test_the_upper_triangle_is_taken_of_columns_and_of_blocks(count: int) -> None:
+    matrix = normal_equations(scattered(count))
+    expected = np.triu(matrix.toarray())
+    for one in (matrix, sparse.bsr_array(matrix, blocksize=(2, 2))):
+        assert np.array_equal(upper_triangle(one).toarray(), expected)
 
 
 @engines

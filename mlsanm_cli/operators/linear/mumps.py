@@ -17,7 +17,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.linear.engine import MissingEngineError, installed
+from mlsanm_cli.operators.linear.engine import MissingEngineError, installed, upper_triangle
 from mlsanm_cli.operators.linear.fallback import believed
 from mlsanm_cli.operators.linear.interface import BLOCK, Factor, Matrix, products_of_solutions
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
@@ -26,7 +26,8 @@ from mlsanm_cli.values import dataclass
 if TYPE_CHECKING:
     from mumps import Context
 
-PACKAGE, EXTRA = "python-mumps", "mumps"
+PACKAGE = ("python-mumps", "mumps", "MUMPS's own libraries, as in Debian's libmumps-seq-dev")
+"""The package, the extra of ours that names it, and what its installation wants."""
 DIRECTORY = "MUMPS_OOC_TMPDIR"
 """Where MUMPS writes, read when it begins to."""
 ORDERING = "auto"
@@ -71,11 +72,11 @@ class MumpsSolver(SuperLUSolver):
     """
 
     def __init__(self) -> None:
-        self.name = f"mumps {installed(PACKAGE, EXTRA).version}"
+        self.name = f"mumps {installed(*PACKAGE).version}"
         try:
             import mumps  # noqa: F401
         except ImportError as error:
-            raise MissingEngineError(PACKAGE, EXTRA) from error
+            raise MissingEngineError(*PACKAGE) from error
 
     def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
         """Factorise; SuperLU does it, with a note, if a pivot is not positive or the factor does not solve.
@@ -97,7 +98,7 @@ def _factor(matrix: Matrix) -> MumpsFactor | None:
     before = os.environ.get(DIRECTORY)
     os.environ[DIRECTORY] = directory
     try:
-        context.set_matrix(sparse.triu(matrix, format="coo"), overwrite_a=True, symmetric=True)
+        context.set_matrix(upper_triangle(matrix), overwrite_a=True, symmetric=True)
         context.mumps_instance.icntl[COLUMNS] = BLOCK
         # No pivoting, which a positive definite matrix does not need.
         context.factor(ordering=ORDERING, ooc=True, pivot_tol=0.0)

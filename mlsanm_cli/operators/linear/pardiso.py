@@ -16,7 +16,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.dissection import nested_dissection
-from mlsanm_cli.operators.linear.engine import MissingEngineError, installed
+from mlsanm_cli.operators.linear.engine import MissingEngineError, installed, upper_triangle
 from mlsanm_cli.operators.linear.fallback import believed
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, products_of_solutions
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
@@ -141,7 +141,7 @@ class PardisoSolver(SuperLUSolver):
         Raises NumericalError where neither has a factor that solves, or memory is not enough.
         """
         nodes = nested_dissection(points, sparse.bsr_array(matrix, blocksize=(2, 2))).order
-        upper = sparse.csr_array(sparse.triu(matrix, format="csr"))
+        upper = sparse.csr_array(upper_triangle(matrix))
         upper.sum_duplicates()
         handle = Handle(upper, np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel())
         _refuse(handle.call(ANALYSE))
