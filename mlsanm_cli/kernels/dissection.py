@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import IndexArray, IntArray
+from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.signature import Index1, IndexOut2, IntOut1
 
@@ -78,6 +79,11 @@ def _rearrange(nodes: IndexArray, low: int, high: int, group: IndexArray, sizes:
         at[group[vertex]] += 1
 
 
+@inner
+def _wait(place: IntArray, low: int, high: int, end: int, parent: int) -> None:
+    place[0], place[1], place[2], place[3] = low, high, end, parent
+
+
 @kernel
 def dissect(
     indptr: Index1,
@@ -110,12 +116,12 @@ def dissect(
     depth, fronts, cuts = 1, 0, 0
     while depth > 0:
         depth -= 1
-        low, high, end, parent = waiting[depth]
+        low, high, end, parent = waiting[depth, 0], waiting[depth, 1], waiting[depth, 2], waiting[depth, 3]
         size = high - low
         parents[fronts] = parent
         fronts += 1
         if size <= leaf:
-            order[end - size : end] = ranked[0, low:high]
+            copy_to(order[end - size :], ranked[0, low:high])
             begins[fronts - 1] = end - size
             continue
         half, smallest, chosen, above = size // 2, size + 1, 0, False
@@ -144,9 +150,9 @@ def dissect(
         rest = size - kept - smallest
         for direction in range(directions):
             _rearrange(ranked[direction], low, high, group, (kept, rest))
-        order[end - smallest : end] = ranked[0, high - smallest : high]
+        copy_to(order[end - smallest :], ranked[0, high - smallest : high])
         begins[fronts - 1] = end - smallest
-        waiting[depth] = (low, low + kept, end - smallest - rest, fronts - 1)
-        waiting[depth + 1] = (low + kept, low + kept + rest, end - smallest, fronts - 1)
+        _wait(waiting[depth], low, low + kept, end - smallest - rest, fronts - 1)
+        _wait(waiting[depth + 1], low + kept, low + kept + rest, end - smallest, fronts - 1)
         depth += 2
     return fronts

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.signature import Float1, Float2, Int1
 
@@ -142,14 +143,15 @@ def _inside(
 @inner
 def _longer(array: FloatArray) -> FloatArray:
     grown = np.full(2 * array.shape[0], EMPTY, array.dtype)
-    grown[: array.shape[0]] = array
+    copy_to(grown, array)
     return grown
 
 
 @inner
 def _doubled(array: FloatArray) -> FloatArray:
     grown = np.empty((2 * array.shape[0], 2))
-    grown[: array.shape[0]] = array
+    for i in range(array.shape[0]):
+        copy_to(grown[i], array[i])
     return grown
 
 
@@ -240,7 +242,7 @@ def advance_front(
     keys = np.full(8192, EMPTY, np.int64)
     heads = np.full(8192, EMPTY, np.int64)
     for i in range(count):
-        points[i] = boundary[i]
+        copy_to(points[i], boundary[i])
         h[i] = _spacing(far, zones, points[i, 0], points[i, 1])
     used = 0
     entered = 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, Int1
 
@@ -66,13 +67,13 @@ def hyperbola_orders(
             j = r - back
             y[j] /= factor[j, j]
             subtract(y[:j], y[j], factor[j, :j])
-        free[:m] = y[:m]
+        copy_to(free, y[:m])
         free[m : 2 * m] = 0.0
         for j in range(r):
             subtract(free[m : 2 * m], -y[j], equations[j, :m])
         for i in range(m, 2 * m):
             free[i] *= gap
-        free[2 * m : 2 * m + k] = y[m + s :]
+        copy_to(free[2 * m :], y[m + s :])
         for i in range(n):
             free[2 * m + k + i] = drag[i] * y[rubbing[i]]
         for i in range(s):

@@ -16,6 +16,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.blas import dpotrf, dsyrk
+from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, multiply, solve_right
 from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.signature import Float3, FloatOut1, Index1, Int1
@@ -72,7 +73,7 @@ def borders(
             room = count + start[above + 1] - start[above]
             if room > len(nodes):
                 longer = np.empty(2 * room, dtype=np.int64)
-                longer[:count] = nodes[:count]
+                copy_to(longer, nodes[:count])
                 nodes = longer
             for position in range(start[above], start[above + 1]):
                 if mark[position] == f:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.jit import kernel
 from mlsanm_cli.kernels.signature import Float2, FloatOut3, Index1, IndexOut1, Int1, IntOut1
 
@@ -45,7 +46,7 @@ def group_rows(
             older[found] = newest[nodes[first]]
             newest[nodes[first]] = found
             begin[found + 1] = begin[found] + size
-            members[begin[found] : begin[found + 1]] = nodes[first : first + size]
+            copy_to(members[begin[found] :], nodes[first : first + size])
             count += 1
         group[r] = found
     return count

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, FloatOut3, Int1
 
@@ -194,18 +195,21 @@ def mls_weights(
             for total in range(order + 1):
                 for dy in range(total + 1):
                     _functional(degree, total - dy, dy, x, y, wanted)
-                    solved[which, :columns, lane] = wanted
+                    copy_to(solved[which, :, lane], wanted)
                     which += 1
         for r in range(rows):
-            matrix[0, r] = gauss[r]
+            copy_to(matrix[0, r], gauss[r])
             _monomials(degree, local_x[r], local_y[r], matrix[:, r], lanes)
         _householder(matrix, rows, tau, diagonal, dot, lanes)
         for which in range(kinds):
             _solve(matrix, rows, tau, diagonal, solved[which], dot, lanes)
         for lane in range(lanes):
             e = first + lane
-            sizes = np.abs(diagonal[:, lane])
-            ratio[e] = sizes.min() / sizes.max()
+            smallest, largest = math.inf, 0.0
+            for column in range(columns):
+                size = abs(diagonal[column, lane])
+                smallest, largest = min(smallest, size), max(largest, size)
+            ratio[e] = smallest / largest
             if ratio[e] == 0.0:
                 continue
             which = 0

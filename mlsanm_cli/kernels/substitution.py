@@ -185,6 +185,12 @@ def solve(
 
 
 @inner
+def _mark(mark: IntArray, columns: IntArray, f: int) -> None:
+    for i in range(len(columns)):
+        mark[columns[i]] = f
+
+
+@inner
 def _marked(mark: IntArray, f: int, at: IntArray) -> IntArray:
     """The columns marked with f; ``at`` gets the place of each among them."""
     active = np.empty(len(mark), dtype=np.int64)
@@ -249,9 +255,9 @@ def products(
         pivots, edge = 2 * (end - first), 2 * (begin[f + 1] - begin[f])
         bottom = depth
         while bottom > 0 and parent[owner[bottom - 1]] == f:
-            mark[active[bottom]] = f
+            _mark(mark, active[bottom], f)
             bottom -= 1
-        mark[indices[indptr[2 * first] : indptr[2 * end]]] = f
+        _mark(mark, indices[indptr[2 * first] : indptr[2 * end]], f)
         columns = _marked(mark, f, at)
         c = len(columns)
         x = np.zeros((pivots + edge) * c)

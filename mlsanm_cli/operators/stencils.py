@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.cloud.sight import Sight
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
-
-Array = NDArray[Any]
 
 GROWTH = 1.3
 LARGEST = 3.0
@@ -109,8 +105,8 @@ def sound_fits(
     nodes: int,
     targets: FloatArray,
     settings: MlsSettings,
-    fit: Callable[[FloatArray, int], tuple[tuple[Array, ...], FloatArray]],
-) -> Iterator[tuple[IntArray, tuple[Array, ...], FloatArray]]:
+    fit: Callable[[FloatArray, int], tuple[tuple[AnyArray, ...], FloatArray]],
+) -> Iterator[tuple[IntArray, tuple[AnyArray, ...], FloatArray]]:
     """Fits at all ``targets`` (e, 2), with more neighbours where those asked for do not carry the degree.
 
     ``fit(some, size)`` makes fits with ``size`` neighbours at some of them, arrays with one row for each, and

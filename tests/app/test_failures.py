@@ -116,14 +116,14 @@ def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, monkeypatch:
 def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = Condensed.displacement
+    kept = Condensed.checked_displacement
     bad = {"upper"}
 
     def displacement(self: Condensed, scene: Any, name: str, *state: Any) -> Any:
         found, residual = kept(self, scene, name, *state)
         return found, float("nan") if name in bad else residual
 
-    monkeypatch.setattr(Condensed, "displacement", displacement)
+    monkeypatch.setattr(Condensed, "checked_displacement", displacement)
     summary = solve(PATCH, tmp_path / "body")
     assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
     bad.clear()

@@ -70,8 +70,11 @@ def test_dropped_weights_of_tractions(
 ) -> None:
     monkeypatch.setattr(assembly, "_row_weights", traction_weights_times(factor))
     summary = outcome(case, tmp_path / "run", *overrides)
-    assert summary["status"] == "failed"
-    assert summary["stop_reason"] != "end of the last stage"
+    if summary["status"] == "failed":
+        assert summary["stop_reason"] != "end of the last stage"
+    else:
+        # What is badly weighted may be solved all the same, and is then told to be some hundred times as wrong.
+        assert summary["error_estimate"]["displacement"] >= 0.05
 
 
 @pytest.mark.parametrize(("case", "overrides"), [("patch", ()), ("hertz", (EXACT,))])

@@ -1,0 +1,14 @@
+"""Copies by loops: an array assigned to a slice has numba compile the message of a shape that does not fit,
+which takes some seconds for every dimension."""
+
+from __future__ import annotations
+
+from mlsanm_cli.arrays import AnyArray
+from mlsanm_cli.kernels.jit import inner
+
+
+@inner
+def copy_to(target: AnyArray, source: AnyArray) -> None:
+    """Write ``source`` (n,) to the beginning of ``target``."""
+    for i in range(len(source)):
+        target[i] = source[i]
