@@ -73,7 +73,7 @@ def test_dropped_weights_of_tractions(
     if summary["status"] == "failed":
         assert summary["stop_reason"] != "end of the last stage"
     else:
-        # What is badly weighted may be solved all the same, and is then told to be some hundred times as wrong.
+        # What is badly weighted may be solved all the same; its estimate is then some hundred times as large.
         assert summary["error_estimate"]["displacement"] >= 0.05
 
 
