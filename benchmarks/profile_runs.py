@@ -1,13 +1,13 @@
 """Where the time of whole runs goes, function by function, from samples of their stacks.
 
     pip install py-spy
-    python benchmarks/profile_runs.py [--case hertz cattaneo_mindlin] [--scale 1.0 0.36 0.147] [--flame DIR]
+    python benchmarks/profile_runs.py [--case hertz] [--set KEY=VALUE ...] [--scale 1.0 0.147] [--flame DIR]
 
-Cases of ``cases/`` with all spacings multiplied by each scale, one thread, compiled kernels, no cache of
-operators. A sample counts for the innermost function of mlsanm on the stack: what numpy, scipy, h5py or a
-kernel do on its behalf is its own. Samples during imports count as imports, those before the package is
-entered as Python's start; sampling slows imports more than the rest. Writes profile.json; ``--flame`` writes
-a flame graph (SVG) of every run besides.
+A case of ``cases/`` with all spacings multiplied by each scale, and other keys as ``--set`` has them, one
+thread, compiled kernels, no cache of operators. A sample counts for the innermost function of mlsanm on the
+stack: what numpy, scipy, h5py or a kernel do on its behalf is its own. Samples during imports count as
+imports, those before the package is entered as Python's start; sampling slows imports more than the rest.
+Writes profile.json; ``--flame`` writes a flame graph (SVG) of every run besides.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from scale import THREADS, finer
+from scale import THREADS, finer, given
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 200
@@ -35,14 +35,14 @@ CALLS = ("kernels/jit.py", "kernels/machine.py")
 SHOWN = 16
 
 
-def record(case: Path, scale: float, form: str, out: Path) -> dict[str, Any]:
+def record(case: Path, settings: list[str], scale: float, form: str, out: Path) -> dict[str, Any]:
     """One sampled run: its summary."""
     environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
     with tempfile.TemporaryDirectory() as directory:
         results = Path(directory) / "run"
         command = ["py-spy", "record", "--rate", str(RATE), "--format", form, "--output", str(out), "--"]
         command += [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet", "--no-cache"]
-        command += ["--out", str(results), *finer(case, scale)]
+        command += ["--out", str(results), *finer(case, scale), *given(settings)]
         subprocess.run(command, check=True, env=environment, cwd=ROOT, capture_output=True)
         return dict(json.loads((results / "summary.json").read_text()))
 
@@ -75,7 +75,8 @@ def shares(samples: Path) -> list[tuple[str, float]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--case", nargs="+", default=["hertz", "cattaneo_mindlin"])
+    parser.add_argument("--case", default="hertz")
+    parser.add_argument("--set", dest="settings", action="append", default=[])
     parser.add_argument("--scale", type=float, nargs="+", default=[1.0, 0.36, 0.147])
     parser.add_argument("--flame", type=Path)
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
@@ -86,24 +87,23 @@ def main() -> None:
     wishes.out.mkdir(parents=True, exist_ok=True)
     if wishes.flame:
         wishes.flame.mkdir(parents=True, exist_ok=True)
-    lines: list[dict[str, Any]] = []
+    path, here = wishes.out / "profile.json", (wishes.case, wishes.settings)
+    kept = json.loads(path.read_text()) if path.exists() else []
+    lines = [line for line in kept if (line["case"], line["set"]) != here]
+    case = ROOT / "cases" / f"{wishes.case}.toml"
     with tempfile.TemporaryDirectory() as directory:
-        for name in wishes.case:
-            case = ROOT / "cases" / f"{name}.toml"
-            for scale in sorted(wishes.scale, reverse=True):
-                samples = Path(directory) / "samples.txt"
-                summary = record(case, scale, "raw", samples)
-                told = shares(samples)
-                lines.append(
-                    {"case": name, "scale": scale, "nodes": summary["nodes"], "shares": dict(told[:SHOWN])}
-                )
-                (wishes.out / "profile.json").write_text(json.dumps(lines, indent=1) + "\n")
-                print(f"{name}, {summary['nodes']} nodes")
-                for where, share in told[:SHOWN]:
-                    print(f"  {share:6.1%}  {where}", flush=True)
-                if wishes.flame:
-                    picture = wishes.flame / f"{name}_{summary['nodes']}.svg"
-                    record(case, scale, "flamegraph", picture)
+        for scale in sorted(wishes.scale, reverse=True):
+            samples = Path(directory) / "samples.txt"
+            nodes = record(case, wishes.settings, scale, "raw", samples)["nodes"]
+            told = shares(samples)[:SHOWN]
+            lines.append({"case": wishes.case, "set": wishes.settings, "nodes": nodes, "shares": dict(told)})
+            path.write_text(json.dumps(lines, indent=1) + "\n")
+            print(f"{wishes.case}, {nodes} nodes")
+            for where, share in told:
+                print(f"  {share:6.1%}  {where}", flush=True)
+            if wishes.flame:
+                picture = wishes.flame / f"{wishes.case}_{nodes}.svg"
+                record(case, wishes.settings, scale, "flamegraph", picture)
 
 
 if __name__ == "__main__":

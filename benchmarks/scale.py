@@ -1,12 +1,12 @@
 """CPU time and memory of whole runs as their clouds get finer.
 
-    python benchmarks/scale.py [--case hertz] [--linear auto] [--scale 1.0 0.36 0.147 0.104]
+    python benchmarks/scale.py [--case hertz] [--set KEY=VALUE ...] [--scale 1.0 0.36 0.147 0.104]
 
-A case of ``cases/`` with all spacings multiplied by each scale, every run a process of its own with one
-thread, compiled kernels and no cache of operators, its bodies factorised by ``solver.linear``. Tells CPU
-seconds (user and system, of the process), those of the phases, peak memory, and the exponents of CPU time in
-the number of nodes, from line to line and over all. Writes scale.json (``--out``) after every line; lines of
-other cases and solvers stay.
+A case of ``cases/`` with all spacings multiplied by each scale and other keys as ``--set`` has them, as
+``'solver.linear="mumps"'``; every run a process of its own with one thread, compiled kernels and no cache of
+operators. Tells CPU seconds (user and system, of the process), those of the phases, peak memory, and the
+exponents of CPU time in the number of nodes, from line to line and over all. Writes scale.json (``--out``)
+after every line; lines of other cases and settings stay.
 """
 
 from __future__ import annotations
@@ -35,27 +35,28 @@ def finer(case: Path, scale: float) -> list[str]:
         options.append(f"{key}.spacing={body['spacing'] * scale}")
         for number, zone in enumerate(body.get("refine", [])):
             options.append(f"{key}.refine.{number}.spacing={zone['spacing'] * scale}")
-    return [part for option in options for part in ("--set", option)]
+    return given(options)
 
 
-def measure(case: Path, linear: str, scale: float) -> dict[str, Any]:
+def given(settings: list[str]) -> list[str]:
+    """Options of ``mlsanm run`` for overrides of the case."""
+    return [part for setting in settings for part in ("--set", setting)]
+
+
+def measure(case: Path, settings: list[str], scale: float) -> dict[str, Any]:
     """One run."""
     environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as directory:
         out = Path(directory) / "run"
         command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet", "--no-cache"]
-        subprocess.run(
-            [*command, "--out", str(out), "--set", f'solver.linear="{linear}"', *finer(case, scale)],
-            check=True,
-            env=environment,
-            cwd=ROOT,
-        )
+        command += ["--out", str(out), *finer(case, scale), *given(settings)]
+        subprocess.run(command, check=True, env=environment, cwd=ROOT)
         summary = json.loads((out / "summary.json").read_text())
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {
         "case": case.stem,
-        "linear": linear,
+        "set": settings,
         "scale": scale,
         "nodes": summary["nodes"],
         "contact_unknowns": summary["contact_unknowns"],
@@ -73,19 +74,19 @@ def exponent(one: dict[str, Any], other: dict[str, Any]) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--case", default="hertz")
-    parser.add_argument("--linear", default="auto")
+    parser.add_argument("--set", dest="settings", action="append", default=[])
     parser.add_argument("--scale", type=float, nargs="+", default=[1.0, 0.36, 0.147, 0.104])
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
     wishes = parser.parse_args()
     subprocess.run([sys.executable, "-m", "mlsanm_cli.cli", "warmup"], check=True, cwd=ROOT)
     path = wishes.out / "scale.json"
     kept = json.loads(path.read_text()) if path.exists() else []
-    here = (wishes.case, wishes.linear)
-    others = [line for line in kept if (line["case"], line.get("linear", "auto")) != here]
+    here = (wishes.case, wishes.settings)
+    others = [line for line in kept if (line["case"], line.get("set", [])) != here]
     wishes.out.mkdir(parents=True, exist_ok=True)
     lines: list[dict[str, Any]] = []
     for scale in sorted(wishes.scale, reverse=True):
-        line = measure(ROOT / "cases" / f"{wishes.case}.toml", wishes.linear, scale)
+        line = measure(ROOT / "cases" / f"{wishes.case}.toml", wishes.settings, scale)
         step = f", exponent {exponent(lines[-1], line):.2f}" if lines else ""
         lines.append(line)
         path.write_text(json.dumps([*others, *lines], indent=1) + "\n")
