@@ -30,7 +30,7 @@ def installed(package: str, extra: str, wants: str = "") -> metadata.Distributio
 def upper_triangle(matrix: Matrix) -> sparse.coo_array:
     """The upper triangle of a symmetric ``matrix`` (2n, 2n), its diagonal included.
 
-    Taken from its blocks: scipy's would expand both halves first, which is where memory would end.
+    Taken from its blocks: scipy's would expand both halves first.
     """
     blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
     nodes = np.repeat(np.arange(blocks.shape[0] // 2, dtype=np.int32), np.diff(blocks.indptr))
