@@ -25,7 +25,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +82,7 @@ def exactly(system: LeastSquares, observed: sparse.csr_array, sources: sparse.cs
     return np.asarray(observed @ solution, dtype=float)
 
 
+@cache
 def installed() -> dict[str, DirectSolver]:
     """Engines whose packages are there."""
     found: dict[str, DirectSolver] = {}
