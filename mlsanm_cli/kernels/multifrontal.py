@@ -180,10 +180,7 @@ def _keep_columns(
     at = 0
     for column in range(columns):
         first = column - column % block
-        # Loops from zero over slices become copies of whole vectors.
-        part, to = matrix[height * column + first : height * column + rows], kept[at:]
-        for i in range(len(part)):
-            to[i] = part[i]
+        copy_to(kept[at:], matrix[height * column + first : height * column + rows])
         at += rows - first
 
 

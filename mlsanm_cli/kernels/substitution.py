@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import PLAIN, TRANSPOSED, apply, multiply, solve_right, solve_vector
 from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.multifrontal import BLOCK, locate
@@ -83,8 +84,7 @@ def _sweep(
             continue
         own, nodes = x[rows[start[f]] * c :], border[begin[f] : begin[f] + kept[f]]
         below, height = local[pivots * c :], pivots + 2 * len(nodes)
-        for i in range(pivots * c):
-            local[i] = own[i]
+        copy_to(local, own[: pivots * c])
         for j in range(len(nodes)):
             for i in range(2 * c):
                 # Forward, other fronts of the border's nodes still wait to take their part.
@@ -96,8 +96,7 @@ def _sweep(
                     x[rows[nodes[j]] * c + i] += below[2 * j * c + i]
         else:
             _backward(values[panel[f] : panel[f + 1]], pivots, height, local, c)
-        for i in range(pivots * c):
-            own[i] = local[i]
+        copy_to(own, local[: pivots * c])
 
 
 @inner
