@@ -17,10 +17,6 @@ from mlsanm_cli.mechanics.body import BodyModel
 
 TOUCHING = 1e-3
 """Surfaces of a fit are drawn touching where they are apart by less than this part of the spacing."""
-ROUGH = 2
-"""Up to this degree the bodies give way by 0.1 to 0.2 % too much on usual clouds. What contacts that do not
-conserve forces are too stiff by, 0.05 % at a contact's width of a tenth of the radius, then makes up for a
-part of it."""
 
 
 def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
@@ -42,7 +38,7 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
                 problems += error.problems
                 continue
         reach = contact.reach if isinstance(contact.reach, float) else pairing.first_reach()
-        pairing = replace(pairing.with_reach(reach), conserving=case.mls.degree > ROUGH)
+        pairing = pairing.with_reach(reach)
         if not pairing.candidate.any():
             problems.append(
                 CaseProblem(

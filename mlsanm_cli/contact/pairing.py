@@ -34,8 +34,7 @@ class Pairing:
     ``normal`` (w, 2) the master's outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,)
     marks the nodes that can touch; the others are only watched. ``friction`` is Coulomb's coefficient,
     ``interference`` what the gaps lose when the load of this contact's name is at 1. A contact with a rigid
-    obstacle has neither ``master_body`` nor ``master``; its virtual nodes lie on the obstacle. ``conserving``
-    contacts hand on their force to the places where gaps are measured, see :func:`transfer`.
+    obstacle has neither ``master_body`` nor ``master``; its virtual nodes lie on the obstacle.
     """
 
     name: str
@@ -51,7 +50,6 @@ class Pairing:
     candidate: BoolArray
     friction: float = 0.0
     interference: float = 0.0
-    conserving: bool = False
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -199,15 +197,16 @@ def spacing_ratio(pairing: Pairing, clouds: Mapping[str, Cloud]) -> float:
 def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     """Pressure at the master's surface nodes (b, m) from the candidates' pressures (m,).
 
-    One-dimensional moving least squares of degree 1 along the slave surface, which reproduces a constant
-    pressure; nodes outside the candidates' range receive none. The window is as wide as the coarser of the
-    two spacings asks for: a coarse master that only sampled a fine slave's pressures would take an
-    oscillation from node to node for a smooth load, and the compliance would lose its positivity.
+    One-dimensional moving least squares of degree 1 along the slave surface, times the slave's length per
+    length of the master: a constant pressure is reproduced where surfaces touch. Nodes outside the
+    candidates' range receive none. The window is as wide as the coarser of the two spacings asks for: a
+    coarse master that only sampled a fine slave's pressures would take an oscillation from node to node for
+    a smooth load, and the compliance would lose its positivity.
 
-    A conserving contact hands on a pressure to the very place where its node's gap is measured, and by the
-    slave's length there, so that forces and work are the same on both sides up to the fit. Taken from the
-    closest point of the slave instead, a pressure is displaced and stretched by a part of the order of the
-    square of contact width over radius, whatever the spacings.
+    A pressure is handed on to the very place where its node's gap is measured, and by the slave's length
+    there, so that forces and work are the same on both sides up to the fit. Taken from the closest point of
+    the slave instead, a pressure is displaced and stretched by a part of the order of the square of contact
+    width over radius, whatever the spacings: on clouds fine enough the compliance then loses its positivity.
     """
     master = pairing.master
     assert master is not None, "an obstacle has no nodes"
@@ -236,16 +235,11 @@ def _feet(pairing: Pairing, master: Surface, points: FloatArray) -> tuple[FloatA
     """Where on the slave the master's nodes ``points`` (b, 2) have their pressures from: arc lengths (b,),
     how far each place misses its node (b,), and the slave's length per length of the master (b,).
 
-    In general that is the slave's closest point. For a conserving contact it is the point whose closest one
-    on the master is the node, found by Newton's method from there.
+    Such a place is the point whose closest one on the master is the node, found by Newton's method from the
+    node's own closest point.
     """
     slave = pairing.slave.curve
     s = slave.closest(points)
-    if not pairing.conserving:
-        normal, away = slave.normals(s), points - slave.points(s)
-        # Both ends of the slave see points beside it as their own shadow; those get no pressure.
-        beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
-        return s, beside, np.ones(len(s))
     curvature = master.curve.curvature(master.arc_length)
     for _ in range(NEWTON):
         off = master.curve.closest(slave.points(s)) - master.arc_length

@@ -119,24 +119,35 @@ def test_transfer_reproduces_constant_and_linear_pressures(upper: float, lower: 
     assert np.abs(shares @ x - np.where(inside, on_master, 0.0)).max() <= 1e-13
 
 
-def test_transfer_between_arcs_reproduces_constants() -> None:
-    zone = (Zone.around((0.0, 0.0), 0.02, 0.2, 0.2),)
+def stretch(center: tuple[float, float], radius: float, points: FloatArray) -> FloatArray:
+    """Length of a circle (radius 1, around ``center``) per length of another (``radius``, around the origin)
+    at the other's ``points`` (b, 2), both cut by the same rays from the origin: r(phi) is where the ray meets
+    the first circle, on the side of the point."""
+    away = math.hypot(*center)
+    cosine = points @ np.array(center) / (away * radius)
+    root = np.sqrt(1.0 - away**2 * (1.0 - cosine**2))
+    r = away * cosine + np.where(away > 1.0, -root, root)
+    slope = r * away * np.sqrt(1.0 - cosine**2) / root
+    return np.asarray(np.hypot(r, slope) / radius)
+
+
+def test_a_constant_pressure_between_arcs_is_carried_with_its_force() -> None:
+    zone = (Zone.around((0.0, 0.7), 0.02, 0.2, 0.2),)
     spacings = (Spacing(0.1, zone), Spacing(0.15, zone))
-    upper, lower = half_disk((0.0, 1.0), 1.0, "lower"), disk((0.0, -0.7), 0.7)
+    upper, lower = half_disk((0.0, 1.7), 1.0, "lower"), disk((0.0, 0.0), 0.7)
     pairing, one, other = pair(upper, "arc", lower, "arc", spacings)
     pairing = pairing.with_reach(0.02)
     shares = transfer(pairing, other)
     received = shares @ np.ones(shares.shape[1])
     covered = received != 0.0
     assert covered.sum() > 10
-    assert np.abs(received[covered] - 1.0).max() <= 1e-13
-    # Exactly the nodes in the shadow of the candidates, seen from the slave's centre.
     points = other.points[other.surfaces["arc"].index]
+    assert np.abs(received[covered] - stretch((0.0, 1.7), 0.7, points[covered])).max() <= 1e-13
+    # Exactly the nodes in the shadow of the candidates, seen from the master's centre.
     candidates = one.points[pairing.node[pairing.candidate]]
-    tangent = points[:, 0] / (1.0 - points[:, 1])
-    reach = candidates[:, 0] / (1.0 - candidates[:, 1])
-    expected = (tangent >= reach.min() - 1e-9) & (tangent <= reach.max() + 1e-9) & (points[:, 1] > -0.5)
-    assert np.array_equal(covered, expected)
+    tangent, reach = points[:, 0] / points[:, 1], candidates[:, 0] / candidates[:, 1]
+    inside = (tangent >= reach.min() - 1e-9) & (tangent <= reach.max() + 1e-9) & (points[:, 1] > 0.2)
+    assert np.array_equal(covered, inside)
 
 
 def force_error(h: float, ratio: float) -> float:
@@ -161,11 +172,11 @@ def test_lack_of_force_balance_falls_with_the_spacing(ratio: float) -> None:
     assert errors[-1] <= 2e-3
 
 
-def carried_from_arc(lower: Outline, master: str, h: float, conserving: bool) -> tuple[float, float]:
+def carried_from_arc(lower: Outline, master: str, h: float) -> tuple[float, float]:
     """What a pressure under a half-disk, nil at 0.3 from its lowest point, loses of its force on the way, and
     how far the master receives it beside the places where gaps are measured, at most."""
     pairing, one, other = pair(half_disk((0.0, 1.0), 1.0, "lower"), "arc", lower, master, even(h, h))
-    pairing = replace(pairing.with_reach(0.15), conserving=conserving)
+    pairing = pairing.with_reach(0.15)
     shares = transfer(pairing, other)
     x, place = (side[pairing.candidate, 0] for side in (one.points[pairing.node], pairing.partner))
     p = np.maximum(0.0, 1.0 - (x / 0.3) ** 2)
@@ -178,23 +189,19 @@ def carried_from_arc(lower: Outline, master: str, h: float, conserving: bool) ->
 
 
 @pytest.mark.parametrize(
-    ("lower", "master", "far"),
+    ("lower", "master"),
     [
-        (BLOCK, "top", 5e-3),
-        (disk((0.0, -0.7), 0.7), "arc", 2e-2),
-        (annulus((0.0, 1.4), (1.4, 2.0)), "inner", 5e-4),
+        (BLOCK, "top"),
+        (disk((0.0, -0.7), 0.7), "arc"),
+        (annulus((0.0, 1.4), (1.4, 2.0)), "inner"),
     ],
     ids=["flat", "convex", "hollow"],
 )
-def test_a_conserving_contact_hands_on_forces_to_where_gaps_are_measured(
-    lower: Outline, master: str, far: float
-) -> None:
-    coarse, fine = (carried_from_arc(lower, master, h, conserving=True) for h in (0.04, 0.01))
+def test_a_contact_hands_on_forces_to_where_gaps_are_measured(lower: Outline, master: str) -> None:
+    coarse, fine = (carried_from_arc(lower, master, h) for h in (0.04, 0.01))
+    # From the slave's closest points 1.5e-3 would be lost whatever the spacing, and 5e-4 to 2e-2 missed.
     assert fine[0] <= 1.5e-4
     assert fine[1] <= 0.1 * coarse[1]
-    lost, beside = carried_from_arc(lower, master, 0.01, conserving=False)
-    assert lost >= 10.0 * fine[0]
-    assert beside >= far
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.5, 1.0, 1.5])
@@ -222,9 +229,10 @@ def test_where_a_circle_begins_makes_no_difference(angle: float) -> None:
     received = transfer(pairing, flat) @ np.stack([np.ones(len(nodes)), nodes @ along], axis=1)
     covered = received[:, 0] != 0.0
     assert covered.sum() >= 9
-    assert np.abs(received[covered, 0] - 1.0).max() <= 1e-12
     place = flat.points[facing.index] @ along
-    assert np.abs(received[covered, 1] - place[covered]).max() <= 2e-3
+    slope = 1.0 / np.sqrt(1.0 - place[covered] ** 2)
+    assert np.abs(received[covered, 0] - slope).max() <= 1e-12
+    assert np.abs(received[covered, 1] - slope * place[covered]).max() <= 2e-3
     # Candidates reach 0.12 to both sides, flat nodes lie 0.025 apart.
     assert place[covered].min() <= -0.0999
     assert place[covered].max() >= 0.0999
@@ -274,13 +282,16 @@ def test_a_pressure_all_around_reaches_every_node_of_the_hole(shift: float) -> N
     assert pairing.all_around
     carried = transfer(pairing, hole)
     assert pairing.master is not None
-    angle = np.arctan2(*hole.points[pairing.master.index].T)
-    assert np.abs(carried @ np.ones(len(pairing.gap)) - 1.0).max() <= 1e-13
+    points = hole.points[pairing.master.index]
+    place = (-0.05 * math.sin(shift), 0.05 * math.cos(shift))
+    part = stretch(place, 1.1, points)
+    assert np.abs(carried @ np.ones(len(pairing.gap)) - part).max() <= 1e-13
     own = np.arctan2(*(pairing.slave.curve.points(pairing.slave.arc_length)[pairing.position]).T)
-    assert np.abs(carried @ np.cos(own) - np.cos(angle)).max() <= 0.07
-    part = pairing.with_reach(0.1)
-    assert not part.all_around
-    assert 0 < (transfer(part, hole) @ np.ones(part.candidate.sum())).sum() < len(angle)
+    angle = np.arctan2(*points.T)
+    assert np.abs(carried @ np.cos(own) - part * np.cos(angle)).max() <= 0.07
+    some = pairing.with_reach(0.1)
+    assert not some.all_around
+    assert 0 < np.count_nonzero(transfer(some, hole) @ np.ones(some.candidate.sum())) < len(angle)
 
 
 def test_gaps_to_a_master_known_by_its_nodes_converge_to_those_of_its_circle() -> None:

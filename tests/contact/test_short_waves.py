@@ -52,7 +52,7 @@ def test_alternating_tractions_meet_the_half_plane() -> None:
     expected = 2.0 * spacing / (np.pi * 0.5 * 210e3 / 0.91)
     t: FloatArray = np.where(np.arange(len(raw)) % 2 == 0, 1.0, -1.0)
     amplitude = [float(np.mean(middle(t * (matrix @ t)))) for matrix in (raw, kept)]
-    assert amplitude[0] <= 0.5 * expected
+    assert amplitude[0] <= 0.6 * expected
     assert amplitude[1] == pytest.approx(1.5 * expected, rel=0.4)
 
 
