@@ -29,7 +29,7 @@ from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
 from mlsanm_cli.contact.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.contact.short_waves import resolved_slip
+from mlsanm_cli.contact.short_waves import resolved
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, Probe, probe_rows, stress_of_expansion
@@ -51,8 +51,8 @@ class Condensed:
     a contact with friction among the tractions (n,); ``rubbing`` (n,) are the numbers of these nodes among
     the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip``
     to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to what the
-    movers lack (k,). ``beyond`` (n, n) is what of the slips the displacements' own, fitted, do not tell
-    (:func:`resolved_slip`).
+    movers lack (k,). ``beyond`` (m + n, n) is what of the gaps and slips the displacements' own do not
+    tell (:func:`resolved`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes``
@@ -240,7 +240,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
     slip = columns.split(slips) + of_obstacles(scene, rough, columns, "tangent")
     slip = slip.take(_candidates(rough))
     along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
-    slip, beyond = resolved_slip(slip, rough, tangential, along)
+    gap, slip, beyond = resolved(gap, slip, rough, tangential, along)
     rubbing = _numbers([normal[pairing.name] for pairing in rough])
     return Condensed(
         pairings=pairings,

@@ -1,4 +1,4 @@
-"""Slips of short waves, which the discretisation does not resolve."""
+"""Tractions and slips of short waves, which the discretisation does not resolve."""
 
 from __future__ import annotations
 
@@ -20,15 +20,17 @@ A traction cos(k x) moves the surface of a half-plane by 2/(E* k) cos(k x), and 
 much more, measured, makes up for what waves a little longer lack."""
 
 
-def resolved_slip(
+def resolved(
+    gap: LinearMap,
     slip: LinearMap,
     pairings: tuple[Pairing, ...],
     places: Mapping[str, slice],
     softness: Mapping[str, FloatArray],
-) -> tuple[LinearMap, FloatArray]:
-    """The slips (n,) of all contacts with friction, with short waves about as a half-plane has them.
+) -> tuple[LinearMap, LinearMap, FloatArray]:
+    """The gaps (m,) and the slips (n,) of all contacts with friction, with short waves about as a half-plane
+    has them.
 
-    ``places`` are the contacts' rows, ``softness`` 1/E* at their nodes along the tangent. Let F be a local
+    ``places`` are the contacts' slips, ``softness`` 1/E* at their nodes along the tangent. Let F be a local
     linear fit along the surface. Slips that anything but the contact's own tractions causes are smooth; what
     they have of short waves comes from the clouds' irregularity, and they become F s. Least squares follow a
     traction t the less the shorter its waves are, at two spacings hardly at all: what it differs by from its
@@ -36,23 +38,30 @@ def resolved_slip(
     oscillated from node to node by 30 %. With G t the linear function nearest to t over the whole contact,
     slips due to G t are fitted like the others, so that a patch under uniform stress stays exact.
 
-    Returned too is what own tractions cause beyond the fit of all slips (n, n).
+    By reciprocity gaps follow F t only. With the short waves of t in them, but not in slips those of the
+    pressures, the two together lost their positivity where spacings grow along the contact.
+
+    Returned too is what tractions cause beyond the displacements' own gaps and beyond the fit of their slips
+    (m + n, n).
     """
-    kept = slip.take(np.arange(len(slip.constant)))
-    beyond = np.zeros_like(slip.traction)
+    m, n = len(gap.constant), len(slip.constant)
+    gap, slip = gap.take(np.arange(m)), slip.take(np.arange(n))
+    beyond = np.zeros((m + n, n))
     for pairing in pairings:
         own, chosen = places[pairing.name], pairing.candidate
         arc, spacing, weight = pairing.arc[chosen], pairing.spacing[chosen], pairing.weight[chosen]
         fit = slip_fit(pairing).toarray()
         short = np.eye(len(arc)) - fit
-        compliance = slip.traction[own, own]
-        for array in (kept.constant, kept.load, kept.motion, kept.pressure, kept.traction):
+        beyond[:m, own] = -gap.traction[:, own] @ short
+        gap.traction[:, own] += beyond[:m, own]
+        compliance = slip.traction[own, own].copy()
+        for array in (slip.constant, slip.load, slip.motion, slip.pressure, slip.traction):
             array[own] = fit @ array[own]
         by_own = compliance - short @ compliance @ _linear_part(arc, weight)
         shortest = SHORTEST * softness[pairing.name] * spacing
-        kept.traction[own, own] = by_own + shortest[:, None] * short
-        beyond[own, own] = kept.traction[own, own] - fit @ compliance
-    return kept, beyond
+        slip.traction[own, own] = by_own + shortest[:, None] * short
+        beyond[m:][own, own] = slip.traction[own, own] - fit @ compliance
+    return gap, slip, beyond
 
 
 def slip_fit(pairing: Pairing) -> sparse.csr_array:

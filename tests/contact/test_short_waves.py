@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
@@ -11,7 +12,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact import condensed
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.contact.pairing import surface_fit
-from mlsanm_cli.contact.short_waves import SMOOTH, resolved_slip
+from mlsanm_cli.contact.short_waves import SMOOTH, resolved
+from mlsanm_cli.contact.stability import contact_stability
 from tests.contact.scenes import Small, cylinder
 
 
@@ -20,7 +22,7 @@ def small(resolved: bool) -> Small:
     """A half-disk with friction, with or without what is added for short waves."""
     with pytest.MonkeyPatch.context() as patch:
         if not resolved:
-            patch.setattr(condensed, "resolved_slip", lambda slip, *others: (slip, slip.traction))
+            patch.setattr(condensed, "resolved", lambda gap, slip, *others: (gap, slip, slip.traction))
         return cylinder(0.006, "contact.interface.friction=0.3", control="force = [1.0, -226.566]")
 
 
@@ -72,18 +74,47 @@ def test_pressures_cause_smooth_slips() -> None:
     assert np.abs(kept.motion - raw.motion).max() <= 1e-3
 
 
+def test_gaps_follow_the_fit_of_tractions() -> None:
+    raw, kept = (small(flag).condensed for flag in (False, True))
+    fit = fit_of(small(True))
+    assert np.abs(kept.gap.traction - raw.gap.traction @ fit).max() <= 1e-12 * np.abs(raw.gap.traction).max()
+    for name in ("constant", "load", "motion", "pressure"):
+        assert (getattr(kept.gap, name) == getattr(raw.gap, name)).all(), name
+
+
+@pytest.mark.parametrize(("resolved_gaps", "bounds"), [(True, (0.2, 2.0)), (False, (-3.0, -0.5))])
+def test_degree_4_resists_where_spacings_grow_along_the_contact(
+    resolved_gaps: bool, bounds: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not resolved_gaps:
+        monkeypatch.setattr(condensed, "resolved", lambda gap, *others: (gap, *resolved(gap, *others)[1:]))
+    settings = ["mls.degree=4", "mls.neighbors=37", "contact.interface.friction=0.3"]
+    for body, depth in (("cylinder", 1.0), ("block", 0.0)):
+        zones = ["{at=[0.0,0.0],spacing=0.005,radius=0.06,growth=0.2}"]
+        for x in (-0.05, -0.0353553, 0.0353553, 0.05):
+            y = depth * (1.0 - math.sqrt(1.0 - x**2))
+            zones.append(f"{{at=[{x},{y}],spacing=0.0005,radius=0.002,growth=0.2}}")
+        settings.append(f"body.{body}.refine=[{','.join(zones)}]")
+    one = cylinder(0.006, *settings)
+    bearing = np.abs(one.coordinate) <= 0.05
+    assert bounds[0] <= contact_stability(one.condensed, bearing) <= bounds[1]
+
+
 def test_contacts_keep_to_themselves() -> None:
     pairing = small(True).pairing
     m = len(small(True).condensed.weight)
-    nothing = LinearMap(
-        np.zeros(2 * m), np.zeros((2 * m, 1)), np.zeros((2 * m, 0)), np.eye(2 * m), np.zeros((2 * m, 2 * m))
-    )
-    both, _ = resolved_slip(nothing, (pairing,), {pairing.name: slice(m, 2 * m)}, {pairing.name: np.ones(m)})
-    assert (both.pressure[:m] == np.eye(2 * m)[:m]).all()
-    assert np.abs(both.pressure[m:] - np.eye(2 * m)[m:]).max() > 0.1
+    eye, nothing = np.eye(2 * m), np.zeros((2 * m, 0))
+    gap = LinearMap(np.zeros(2 * m), np.zeros((2 * m, 1)), nothing, eye, eye)
+    slip = LinearMap(np.zeros(2 * m), np.zeros((2 * m, 1)), nothing, eye, 0.0 * eye)
+    second = slice(m, 2 * m)
+    gaps, both, _ = resolved(gap, slip, (pairing,), {pairing.name: second}, {pairing.name: np.ones(m)})
+    assert (both.pressure[:m] == eye[:m]).all()
+    assert np.abs(both.pressure[m:] - eye[m:]).max() > 0.1
     assert (both.traction[:m] == 0.0).all()
     assert (both.traction[:, :m] == 0.0).all()
     assert np.abs(both.traction[m:, m:]).max() > 0.0
+    assert (gaps.traction[:, :m] == eye[:, :m]).all()
+    assert np.abs(gaps.traction[:, m:] - eye[:, m:]).max() > 0.1
 
 
 def test_materials_answer_along_their_own_directions() -> None:
