@@ -59,7 +59,7 @@ GRADINGS = {
     "graded-medium": Grading(0.0003, 0.005, 0.5, 0.4),
     "graded-fine": Grading(0.0002, 0.003, 0.3, 0.3),
     "graded-finest": Grading(0.0001, 0.002, 0.22, 0.25),
-    **{f"even-{n}": Grading(1.0, HALF_WIDTH / n, 0.3, 0.3, even=1.2 * HALF_WIDTH) for n in (10, 20, 40, 80)},
+    **{f"even-{n}": Grading(1.0, HALF_WIDTH / n, 0.3, 0.3, even=1.2 * HALF_WIDTH) for n in (10, 20, 40, 80, 160)},
     "kinked-coarse": Grading(0.0008, 0.006, 0.5, 0.3, KINKS),
     "kinked-fine": Grading(0.0002, 0.0025, 0.3, 0.3, KINKS),
 }

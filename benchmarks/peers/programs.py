@@ -33,7 +33,7 @@ PEERS: dict[str, list[Entry]] = {
                 *graded(f"{name}, graded", script, SIZES, "hertz", *ways),
                 *(
                     peer(f"{name}, even", f"a/{n}", script, "hertz", f"even-{n}", *ways)
-                    for n in (10, 20, 40, 80)
+                    for n in (10, 20, 40, 80, 160)
                 ),
             )
         ),
