@@ -46,6 +46,18 @@ class NoStateError(NumericalError):
         self.sliding = sliding
 
 
+class EndlessError(NoStateError):
+    """The search came to no end, as it may where the compliance does not resist all pressures."""
+
+    def __init__(self, passes: int) -> None:
+        NumericalError.__init__(
+            self,
+            f"the active set found no contact state in {passes} passes",
+            "the clouds may be too coarse where the surfaces touch, or unlike on the two of them",
+        )
+        self.sliding = False
+
+
 System = TypeVar("System")
 
 
@@ -77,7 +89,7 @@ def find_sets(
         one_by_one |= sets.key in seen
         seen.add(sets.key)
         sets = _only(condensed, sets, better, int(np.flatnonzero(wrong)[0])) if one_by_one else better
-    raise NoStateError(sliding=False)
+    raise EndlessError(limit)
 
 
 def _exchange(

@@ -15,7 +15,6 @@ from mlsanm_cli.contact.pairing import surface_fit
 from mlsanm_cli.contact.short_waves import SMOOTH, resolved_slip
 from tests.contact.scenes import Small, build, cylinder
 
-
 FIT = """
 format = 1
 [model]
