@@ -54,12 +54,13 @@ class Grading:
 
 
 KINKS = (-HALF_WIDTH, -STICK, STICK, HALF_WIDTH)
+EVEN = (10, 20, 40, 80, 160)
 GRADINGS = {
     "graded-coarse": Grading(0.0008, 0.008, 0.6, 0.4),
     "graded-medium": Grading(0.0003, 0.005, 0.5, 0.4),
     "graded-fine": Grading(0.0002, 0.003, 0.3, 0.3),
     "graded-finest": Grading(0.0001, 0.002, 0.22, 0.25),
-    **{f"even-{n}": Grading(1.0, HALF_WIDTH / n, 0.3, 0.3, even=1.2 * HALF_WIDTH) for n in (10, 20, 40, 80, 160)},
+    **{f"even-{n}": Grading(1.0, HALF_WIDTH / n, 0.3, 0.3, even=1.2 * HALF_WIDTH) for n in EVEN},
     "kinked-coarse": Grading(0.0008, 0.006, 0.5, 0.3, KINKS),
     "kinked-fine": Grading(0.0002, 0.0025, 0.3, 0.3, KINKS),
 }

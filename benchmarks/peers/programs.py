@@ -7,6 +7,7 @@ laws too; "sparse" and "Newton" factorise anew in every iteration.
 from __future__ import annotations
 
 from entries import Entry, peer
+from meshes import EVEN
 
 SIZES = ("coarse", "medium", "fine", "finest")
 BOTH = (("scikit-fem", "skfem", ()), ("GetFEM", "getfem", ("--condensed",)))
@@ -31,10 +32,7 @@ PEERS: dict[str, list[Entry]] = {
             for name, script, ways in BOTH
             for entry in (
                 *graded(f"{name}, graded", script, SIZES, "hertz", *ways),
-                *(
-                    peer(f"{name}, even", f"a/{n}", script, "hertz", f"even-{n}", *ways)
-                    for n in (10, 20, 40, 80, 160)
-                ),
+                *(peer(f"{name}, even", f"a/{n}", script, "hertz", f"even-{n}", *ways) for n in EVEN),
             )
         ),
         *graded("GetFEM, Newton", "getfem", SIZES[:3], "hertz"),

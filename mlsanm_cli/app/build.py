@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from mlsanm_cli.app.certificate import certify
+from mlsanm_cli.app.certificate import certify, certify_candidates
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.clouds import clouds
 from mlsanm_cli.app.console import Console
@@ -24,7 +24,7 @@ from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.condensed import Condensed, condense
 from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.contact.set_search import NoStateError
+from mlsanm_cli.contact.set_search import EndlessError, NoStateError
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.scene import Scene
@@ -167,7 +167,11 @@ def _condense(
             condensed = condense(scene, pairings, memo)
             if not pairings:
                 return condensed, ()
-            ends = _exact_ends(condensed, stages)
+            try:
+                ends = _exact_ends(condensed, stages)
+            except EndlessError:
+                certify_candidates(case, scene, condensed, memo)
+                raise
             touched = _touched(condensed, ends)
         if not any(mask.any() for mask in touched.values()):
             return condensed, ends

@@ -37,19 +37,7 @@ def certify(
     speaks for are judged by themselves, and all bodies where the scheme is square.
     """
     closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
-    judged = {
-        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), memo)
-        for pairing in condensed.pairings
-        if closed[condensed.spans[pairing.name]].any()
-    }
-    for name, value in judged.items():
-        if not value >= CONTACT_LIMIT:
-            raise UnstableError(
-                f"contact {name} does not resist pressures that change from node to node "
-                f"(stability {value:.2g}, below {CONTACT_LIMIT:g})",
-                _contact_hint(case, scene, condensed, name),
-                value,
-            )
+    judged = _judged(case, scene, condensed, closed, memo)
     spoken_for = {body for pairing in condensed.pairings if pairing.name in judged for body in pairing.bodies}
     bulk = {
         name: _bulk(body, memo)
@@ -65,6 +53,31 @@ def certify(
                 value,
             )
     return min(judged.values()) if judged else min(bulk.values())
+
+
+def certify_candidates(case: Case, scene: Scene, condensed: Condensed, memo: Memo = AFRESH) -> None:
+    """UnstableError where a contact fails its certificate on all that can touch, as no state is known."""
+    _judged(case, scene, condensed, np.ones(len(condensed.weight), dtype=bool), memo)
+
+
+def _judged(
+    case: Case, scene: Scene, condensed: Condensed, closed: BoolArray, memo: Memo
+) -> dict[str, float]:
+    """The certificates of all contacts with ``closed`` nodes (m,). Raises UnstableError."""
+    judged = {
+        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), memo)
+        for pairing in condensed.pairings
+        if closed[condensed.spans[pairing.name]].any()
+    }
+    for name, value in judged.items():
+        if not value >= CONTACT_LIMIT:
+            raise UnstableError(
+                f"contact {name} does not resist pressures that change from node to node "
+                f"(stability {value:.2g}, below {CONTACT_LIMIT:g})",
+                _contact_hint(case, scene, condensed, name),
+                value,
+            )
+    return judged
 
 
 def _contact(condensed: Condensed, bearing: BoolArray, memo: Memo) -> float:
@@ -104,7 +117,7 @@ def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> 
             f"slave and master, or make body.{pairing.master_body}.spacing finer than the slave's there"
         )
     if case.mls.degree != 2:
-        return "use mls.degree = 2"
+        return "use mls.degree = 2, or more even clouds (lower growth, or another seed)"
     if pairing.master is None:
         return f"use another body.{pairing.slave_body}.seed, or an even cloud (lower growth)"
     unlike = spacing_ratio(pairing, {body: model.cloud for body, model in models.items()})

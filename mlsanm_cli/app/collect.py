@@ -19,7 +19,7 @@ from mlsanm_cli.io.summary import read_json
 FIGURES = (
     *("position", "steps", "factorizations", "solves", "nodes", "contact_unknowns"),
     *("contacts", "forces", "residual", "linear_residual", "force_balance", "stability"),
-    *("seconds", "peak_memory_mb"),
+    *("error_estimate", "warnings", "seconds", "peak_memory_mb"),
 )
 """What of a summary becomes columns."""
 
@@ -76,4 +76,5 @@ def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
         return {**row, "stop_reason": error.message}, case, {}
     row |= {"status": known.get("status"), "stop_reason": known.get("stop_reason")}
     chosen = flat({name: known[name] for name in FIGURES if name in known})
+    chosen["warnings"] = chosen.get("warnings") or None
     return row, case, {name: value for name, value in chosen.items() if not isinstance(value, Mapping)}

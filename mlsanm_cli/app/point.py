@@ -53,16 +53,18 @@ def solve_point(point: Point) -> Mapping[str, Any]:
             return outcome(point, "failed", error.message)
         except KeyboardInterrupt:
             return outcome(point, "stopped", "stopped by a signal")
-        return outcome(point, str(summary["status"]), str(summary["stop_reason"]))
+        warnings = len(summary["warnings"])
+        return outcome(point, str(summary["status"]), str(summary["stop_reason"]), warnings)
 
 
-def outcome(point: Point, status: str, reason: str) -> Mapping[str, Any]:
-    """How a point ended."""
+def outcome(point: Point, status: str, reason: str, warnings: int = 0) -> Mapping[str, Any]:
+    """How a point ended, and how many warnings its summary has."""
     return {
         "name": point.name,
         "directory": str(point.directory),
         "status": status,
         "stop_reason": reason,
+        "warnings": warnings,
     }
 
 
@@ -79,7 +81,7 @@ def _warn(text: str) -> None:
 
 
 class Silent:
-    """A console for runs whose results speak for themselves: warnings are in their summaries."""
+    """A console for runs whose results speak for themselves: warnings are counted and in their summaries."""
 
     def phase(self, text: str) -> None:
         """Says nothing."""

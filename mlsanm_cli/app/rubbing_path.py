@@ -46,6 +46,8 @@ STANDSTILL = 1e-12
 OPENINGS = 20
 FREE = 1e-3
 """Before the first load tractions are below this part of their limits."""
+APART = "before the first load friction does not hold what contacts alone hold: the surfaces are drawn apart"
+APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
 
 
 def rubbing_path(built: Built, mark: RubbingMark | None = None) -> Iterator[PathStep]:
@@ -89,7 +91,7 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> Point:
     """The state before the first load: as drawn, no traction anywhere.
 
     Pressed nodes stick from the very start; friction of the others begins when they reach the law's
-    threshold.
+    threshold. Raises NumericalError where nothing holds a body or platen.
     """
     c, coupling = built.condensed, coupling_of(built, regularization(built)).softened()
     law = coupling.law
@@ -105,7 +107,12 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> Point:
         law = replace(law, threshold=np.where(stuck, np.minimum(full, own), full))
         base = replace(coupling, law=law)
         problem = RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor, tally)
-        x = correct(problem, x, 0.0, options).x
+        try:
+            x = correct(problem, x, 0.0, options).x
+        except NumericalError as error:
+            if not len(c.balance.constant):
+                raise
+            raise NumericalError(APART, APART_HINT) from error
         pressure, _, motion, traction = problem.split(x)
         if (np.abs(traction) <= FREE * c.friction * np.maximum(pressure[c.rubbing], 0.0))[stuck].all():
             break

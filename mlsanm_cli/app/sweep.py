@@ -76,8 +76,10 @@ def sweep(
         try:
             for row in _results(engine, planned):
                 rows.append(row)
+                count = row["warnings"]
+                warned = f", {count} warning{'s' if count > 1 else ''}" if count else ""
                 reason = f": {row['stop_reason']}" if row["status"] != "done" else ""
-                console.note(f"{len(rows)}/{len(todo)} {row['name']} {row['status']}{reason}")
+                console.note(f"{len(rows)}/{len(todo)} {row['name']} {row['status']}{warned}{reason}")
         except KeyboardInterrupt:
             console.warning("stopped by a signal; the same command goes on with what is not done")
     table = directory / TABLE_FILE
@@ -91,6 +93,7 @@ def sweep(
         "skipped": total - len(todo),
         "failed": statuses.count("failed"),
         "stopped": len(todo) - statuses.count("done") - statuses.count("failed"),
+        "with_warnings": sum(row["warnings"] > 0 for row in rows),
         "trouble": [row for row in rows if row["status"] != "done"],
     }
 

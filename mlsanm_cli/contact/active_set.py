@@ -13,6 +13,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.dense import DenseSystem, SingularSystemError
+from mlsanm_cli.contact.set_search import EndlessError
 from mlsanm_cli.contact.violation import violation
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.values import dataclass
@@ -76,11 +77,7 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
             wrong[np.flatnonzero(wrong)[0] + 1 :] = False
         seen.add(active.tobytes())
         active = active ^ wrong
-    raise NumericalError(
-        f"the active set found no contact state in {limit} passes",
-        "the cloud may be too coarse or unlike on the two surfaces; "
-        "see the stability figure of `mlsanm check`",
-    )
+    raise EndlessError(limit)
 
 
 def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:

@@ -6,10 +6,13 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.set_search import Watch, find_sets
+from mlsanm_cli.contact.set_search import FloatingError, Watch, find_sets, moving
 from mlsanm_cli.contact.sets import Sets, SetSystem, Values
 from mlsanm_cli.contact.violation import violation
 from mlsanm_cli.values import dataclass
+
+NOTHING = 1e-10
+"""Pressures below this part of those that would move the surfaces as far as bodies went are none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +60,12 @@ def increment(
     condensed: Condensed, state: CoulombState, factors: FloatArray, slipping: bool = True
 ) -> tuple[CoulombState, int]:
     """The state after one finite increment to ``factors`` (L,), friction by return mapping; and the systems
-    solved. Without ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError."""
+    solved. Without ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError, with
+    ``slipping`` FloatingError where surfaces that were apart would touch without pressure."""
     before = state.values.slip
     closed = state.sets.closed | (state.values.gap <= 0.0)
-    if len(condensed.balance.constant) and not state.sets.closed.any():
+    floating = len(condensed.balance.constant) > 0 and not state.sets.closed.any()
+    if floating:
         closed |= condensed.closest(state.values.gap)
     stuck = closed[condensed.rubbing] & (state.sets.sense == 0.0)
     sense = np.where(closed[condensed.rubbing], state.sets.sense, 0.0)
@@ -73,6 +78,8 @@ def increment(
         return system, values, values.slip - before
 
     sets, _, values, count = find_sets(condensed, Sets(closed, stuck, sense), watch, solve)
+    if floating and slipping and values.pressure.max() <= NOTHING * moving(condensed, values):
+        raise FloatingError
     return state.jumped(factors, values, sets, np.where(sets.stuck, before, values.slip)), count
 
 

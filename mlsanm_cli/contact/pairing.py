@@ -210,12 +210,8 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     """
     master = pairing.master
     assert master is not None, "an obstacle has no nodes"
-    arc = pairing.arc[pairing.candidate]
-    weight, spacing = pairing.weight[pairing.candidate], pairing.spacing[pairing.candidate]
-    count = len(arc)
-    if pairing.all_around:
-        turns = pairing.slave.curve.length * np.arange(-1, 2)
-        arc, weight, spacing = (turns[:, None] + arc).ravel(), np.tile(weight, 3), np.tile(spacing, 3)
+    arc, weight, spacing = unrolled(pairing)
+    count = int(pairing.candidate.sum())
     s, beside, stretch = _feet(pairing, master, master_cloud.points[master.index])
     slack = 1e-6 * float(pairing.spacing.min())
     facing = (pairing.slave.curve.normals(s) * master.normal).sum(axis=1) < OPPOSED
@@ -253,6 +249,17 @@ def _feet(pairing: Pairing, master: Surface, points: FloatArray) -> tuple[FloatA
         moved = s + stretch * off
         s = np.mod(moved, slave.length) if slave.closed else np.clip(moved, 0.0, slave.length)
     return s, np.abs(off), stretch
+
+
+def unrolled(pairing: Pairing) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Arc lengths, surface lengths and spacings (m,) of the candidates; where they go all around, those of
+    the turns before and after too (3m,), so that windows run on across the seam."""
+    chosen = pairing.candidate
+    arc, weight, spacing = pairing.arc[chosen], pairing.weight[chosen], pairing.spacing[chosen]
+    if not pairing.all_around:
+        return arc, weight, spacing
+    turns = pairing.slave.curve.length * np.arange(-1, 2)
+    return (turns[:, None] + arc).ravel(), np.tile(weight, 3), np.tile(spacing, 3)
 
 
 def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: FloatArray) -> sparse.csr_array:

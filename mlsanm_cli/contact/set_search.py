@@ -46,6 +46,31 @@ class NoStateError(NumericalError):
         self.sliding = sliding
 
 
+class EndlessError(NoStateError):
+    """The search came to no end, as it may where the compliance does not resist all pressures."""
+
+    def __init__(self, passes: int) -> None:
+        NumericalError.__init__(
+            self,
+            f"the active set found no contact state in {passes} passes",
+            "the clouds may be too coarse where the surfaces touch, or unlike on the two of them; with much "
+            "friction there may also be no gradual way on",
+        )
+        self.sliding = False
+
+
+class FloatingError(NoStateError):
+    """Nothing touched before, and still nothing is pressed: free motions could be any."""
+
+    def __init__(self) -> None:
+        NumericalError.__init__(
+            self,
+            "nothing tells where what contacts alone hold goes, as nothing presses on it yet",
+            "move it by a force instead of a displacement, or draw the surfaces touching",
+        )
+        self.sliding = False
+
+
 System = TypeVar("System")
 
 
@@ -77,7 +102,7 @@ def find_sets(
         one_by_one |= sets.key in seen
         seen.add(sets.key)
         sets = _only(condensed, sets, better, int(np.flatnonzero(wrong)[0])) if one_by_one else better
-    raise NoStateError(sliding=False)
+    raise EndlessError(limit)
 
 
 def _exchange(
@@ -93,7 +118,7 @@ def _exchange(
     own_normal, own_tangential = own[: len(sets.closed)], own[len(sets.closed) :][: len(sets.stuck)]
     p, t = values.pressure, values.traction
     largest = max(np.abs(p).max(initial=0.0), np.abs(t).max(initial=0.0))
-    force = ROUND_OFF * max(largest, _moving(condensed, values))
+    force = ROUND_OFF * max(largest, moving(condensed, values))
     opening = sets.closed & watch.opening & (p < -force)
     closing = ~sets.closed & watch.closing & (values.gap < -ROUND_OFF * np.abs(values.gap).max(initial=0.0))
     closed = (sets.closed & ~opening) | closing
@@ -115,7 +140,7 @@ def _exchange(
     return Sets(closed, stuck, sense), wrong
 
 
-def _moving(condensed: Condensed, values: Values) -> float:
+def moving(condensed: Condensed, values: Values) -> float:
     """A pressure that would move the surfaces as far as the platens do."""
     moved = float(np.abs(condensed.gap.motion @ values.motion).max(initial=0.0))
     return moved / condensed.softest if moved else 0.0

@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.linear_map import LinearMap
-from mlsanm_cli.contact.pairing import Pairing, surface_fit
+from mlsanm_cli.contact.pairing import Pairing, surface_fit, unrolled
 
 SMOOTH = 6.0
 """Half-width in spacings of the windows of the local fits: linear functions over a window are left alone."""
@@ -36,7 +36,8 @@ def resolved(
     traction t the less the shorter its waves are, at two spacings hardly at all: what it differs by from its
     own fit gets the compliance 3 h/(pi E*) (t - F t) on top. Without this, tractions of sticking nodes
     oscillated from node to node by 30 %. With G t the linear function nearest to t over the whole contact,
-    slips due to G t are fitted like the others, so that a patch under uniform stress stays exact.
+    slips due to G t are fitted like the others, so that a patch under uniform stress stays exact. All around
+    a closed surface, F runs on across the seam and G t is a constant, the only linear function there is.
 
     By reciprocity gaps follow F t only. With the short waves of t in them, but not in slips those of the
     pressures, the two together lost their positivity where spacings grow along the contact.
@@ -49,15 +50,15 @@ def resolved(
     beyond = np.zeros((m + n, n))
     for pairing in pairings:
         own, chosen = places[pairing.name], pairing.candidate
-        arc, spacing, weight = pairing.arc[chosen], pairing.spacing[chosen], pairing.weight[chosen]
+        spacing = pairing.spacing[chosen]
         fit = slip_fit(pairing).toarray()
-        short = np.eye(len(arc)) - fit
+        short = np.eye(len(fit)) - fit
         beyond[:m, own] = -gap.traction[:, own] @ short
         gap.traction[:, own] += beyond[:m, own]
         compliance = slip.traction[own, own].copy()
         for array in (slip.constant, slip.load, slip.motion, slip.pressure, slip.traction):
             array[own] = fit @ array[own]
-        by_own = compliance - short @ compliance @ _linear_part(arc, weight)
+        by_own = compliance - short @ compliance @ _linear_part(pairing)
         shortest = SHORTEST * softness[pairing.name] * spacing
         slip.traction[own, own] = by_own + shortest[:, None] * short
         beyond[m:][own, own] = slip.traction[own, own] - fit @ compliance
@@ -67,13 +68,19 @@ def resolved(
 def slip_fit(pairing: Pairing) -> sparse.csr_array:
     """The local linear fit F (n, n) of nodal values along a contact."""
     chosen = pairing.candidate
-    arc = pairing.arc[chosen]
-    return surface_fit(arc, pairing.weight[chosen], arc, SMOOTH * pairing.spacing[chosen])
+    around, weight, _ = unrolled(pairing)
+    places = pairing.arc[chosen]
+    fit = surface_fit(around, weight, places, SMOOTH * pairing.spacing[chosen]).tocoo()
+    rows, columns = fit.coords
+    count = len(places)
+    return sparse.csr_array((fit.data, (rows, columns % count)), shape=(count, count))
 
 
-def _linear_part(arc: FloatArray, weight: FloatArray) -> FloatArray:
-    """The linear function nearest to nodal values (m,), as a matrix (m, m)."""
-    basis = np.stack([np.ones(len(arc)), arc - arc.mean()], axis=1)[:, : len(arc)]
+def _linear_part(pairing: Pairing) -> FloatArray:
+    """The linear function nearest to nodal values (n,) of a contact, as a matrix (n, n)."""
+    arc, weight = pairing.arc[pairing.candidate], pairing.weight[pairing.candidate]
+    freedoms = 1 if pairing.all_around else 2
+    basis = np.stack([np.ones(len(arc)), arc - arc.mean()], axis=1)[:, : min(freedoms, len(arc))]
     moments = basis.T @ (weight[:, None] * basis)
     result: FloatArray = basis @ np.linalg.solve(moments, basis.T * weight)
     return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -86,6 +87,16 @@ def test_a_certificate(
     # Nothing was solved: the model is shown.
     mesh = meshio.read(tmp_path / "run" / "failure.vtu")
     assert {"normal", "partner", "spacing"} <= mesh.point_data.keys()
+
+
+def test_a_search_for_contact_without_end_tells_of_the_certificate(tmp_path: Path) -> None:
+    # It had pointed at a figure of `mlsanm check`, which has none.
+    fine = (Path(__file__).parents[2] / "cases" / "hertz.toml").read_text()
+    coarse = re.sub(r"spacing = (\S+)", lambda found: f"spacing = {8.0 * float(found[1])}", fine)
+    summary = solve(coarse, tmp_path / "run", "mls.degree=6")
+    assert (summary["status"], summary["hint"][:18]) == ("failed", "use mls.degree = 2")
+    assert "stability" in summary["stop_reason"]
+    assert summary["stability"] < -1.0
 
 
 @pytest.mark.parametrize("bad", BAD)

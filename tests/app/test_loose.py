@@ -163,6 +163,18 @@ def test_a_plate_that_moves_finds_the_disk_where_it_floats(tmp_path: Path) -> No
     assert "may be loose there" in summary["hint"]
 
 
+def test_friction_does_not_find_a_floating_disk(tmp_path: Path) -> None:
+    # A plate that approaches had thrown the disk somewhere, and the run failed for what it met there.
+    moving = DISK.replace("fy = -0.0022", "uy = -0.075")
+    summary = solve(moving, tmp_path / "exact", *ROUGH, APART[0])
+    assert (summary["status"], "nothing presses on it yet" in summary["stop_reason"]) == ("failed", True)
+    assert "draw the surfaces touching" in summary["hint"]
+    assert solve(moving, tmp_path / "touching", *ROUGH)["status"] == "done"
+    summary = solve(DISK, tmp_path / "smooth", *ROUGH, *SMOOTH, *APART)
+    assert (summary["status"], "drawn apart" in summary["stop_reason"]) == ("failed", True)
+    assert 'law = "exact"' in summary["hint"]
+
+
 def test_a_rolling_disk_turns_with_the_plate(tmp_path: Path) -> None:
     rolling = DISK + '[[load]]\nname = "roll"\nkind = "obstacle"\nobstacle = "top"\nux = 1e-3\n'
     rolling += "[[stage]]\npress = 1.0\n[[stage]]\nroll = 1.0\n"

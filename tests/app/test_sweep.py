@@ -23,7 +23,7 @@ from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.kernels.jit import load
-from tests.app.scenes import PATCH, Quiet, assert_same_bits
+from tests.app.scenes import PATCH, Quiet, assert_same_bits, hertz
 
 ETA = "contact.interface.regularization.eta"
 PROBE = '[[probe]]\nname = "tip"\nbody = "upper"\npoint = [1.0, 1.5]\n'
@@ -230,6 +230,20 @@ def test_collect_has_a_row_for_every_directory(
     assert "run.h5" in rows[2]["stop_reason"]
     assert main(["collect", *places]) == 0
     assert capsys.readouterr().out == (tmp_path / "t.csv").read_text()
+
+
+def test_warnings_are_told(tmp_path: Path) -> None:
+    # Points that were done with warnings had looked like all others.
+    case, console = tmp_path / "round.toml", Quiet()
+    case.write_text(hertz())
+    varied = ["body.cylinder.refine.0.growth=0.2,0.31"]
+    result = sweep(case, varied, Wishes(), out=tmp_path / "all", console=console)
+    assert (result["done"], result["with_warnings"]) == (2, 1)
+    assert ["done, " in note for note in console.notes] == [False, True]
+    rows = collect([tmp_path / "all" / f"body.cylinder.refine.0.growth={growth}" for growth in (0.2, 0.31)])
+    assert rows[0]["warnings"] is None
+    assert "growth" in rows[1]["warnings"][0]
+    assert rows[0]["error_estimate.pressure.interface"] > 0.0
 
 
 @contextmanager
