@@ -26,10 +26,10 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.balance import Forces, balance_of_movers, body_imbalance, reported_forces
 from mlsanm_cli.contact.dense import scales
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.observation import Observation, observe, used_columns
 from mlsanm_cli.contact.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.short_waves import resolved_slip
-from mlsanm_cli.contact.sights import Sights, observed_answers, used_columns
 from mlsanm_cli.contact.sources import body_sources
 from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
@@ -176,13 +176,13 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -
 
 
 def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: Memo) -> Condensed:
-    sights = Sights.of(scene, pairings)
-    rough = sights.rough
+    observation = Observation.of(scene, pairings)
+    rough = observation.rough
     normal, tangential = _places(pairings), _places(rough)
     columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
     sources = {name: body_sources(scene, name, pairings, columns) for name in scene.bodies}
-    observed, solutions = observed_answers(sights, sources, columns, memo)
-    seen = sights.parted(observed)
+    observed, solutions = observe(observation, sources, columns, memo)
+    seen = observation.parted(observed)
 
     candidate = _candidates(pairings)
     gap = columns.split(seen.gaps, np.concatenate([[], *(pairing.gap for pairing in pairings)]))

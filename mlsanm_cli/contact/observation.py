@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -17,40 +18,39 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Arrays, Memo, digest
 from mlsanm_cli.values import dataclass
 
-Places = tuple[tuple[str, str], ...]
-"""Surfaces, each with its body in front."""
+Surface: TypeAlias = tuple[str, str]
+"""Its body and its name."""
 
 
 @dataclass(frozen=True)
-class Parted:
-    """Rows of what was observed, kind by kind, as :class:`Sights` has them."""
+class Observed:
+    """Rows of what was observed, kind by kind, as :class:`Observation` has them."""
 
     gaps: FloatArray
     slips: FloatArray
-    held: Mapping[tuple[str, str], FloatArray]
+    held: Mapping[Surface, FloatArray]
     probes: list[FloatArray]
-    sprung: Mapping[tuple[str, str], FloatArray]
+    sprung: Mapping[Surface, FloatArray]
 
 
 @dataclass(frozen=True)
-class Sights:
+class Observation:
     """Gaps of the ``pairings``, slips of the ``rough`` ones, which have friction, reactions of ``held``
     surfaces, what the scene's probes see, and pulls of ``sprung`` surfaces: rows in this order."""
 
     scene: Scene
     pairings: tuple[Pairing, ...]
     rough: tuple[Pairing, ...]
-    held: Places
-    sprung: Places
+    held: tuple[Surface, ...]
+    sprung: tuple[Surface, ...]
 
     @classmethod
-    def of(cls, scene: Scene, pairings: tuple[Pairing, ...]) -> Sights:
+    def of(cls, scene: Scene, pairings: tuple[Pairing, ...]) -> Observation:
         """All that the contact problem of a scene needs and reports."""
+        rough = tuple(pairing for pairing in pairings if pairing.friction)
         held = tuple((name, s) for name, body in scene.bodies.items() for s in body.gripped)
-        sprung = tuple(
-            (name, surface) for name, body in scene.bodies.items() for surface in body.soft_springs
-        )
-        return cls(scene, pairings, tuple(pairing for pairing in pairings if pairing.friction), held, sprung)
+        sprung = tuple((name, s) for name, body in scene.bodies.items() for s in body.soft_springs)
+        return cls(scene, pairings, rough, held, sprung)
 
     @property
     def counts(self) -> list[int]:
@@ -81,11 +81,11 @@ class Sights:
         ]
         return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 
-    def parted(self, observed: FloatArray) -> Parted:
+    def parted(self, observed: FloatArray) -> Observed:
         """What was observed, (sum of counts, c), taken apart."""
         gaps, slips, *rest = np.split(observed, np.cumsum(self.counts)[:-1])
         probes = rest[len(self.held) : len(rest) - len(self.sprung)]
-        return Parted(
+        return Observed(
             gaps,
             slips,
             dict(zip(self.held, rest[: len(self.held)], strict=True)),
@@ -94,19 +94,19 @@ class Sights:
         )
 
 
-def observed_answers(
-    sights: Sights, sources: Mapping[str, sparse.csc_array], columns: Columns, memo: Memo
+def observe(
+    observation: Observation, sources: Mapping[str, sparse.csc_array], columns: Columns, memo: Memo
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """The sights (sum of counts, total) of the bodies' answers to ``sources`` (r, total), column by column;
-    without contact also the answers (n, total) themselves."""
-    scene, quick = sights.scene, bool(sights.pairings)
-    observed = np.zeros((sum(sights.counts), columns.total))
+    """What is observed, (sum of counts, total), of the bodies' answers to their ``sources`` (r, total) and
+    motions; without contact also the answers (n, total) themselves."""
+    scene, quick = observation.scene, bool(observation.pairings)
+    observed = np.zeros((sum(observation.counts), columns.total))
     solutions = {}
     # Memory is shortest while the last factor is made, so that it had better be a small one.
     for name, body in sorted(scene.bodies.items(), key=lambda item: -item[1].model.unknowns):
-        rows = sights.rows(name)
-        expansion = rows[sights.of_stress] @ body.model.free_expansion.ravel()
-        observed[sights.of_stress, : columns.loads] -= np.outer(expansion, scene.degrees(name))
+        rows = observation.rows(name)
+        expansion = rows[observation.of_stress] @ body.model.free_expansion.ravel()
+        observed[observation.of_stress, : columns.loads] -= np.outer(expansion, scene.degrees(name))
         used = used_columns(sources[name])
         solved = np.zeros((rows.shape[1], 0 if quick else columns.total))
         # Loads by themselves: when their magnitudes change, the others' answers still hold.
