@@ -17,7 +17,7 @@ from mlsanm_cli.errors import UnstableError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.mechanics.stability import bulk_stability
-from mlsanm_cli.memo import AFRESH, Memo, digest
+from mlsanm_cli.memo import Memo, digest
 
 BULK_LIMIT = 0.1
 """Smallest certificate of a body that passes. In 300 random scenes least squares stayed above 0.13; of square
@@ -28,9 +28,7 @@ CONTACT_LIMIT = 0.15
 usual error had -0.003 to 0.14, good ones 0.15 to 1.6 but for six below the limit."""
 
 
-def certify(
-    case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo = AFRESH
-) -> float:
+def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo) -> float:
     """The smallest certificate; UnstableError where one fails, for the results would mean nothing.
 
     Contacts are judged on the nodes that touch in one of the states ``ends``. Bodies that no such contact

@@ -50,7 +50,7 @@ APART = "before the first load friction does not hold what contacts alone hold: 
 APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
 
 
-def rubbing_path(built: Built, mark: RubbingMark | None = None) -> Iterator[PathStep]:
+def rubbing_path(built: Built, mark: RubbingMark | None) -> Iterator[PathStep]:
     """States of the regularised contact with friction; wanted ones come from the series of their step."""
     wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
     if mark is None:

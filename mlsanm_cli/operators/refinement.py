@@ -67,9 +67,7 @@ def length_of(products: FloatArray) -> float:
     return float(np.sqrt(np.mean(products**2)))
 
 
-def refine(
-    solution: FloatArray, update: Callable[[FloatArray], FloatArray], tolerance: float = PRECISE
-) -> FloatArray:
+def refine(solution: FloatArray, update: Callable[[FloatArray], FloatArray], tolerance: float) -> FloatArray:
     """``solution`` (n, c) after as many updates as it takes: at least one, as the factor is inexact.
 
     ``update`` gives what the factor thinks is missing (Higham 2002, doi:10.1137/1.9780898718027). Where the
