@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from entries import HERE, Entry, Job
-from meshes import KINKS
 from programs import PEERS
 from scenes import HALF_WIDTH, RADIUS, STICK
 
@@ -33,19 +32,15 @@ def cloud(
     coarse: float,
     zone: tuple[float, float, float],
     edge: tuple[float, float, float],
-    points: tuple[float, ...] = (HALF_WIDTH,),
     beside: tuple[tuple[float, float, float], ...] = (),
     stick: tuple[tuple[float, float, float], ...] = (),
 ) -> list[str]:
     """Settings of both bodies: spacing far away; spacing, radius, growth of the zone, of ``edge`` and
-    what lies ``beside`` it at +-points, and of what lies where sticking ends."""
+    what lies ``beside`` it at the ends of the contact, and of what lies where sticking ends."""
 
     def refinements(body: str) -> str:
-        places = [
-            (0.0, *zone),
-            *((sign * at, *one) for one in (edge, *beside) for at in points for sign in (-1, 1)),
-            *((sign * STICK, *one) for one in stick for sign in (-1, 1)),
-        ]
+        ends = [(HALF_WIDTH, *one) for one in (edge, *beside)] + [(STICK, *one) for one in stick]
+        places = [(0.0, *zone), *((sign * x, *one) for x, *one in ends for sign in (-1, 1))]
         # On the arc, not beside it: a fine radius may be smaller than the arc's height there.
         height = {"cylinder": lambda x: RADIUS - (RADIUS**2 - x**2) ** 0.5, "block": lambda _x: 0.0}[body]
         return ", ".join(
@@ -58,16 +53,9 @@ def cloud(
     return [*refine, *(f"body.{body}.spacing={coarse}" for body in bodies)]
 
 
-def hertz_cloud(
-    degree: int,
-    neighbors: int,
-    coarse: float,
-    zone: tuple[float, float, float],
-    edge: tuple[float, float, float],
-    *beside: tuple[float, float, float],
-) -> list[str]:
+def fitted(degree: int, neighbors: int, cloud: list[str]) -> list[str]:
     """Settings of a cloud and of the local polynomials on it."""
-    return [*cloud(coarse, zone, edge, beside=beside), f"mls.degree={degree}", f"mls.neighbors={neighbors}"]
+    return [*cloud, f"mls.degree={degree}", f"mls.neighbors={neighbors}"]
 
 
 def stages(*factors: str) -> str:
@@ -75,35 +63,45 @@ def stages(*factors: str) -> str:
     return f"stage=[{', '.join(factors)}]"
 
 
-def graded_slip(
-    neighbors: int,
-    coarse: float,
-    under: tuple[float, float, float],
-    edge: tuple[float, float, float],
-    stick: tuple[float, float, float],
-) -> list[str]:
-    """A cloud whose spacing ``under`` the contact is finer where it and its stick zone end."""
-    return [*cloud(coarse, under, edge, stick=(stick,)), f"mls.neighbors={neighbors}"]
-
-
-FINE_EDGE = (0.00015, 0.0015, 0.12)
 CLOUDS = {
-    "1.6k": hertz_cloud(2, 20, 0.29, (0.0087, 0.061, 0.26), (0.00093, 0.0025, 0.18)),
-    "degree 4, 1.7k": hertz_cloud(
-        4, 37, 0.282, (0.00622, 0.0332, 0.242), (0.000264, 0.000763, 0.209), (0.00849, 0.00912, 0.222)
+    "1.6k": fitted(2, 20, cloud(0.29, (0.0087, 0.061, 0.26), (0.00093, 0.0025, 0.18))),
+    "degree 4, 1.7k": fitted(
+        4,
+        37,
+        cloud(
+            0.282,
+            (0.00622, 0.0332, 0.242),
+            (0.000264, 0.000763, 0.209),
+            beside=((0.00849, 0.00912, 0.222),),
+        ),
     ),
-    "degree 4, 2.7k": hertz_cloud(
-        4, 39, 0.349, (0.00545, 0.0446, 0.272), (7.1e-5, 0.000256, 0.179), (0.00336, 0.00607, 0.17)
+    "degree 4, 2.7k": fitted(
+        4,
+        39,
+        cloud(0.349, (0.00545, 0.0446, 0.272), (7.1e-5, 0.000256, 0.179), beside=((0.00336, 0.00607, 0.17),)),
     ),
     "as in cases/": ["mls.degree=2"],
 }
 SLIP_CLOUDS = {
-    "1.8k": graded_slip(20, 0.27, (0.0102, 0.057, 0.3), (0.00059, 0.00145, 0.27), (0.0014, 0.00206, 0.153)),
-    "10k": graded_slip(
-        18, 0.156, (0.0018, 0.0783, 0.199), (0.000131, 0.000614, 0.139), (0.00029, 0.0013, 0.115)
+    "1.8k": fitted(
+        2,
+        20,
+        cloud(0.27, (0.0102, 0.057, 0.3), (0.00059, 0.00145, 0.27), stick=((0.0014, 0.00206, 0.153),)),
+    ),
+    "degree 4, 5k": fitted(
+        4,
+        39,
+        cloud(
+            0.35,
+            (0.001476, 0.03429, 0.2569),
+            (0.0001413, 0.0003619, 0.1752),
+            beside=((0.00236, 0.004795, 0.1858),),
+            stick=((0.0002082, 0.000539, 0.1474), (0.002761, 0.005197, 0.18)),
+        ),
     ),
 }
 LEVELS = stages(*(f"{{press={k / 50}}}" for k in range(1, 51)))
+END = "output.at=[4.0]"
 SLIP = [stages("{press=1.0}", "{shear=1.0}"), "output.at=[2.0]"]
 
 PARTS: dict[str, list[Entry]] = {
@@ -117,11 +115,13 @@ PARTS: dict[str, list[Entry]] = {
     ],
     "slip": [
         mlsanm("as in cases/", "cattaneo_mindlin", *SLIP),
-        mlsanm("graded, 1.8k", "cattaneo_mindlin", *SLIP, *SLIP_CLOUDS["1.8k"]),
-        mlsanm("graded, 10k", "cattaneo_mindlin", *SLIP, *SLIP_CLOUDS["10k"]),
-        mlsanm("finer", "cattaneo_mindlin", *SLIP, *cloud(0.1, (0.0012, 0.056, 0.12), FINE_EDGE, KINKS[2:])),
+        *(mlsanm(label, "cattaneo_mindlin", *SLIP, *settings) for label, settings in SLIP_CLOUDS.items()),
         *PEERS["slip"],
     ],
-    "history": [mlsanm("as in cases/", "cattaneo_mindlin", "output.at=[4.0]"), *PEERS["history"]],
+    "history": [
+        mlsanm("as in cases/", "cattaneo_mindlin", END),
+        *(mlsanm(label, "cattaneo_mindlin", END, *settings) for label, settings in SLIP_CLOUDS.items()),
+        *PEERS["history"],
+    ],
     "patch": [mlsanm("cases/patch.toml", "patch"), *PEERS["patch"]],
 }

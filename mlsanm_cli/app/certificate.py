@@ -53,7 +53,7 @@ def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[Exact
     return min(judged.values()) if judged else min(bulk.values())
 
 
-def certify_candidates(case: Case, scene: Scene, condensed: Condensed, memo: Memo = AFRESH) -> None:
+def certify_candidates(case: Case, scene: Scene, condensed: Condensed, memo: Memo) -> None:
     """UnstableError where a contact fails its certificate on all that can touch, as no state is known."""
     _judged(case, scene, condensed, np.ones(len(condensed.weight), dtype=bool), memo)
 
