@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.peers.scenes import REFERENCE, read_profile
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import ContactData, RunData
 from tests.cases.test_published import solve
@@ -133,6 +134,29 @@ def test_dissipated_work_converges(exact: Run, tmp_path: Path) -> None:
     # Measured: 4.2, 2.8 and 2.1 % at 1,900, 2,800 and 5,400 nodes.
     assert (np.diff(errors) < 0.0).all(), errors
     assert 0.0 < errors[-1] <= 0.023
+
+
+def test_a_history_at_degree_4_is_that_of_finite_elements(tmp_path: Path) -> None:
+    # Fine where contact and stick zone end: refused as unstable while gaps followed short waves of tractions.
+    edges = [(0.05, 1.4e-4, 3.6e-4, 0.175), (0.05, 2.4e-3, 4.8e-3, 0.19)]
+    edges += [(0.0353553, 2.1e-4, 5.4e-4, 0.147), (0.0353553, 2.8e-3, 5.2e-3, 0.18)]
+    settings = ["mls.degree=4", "mls.neighbors=39", "output.at=[2.0, 4.0]"]
+    for body, depth in (("cylinder", 1.0), ("block", 0.0)):
+        zones = ["{at=[0.0,0.0],spacing=1.5e-3,radius=0.0343,growth=0.257}"]
+        for at, h, radius, growth in edges:
+            y = depth * (1.0 - float(np.sqrt(1.0 - at**2)))
+            zones += [
+                f"{{at=[{side},{y}],spacing={h},radius={radius},growth={growth}}}" for side in (at, -at)
+            ]
+        settings += [f"body.{body}.refine=[{','.join(zones)}]", f"body.{body}.spacing=0.35"]
+    run = solve("cattaneo_mindlin", tmp_path, *settings)
+    assert run[0]["nodes"] <= 5200
+    contact, x = contact_of(run), np.linspace(-0.055, 0.055, 4001)
+    for position, name in ((2.0, "slip"), (4.0, "history")):
+        reference = read_profile(REFERENCE / f"{name}.csv", "traction").even()
+        expected = np.interp(x, reference.x, reference.values)
+        # Measured: 0.43 and 0.42 %, with other seeds up to 0.5 %. At degree 2 18,000 nodes have 0.48 %.
+        assert off(even(contact, contact.traction[row(run, position)], x), expected, expected) <= 6e-3
 
 
 def test_no_traction_oscillates_from_node_to_node(exact: Run) -> None:
