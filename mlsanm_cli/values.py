@@ -32,6 +32,9 @@ def _define(*, frozen: bool, eq: bool = True) -> Any:
         for name, function in shared.items():
             if name not in vars(cls):
                 setattr(cls, name, function)
+        if cls.__doc__ is None:
+            # The standard decorator would work a signature out, and parse Python for that.
+            cls.__doc__ = cls.__name__
         dataclasses.dataclass(init=False, repr=False, eq=False)(cls)
         cls.__init__ = _first(cls)
         return cls
