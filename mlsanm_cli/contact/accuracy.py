@@ -60,7 +60,8 @@ def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
             around = pairing.slave.curve.length if pairing.all_around else None
             units = [np.interp(arc, arc[own], unit, period=around) for unit in np.eye(len(own))]
             joined.append(np.stack(units, axis=1))
-        rows, join = np.concatenate(kept), sparse.block_diag(joined).toarray()
+        rows = np.concatenate(kept)
+        join: FloatArray = sparse.block_diag(joined).toarray()
         thin = replace(
             condensed,
             weight=join.T @ condensed.weight,

@@ -209,7 +209,7 @@ class UpdatedFactor:
 
     def image_products(self, left: sparse.csr_array, rhs: FloatArray) -> FloatArray:
         """``left`` (g, n) times the solutions for B^T ``rhs`` (k, c)."""
-        return np.asarray(left @ self.solved) @ dpotrs(self.small, rhs)[0]
+        return np.asarray(left @ self.solved @ dpotrs(self.small, rhs)[0])
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
         """``left`` (g, n) times the solutions for ``right`` (n, c)."""
