@@ -24,7 +24,6 @@ from mlsanm_cli.cli.options import (
 from mlsanm_cli.cli.resume import show_run
 from mlsanm_cli.cli.settings import Settings, numerics
 
-
 ELSEWHERE = {
     **dict.fromkeys(("explain", "new", "schema"), "authoring"),
     **dict.fromkeys(("cache", "collect", "sweep"), "batch"),
