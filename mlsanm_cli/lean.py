@@ -2,39 +2,57 @@
 
 Importing any part of scipy brings in all of numpy, its Fortran compiler and its test tools too: scipy copies
 numpy's names, and numpy loads a module when its name is asked for. That takes longer than importing numpy.
+The packages of scipy around its compiled modules take as long again.
 """
 
 from __future__ import annotations
 
+import atexit
 import gc
 import importlib
 import importlib.util
 import os
+import platform
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.machinery import PathFinder
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from types import ModuleType
+from typing import Any
 
-SPARED = ("f2py", "testing", "ma", "ctypeslib", "polynomial")
-"""Modules of numpy that are loaded when something in them is used."""
+SPARED = frozenset(
+    {
+        *(f"numpy.{name}" for name in ("f2py", "testing", "ma", "ctypeslib", "polynomial")),
+        *(f"scipy.{name}" for name in ("linalg", "optimize", "spatial", "sparse.csgraph")),
+        # Metadata of packages as mail, which brings sockets along; pydantic and we only look for packages.
+        "importlib.metadata._adapters",
+    }
+)
+"""Modules whose code runs when something in them is used; what packages contain can be imported before."""
 
 
 @contextmanager
 def lean_imports() -> Iterator[None]:
-    """Import within the block: numpy's spared modules wait, and nothing is searched for garbage.
+    """Import within the block: from here on spared modules wait, and nothing is searched for garbage.
 
-    What was imported stays for good, so the collector need not look at it later either. Where numpy is there
-    already, as in another program, nothing is changed.
+    What was imported stays for good, so the collector need not look at it later either; nor at anything when
+    the process ends, which gives all back. Where numpy is there already, as in another program, nothing is
+    changed.
     """
     if "numpy" in sys.modules:
         yield
         return
     # pydantic would read the metadata of all installed packages to look for plugins.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # h5py asks for the machine's name, and is told the processor's too, for which a process would be started.
+    vars(platform.uname())["processor"] = platform.machine()
+    sys.meta_path.insert(0, _Sparing())
+    atexit.register(gc.freeze)
     collects = gc.isenabled()
     gc.disable()
     try:
-        _spare()
         yield
     finally:
         gc.freeze()
@@ -42,16 +60,60 @@ def lean_imports() -> Iterator[None]:
             gc.enable()
 
 
-def _spare() -> None:
-    """Put modules that load themselves at their first use in the place of those that are spared."""
-    numpy = importlib.import_module("numpy")
-    for name in SPARED:
-        full = f"numpy.{name}"
-        spec = None if full in sys.modules else PathFinder.find_spec(full, numpy.__path__)
-        if spec is None or spec.loader is None:
-            continue
-        spec.loader = importlib.util.LazyLoader(spec.loader)
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[full] = module
-        spec.loader.exec_module(module)
-        setattr(numpy, name, module)
+class _Sparing(MetaPathFinder):
+    """Finds spared modules where they are, and has them wait."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """That of a spared module; None for others, which are left to the next finder."""
+        spec = PathFinder.find_spec(name, path, target) if name in SPARED else None
+        if spec is not None and spec.loader is not None:
+            spec.loader = _Patient(spec.loader)
+        return spec
+
+
+class _Patient(Loader):
+    """Makes modules that load themselves with another ``loader`` when they are used."""
+
+    def __init__(self, loader: Loader) -> None:
+        self.loader = loader
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """Leaves it to the import system, as loaders of Python's own code do."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Does not run the code yet."""
+        assert module.__spec__ is not None
+        module.__spec__.loader = module.__loader__ = self.loader
+        module.__class__ = _Waiting
+
+
+_loading: set[str] = set()
+_lock = threading.RLock()
+
+
+class _Waiting(ModuleType):
+    """A module whose code runs when a name is asked for that it does not have.
+
+    ``importlib.util.LazyLoader`` makes modules that run it for every name, and so packages that cannot have
+    modules imported from them before.
+    """
+
+    def __getattr__(self, name: str) -> Any:
+        own = f"{self.__name__}.{name}"
+        private = name.startswith("_") and not name.startswith("__")
+        if private and "__path__" in vars(self) and importlib.util.find_spec(own) is not None:
+            return importlib.import_module(own)
+        with _lock:
+            # Unless another thread was first, or its own code asks for a name that comes later.
+            if type(self) is _Waiting and self.__name__ not in _loading:
+                _loading.add(self.__name__)
+                try:
+                    assert self.__spec__ is not None
+                    assert self.__spec__.loader is not None
+                    self.__spec__.loader.exec_module(self)
+                    self.__class__ = ModuleType  # type: ignore[assignment]
+                finally:
+                    _loading.discard(self.__name__)
+        return ModuleType.__getattribute__(self, name)

@@ -1,8 +1,8 @@
 """Dataclasses that cost little to define.
 
 The standard decorator compiles six functions for every frozen class, and a hundred classes take longer than
-importing numpy. Here all classes share these functions, and the constructor is compiled when the first object
-is made. The objects are dataclasses for `replace`, `asdict` and `fields`, and behave as they do elsewhere.
+importing numpy. Here nothing is compiled: all classes share these functions, and constructors go by a list of
+fields. The objects are dataclasses for `replace`, `asdict` and `fields`, and behave as they do elsewhere.
 """
 
 from __future__ import annotations
@@ -32,8 +32,11 @@ def _define(*, frozen: bool, eq: bool = True) -> Any:
         for name, function in shared.items():
             if name not in vars(cls):
                 setattr(cls, name, function)
+        if cls.__doc__ is None:
+            # The standard decorator would work a signature out, and parse Python for that.
+            cls.__doc__ = cls.__name__
         dataclasses.dataclass(init=False, repr=False, eq=False)(cls)
-        cls.__init__ = _first(cls)
+        cls.__init__ = _constructor(cls)
         return cls
 
     return decorate
@@ -43,41 +46,55 @@ if not TYPE_CHECKING:
     dataclass = _define
 
 
-def _first(cls: Any) -> Any:
-    """A constructor that puts the compiled one in its place."""
+def _constructor(cls: Any) -> Any:
+    """The constructor of a class whose fields are known: in their order, those with defaults optional, then
+    ``__post_init__``."""
+    fields = dataclasses.fields(cls)
+    order = [field.name for field in fields if field.init]
+    defaults = {
+        field.name: field.default
+        for field in fields
+        if field.init and field.default is not dataclasses.MISSING
+    }
+    makers = {
+        field.name: field.default_factory
+        for field in fields
+        if field.default_factory is not dataclasses.MISSING
+    }
+    known = frozenset(order)
+    needed = known - defaults.keys() - makers.keys()
+    finishes = hasattr(cls, "__post_init__")
 
-    def __init__(self: Any, *arguments: Any, **named: Any) -> None:
-        cls.__init__ = _constructor(cls)
-        cls.__init__(self, *arguments, **named)
+    def __init__(self: Any, /, *arguments: Any, **named: Any) -> None:
+        given = dict(zip(order, arguments, strict=False)) | named
+        # All are counted: none too many, none twice, none unknown, none missing.
+        if len(given) != len(arguments) + len(named) or not needed <= given.keys() <= known:
+            _refuse(cls, order, needed, arguments, named)
+        for name, make in makers.items():
+            if name not in given:
+                given[name] = make()
+        vars(self).update(defaults | given)
+        if finishes:
+            self.__post_init__()
 
+    __init__.__qualname__ = f"{cls.__qualname__}.__init__"
     return __init__
 
 
-def _constructor(cls: Any) -> Any:
-    """The constructor: the fields in their order, those with defaults optional, then ``__post_init__``."""
-    known: dict[str, Any] = {"_set": object.__setattr__, "_missing": dataclasses.MISSING}
-    parameters, body = [], []
-    for field in dataclasses.fields(cls):
-        name, value = field.name, field.name
-        if field.default_factory is not dataclasses.MISSING:
-            known[f"_make_{name}"] = field.default_factory
-            value = f"_make_{name}() if {name} is _missing else {name}" if field.init else f"_make_{name}()"
-            parameters += [f"{name}=_missing"] if field.init else []
-        elif not field.init:
-            continue
-        elif field.default is not dataclasses.MISSING:
-            known[f"_default_{name}"] = field.default
-            parameters.append(f"{name}=_default_{name}")
-        else:
-            parameters.append(name)
-        body.append(f" _set(self, {name!r}, {value})")
-    if hasattr(cls, "__post_init__"):
-        body.append(" self.__post_init__()")
-    source = "\n".join([f"def __init__(self, {', '.join(parameters)}):", *body, " return None"])
-    exec(source, known)
-    constructor = known["__init__"]
-    constructor.__qualname__ = f"{cls.__qualname__}.__init__"
-    return constructor
+def _refuse(
+    cls: Any, order: list[str], needed: frozenset[str], arguments: tuple[Any, ...], named: dict[str, Any]
+) -> NoReturn:
+    """Raise the TypeError that tells what is wrong with arguments."""
+    what = f"{cls.__qualname__}.__init__()"
+    if len(arguments) > len(order):
+        raise TypeError(f"{what} takes {len(order)} arguments but {len(arguments)} were given")
+    for name in named:
+        if name not in order:
+            raise TypeError(f"{what} got an unexpected keyword argument {name!r}")
+        if name in order[: len(arguments)]:
+            raise TypeError(f"{what} got multiple values for argument {name!r}")
+    missing = [name for name in order[len(arguments) :] if name in needed and name not in named]
+    raise TypeError(f"{what} misses the arguments {', '.join(missing)}")
 
 
 def _repr(self: Any) -> str:

@@ -59,6 +59,14 @@ class Built:
     ends: tuple[ExactState, ...]
     stability: float
 
+    @property
+    def is_holonomic(self) -> bool:
+        """Whether friction is to depend on the total slip alone."""
+        return any(
+            contact.friction and contact.regularization.friction_law == "holonomic"
+            for contact in self.case.contact
+        )
+
 
 def load_kernels(clock: Clock, console: Console) -> Loaded:
     """Load the compiled kernels; say so where they have to be compiled first, or cannot be kept."""

@@ -9,7 +9,6 @@ from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.series_path import (
     Memoryless,
     coupling_of,
-    is_holonomic,
     path_options,
     problem_of,
     regularization,
@@ -28,7 +27,7 @@ def lowered(built: Built, etas: Sequence[float]) -> Iterator[Correction]:
     Raises NumericalError for friction with memory, whose states do not follow from the load alone, and where
     no solution is found.
     """
-    if len(built.condensed.rubbing) and not is_holonomic(built):
+    if len(built.condensed.rubbing) and not built.is_holonomic:
         raise NumericalError(
             "friction with memory has no state that follows from the load alone",
             'use contact.regularization.friction_law = "holonomic", or follow the load path',

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.build import Built, reach_error
-from mlsanm_cli.app.series_path import is_holonomic
 from mlsanm_cli.app.states import Polish, State
 from mlsanm_cli.contact.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
@@ -95,7 +94,7 @@ def judge_state(built: Built, state: State) -> None:
 def _judge_cone(built: Built, state: State) -> None:
     """NumericalError where tractions pass the friction limit; laws without memory do so by mu eta."""
     condensed = built.condensed
-    if not len(condensed.rubbing) or is_holonomic(built):
+    if not len(condensed.rubbing) or built.is_holonomic:
         return
     limit = condensed.friction * np.maximum(state.pressure[condensed.rubbing], 0.0)
     beyond = np.abs(state.traction) - limit

@@ -10,7 +10,7 @@ from statistics import median
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.judge import judge_state
 from mlsanm_cli.app.methods import Method, law_of
-from mlsanm_cli.app.polish import load_path
+from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.states import State
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.marks import BEGINNING, Start
-from mlsanm_cli.app.paths import coulomb_state, exact_step, friction_path, path_of, unloaded_state
-from mlsanm_cli.app.series_path import is_holonomic
+from mlsanm_cli.app.friction_path import coulomb_state, friction_path
+from mlsanm_cli.app.marks import Start
+from mlsanm_cli.app.paths import exact_step, path_of, unloaded_state
 from mlsanm_cli.app.states import PathStep, Polish, State
 from mlsanm_cli.contact.active_set import solve_exact
 from mlsanm_cli.contact.coulomb import increment, unloaded
@@ -42,12 +42,7 @@ class PolishMark:
     path: NDArray[np.uint8]
 
 
-def load_path(built: Built, start: Start = BEGINNING) -> Iterator[PathStep]:
-    """The path of the scene, or what of it is left, polished where the case asks for it."""
-    return _polished(built, start.mark(PolishMark)) if built.case.solver.polish else path_of(built, start)
-
-
-def _polished(built: Built, mark: PolishMark | None) -> Iterator[PathStep]:
+def polished(built: Built, mark: PolishMark | None) -> Iterator[PathStep]:
     """Every saved state and the last one as the exact laws have them, each in a row of its own.
 
     A saved level inside a step gets the step's series too, for the part of the path before it.
@@ -102,7 +97,7 @@ def _improved(built: Built, polish: Polisher, state: State) -> PathStep:
 def _polisher(built: Built, before: float | None) -> Polisher:
     if not len(built.condensed.rubbing):
         return _frictionless(built)
-    return _holonomic(built) if is_holonomic(built) else _alongside(built, before)
+    return _holonomic(built) if built.is_holonomic else _alongside(built, before)
 
 
 def _frictionless(built: Built) -> Polisher:

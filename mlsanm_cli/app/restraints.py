@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg as linalg
 
 from mlsanm_cli.app.loads import Acting
 from mlsanm_cli.app.stages import stage_factors
@@ -22,7 +21,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.observers import resultant
 from mlsanm_cli.contact.pairing import Pairing, turned
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
+from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import LooseBody, Mover, Obstacle, Platen, RigidMotion
 from mlsanm_cli.values import dataclass
 
@@ -92,8 +91,7 @@ def restrained(
         free = directions[:, sizes <= SLIDES**2]
         for direction in free.T:
             problems += _driven(case, kept, direction)
-        chosen = linalg.qr(free.T, mode="r", pivoting=True)[1][: free.shape[1]] if free.size else []
-        found = [kept[i] for i in sorted(chosen)]
+        found = [kept[i] for i in sorted(independent_rows(free))]
         notes += [_note(one) for one in found]
         held += found
         kept = [one for one in kept if one not in found]

@@ -22,7 +22,7 @@ from mlsanm_cli.app.judge import (
     judge_state,
 )
 from mlsanm_cli.app.marks import Start
-from mlsanm_cli.app.polish import load_path
+from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess, case_warnings, factor_warnings
 from mlsanm_cli.app.recorder import Recorder

@@ -109,14 +109,6 @@ def behind(follower: Follower) -> Branch | None:
     return None if piece is None else piece.tangent
 
 
-def is_holonomic(built: Built) -> bool:
-    """Whether friction is to depend on the total slip alone."""
-    return any(
-        contact.friction and contact.regularization.friction_law == "holonomic"
-        for contact in built.case.contact
-    )
-
-
 def regularization(built: Built) -> Regularization:
     """The case's smooth law with the scene's scales."""
     condensed = built.condensed

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import importlib
 import sys
 from pathlib import Path
 
 import click
 
 from mlsanm_cli import __version__
-from mlsanm_cli.cli.authoring import explain, new, schema
-from mlsanm_cli.cli.batch import cache, collect, sweep
-from mlsanm_cli.cli.compare import compare
 from mlsanm_cli.cli.options import (
     FILE,
     cache_option,
@@ -23,13 +21,32 @@ from mlsanm_cli.cli.options import (
     set_option,
     threads_option,
 )
-from mlsanm_cli.cli.probe import probe
-from mlsanm_cli.cli.resume import resume, show_run
+from mlsanm_cli.cli.resume import show_run
 from mlsanm_cli.cli.settings import Settings, numerics
+
+ELSEWHERE = {
+    **dict.fromkeys(("explain", "new", "schema"), "authoring"),
+    **dict.fromkeys(("cache", "collect", "sweep"), "batch"),
+    **{name: name for name in ("compare", "probe", "resume")},
+}
+"""Commands that stand in other modules of this package, with the names of these."""
 
 
 class Commands(click.Group):
-    """The group of commands, with the nearest name for a misspelt one."""
+    """The group of commands, with the nearest name for a misspelt one; those of other modules are imported
+    when they are asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All names."""
+        return sorted({*self.commands, *ELSEWHERE})
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """A command, None where there is none of this name."""
+        if cmd_name in ELSEWHERE:
+            module = importlib.import_module(f"mlsanm_cli.cli.{ELSEWHERE[cmd_name]}")
+            command: click.Command = getattr(module, cmd_name)
+            return command
+        return super().get_command(ctx, cmd_name)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -52,10 +69,6 @@ def cli() -> None:
 
     A scene is a TOML file; a run of it fills a directory with HDF5, VTU and JSON files.
     """
-
-
-for command in (compare, sweep, collect, cache, new, schema, explain, probe, resume):
-    cli.add_command(command)
 
 
 @cli.command()

@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TextIO
 
-from mlsanm_cli.lean import lean_imports
-
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -43,6 +41,8 @@ def set_threads(threads: int) -> None:
 @contextmanager
 def numerics(threads: int) -> Iterator[None]:
     """The block in which a command imports what it needs, for so many threads."""
+    from mlsanm_cli.lean import lean_imports
+
     set_threads(threads)
     with lean_imports():
         yield

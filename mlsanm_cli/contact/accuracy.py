@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg as linalg
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
@@ -60,7 +60,8 @@ def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
             around = pairing.slave.curve.length if pairing.all_around else None
             units = [np.interp(arc, arc[own], unit, period=around) for unit in np.eye(len(own))]
             joined.append(np.stack(units, axis=1))
-        rows, join = np.concatenate(kept), linalg.block_diag(*joined)
+        rows = np.concatenate(kept)
+        join: FloatArray = sparse.block_diag(joined).toarray()
         thin = replace(
             condensed,
             weight=join.T @ condensed.weight,

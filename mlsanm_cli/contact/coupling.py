@@ -12,12 +12,12 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-import scipy.linalg as linalg
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.regularization import Regularization
+from mlsanm_cli.parts import dgetrf, dgetrs
 from mlsanm_cli.values import dataclass
 
 Rows = FloatArray | sparse.csr_array
@@ -158,13 +158,13 @@ class DenseTangent:
     """LU ``factor`` and ``pivots`` of a matrix (r, r) ordered by columns, which is overwritten."""
 
     def __init__(self, matrix: FloatArray) -> None:
-        self.factor, self.pivots, info = linalg.lapack.dgetrf(matrix, overwrite_a=1)
+        self.factor, self.pivots, info = dgetrf(matrix, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError("singular tangent of the contact problem")
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (r,); ``rhs`` may be overwritten."""
-        solution, _ = linalg.lapack.dgetrs(self.factor, self.pivots, rhs, overwrite_b=1)
+        solution, _ = dgetrs(self.factor, self.pivots, rhs, overwrite_b=1)
         return np.asarray(solution)
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.parts import dgecon, dgetrf, dgetrs
 
 SINGULAR = 1e-15
 
@@ -36,15 +36,15 @@ class ScaledFactor:
 
     def __init__(self, scaled: FloatArray) -> None:
         norm = np.abs(scaled).sum(axis=0).max()
-        self._factor, self._pivots, info = linalg.lapack.dgetrf(scaled, overwrite_a=1)
+        self._factor, self._pivots, info = dgetrf(scaled, overwrite_a=1)
         if info == 0:
-            rcond, info = linalg.lapack.dgecon(self._factor, norm)
+            rcond, info = dgecon(self._factor, norm)
         if info != 0 or rcond < SINGULAR:
             raise SingularSystemError
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (r,) or (r, c)."""
-        solution: FloatArray = linalg.lapack.dgetrs(self._factor, self._pivots, rhs)[0]
+        solution: FloatArray = dgetrs(self._factor, self._pivots, rhs)[0]
         return solution
 
 

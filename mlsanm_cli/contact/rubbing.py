@@ -20,13 +20,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.coupling import Coupling, DenseCoupling, GapTangent, Local
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.sets import Sets, Values
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
+from mlsanm_cli.parts import dgetrf, dgetrs
 
 UNBOUNDED = 1e8
 """Rates above so many times the reference pressure or slip per stage are those of a singular system."""
@@ -69,7 +69,7 @@ class RubbingTangent:
         matrix[:m] *= self._stress[:, None]
         matrix[np.arange(m), np.arange(m)] += h / (law.pressure * law.gap)
         # Pivots are chosen among the rows, which are dimensionless, and not among unknowns of unlike units.
-        self._factor, self._pivots, info = linalg.lapack.dgetrf(matrix, overwrite_a=1)
+        self._factor, self._pivots, info = dgetrf(matrix, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError("singular tangent of the contact problem")
 
@@ -88,7 +88,7 @@ class RubbingTangent:
             held = held - by_known[m + stuck]
             three = three - by_known[m + n :]
         reduced = np.concatenate([one - self._stress * two, held, three])
-        solution, _ = linalg.lapack.dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
+        solution, _ = dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
         p, q = solution[:m], solution[m + len(stuck) :]
         t = known + problem.drag * p[problem.condensed.rubbing]
         t[stuck] = solution[m : m + len(stuck)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import dataclasses
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from mlsanm_cli.continuation.expansion import Metric, Station, station
 from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.values import dataclass
 
 # Halvings of a damped update before it counts as failed: 2^-40 of a Newton step is no progress.
 _HALVINGS = 40
@@ -39,7 +40,7 @@ class Correction:
     solves: int
 
 
-@dataclass
+@dataclasses.dataclass
 class Effort:
     """Counts of one step or correction as they grow."""
 

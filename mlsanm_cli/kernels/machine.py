@@ -14,7 +14,6 @@ import os
 import pickle
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
@@ -22,6 +21,7 @@ import numpy as np
 
 from mlsanm_cli.kernels.blas import EXTERNALS
 from mlsanm_cli.kernels.signature import Signature, Value
+from mlsanm_cli.values import dataclass
 
 WORDS = {"p": ctypes.c_void_p, "i": ctypes.c_int64, "d": ctypes.c_double}
 DONE = (0, -2)

@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg as linalg
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
@@ -22,6 +21,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.refinement import PRECISE
 from mlsanm_cli.operators.system import Equations, LinearSystem
+from mlsanm_cli.parts import dgeqp3
 from mlsanm_cli.values import dataclass
 
 ROTATION = 2
@@ -95,14 +95,25 @@ def free_motions(
     return freedom(cloud.points, cloud.areas, mask)
 
 
+def independent_rows(columns: FloatArray) -> list[int]:
+    """Numbers of as many rows of ``columns`` (n, d) as it has columns, chosen to be far from dependent.
+
+    They are the pivots of a QR factorisation of its transpose (Golub and Van Loan, Matrix Computations,
+    section 5.4.2).
+    """
+    if not columns.size:
+        return []
+    _, pivots, _, _, _ = dgeqp3(columns.T)
+    return [int(pivot) - 1 for pivot in pivots[: columns.shape[1]]]
+
+
 def pins(points: FloatArray, free: Freedom) -> list[tuple[int, int]]:
     """As many (node, component) pairs as there are free motions that together forbid them all."""
     patterns = free.patterns(points)
     if not free.components:
         return []
     patterns = patterns / np.maximum(np.abs(patterns).max(axis=0), np.finfo(float).tiny)
-    chosen = linalg.qr(patterns.T, mode="r", pivoting=True)[1][: len(free.components)]
-    return [(int(place) // 2, int(place) % 2) for place in chosen]
+    return [(place // 2, place % 2) for place in independent_rows(patterns)]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as linalg
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
@@ -45,7 +44,7 @@ def bulk_stability(body: ElasticBody) -> float:
     for _ in range(ITERATIONS):
         space = np.linalg.qr(space)[0]
         image = measure * system.inverse_normal(measure * space)
-        largest = linalg.eigvalsh(0.5 * (space.T @ image + image.T @ space))[-1]
+        largest = np.linalg.eigvalsh(0.5 * (space.T @ image + image.T @ space))[-1]
         space = image
     return float(np.sqrt(smooth / largest))
 

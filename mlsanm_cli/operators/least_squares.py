@@ -15,7 +15,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg as linalg
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
@@ -25,6 +24,7 @@ from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.normal import normal_equations
 from mlsanm_cli.operators.refinement import MOST, PRECISE, QUICK, Progress, directions, length_of
 from mlsanm_cli.operators.system import Equations
+from mlsanm_cli.parts import dpotrf, dpotrs
 from mlsanm_cli.values import dataclass
 
 TINY = np.finfo(float).tiny
@@ -188,7 +188,7 @@ class UpdatedFactor:
     factor: Factor
     images: FloatArray
     solved: FloatArray
-    small: tuple[FloatArray, bool]
+    small: FloatArray
 
     @property
     def note(self) -> str:
@@ -205,11 +205,11 @@ class UpdatedFactor:
         return self._updated(first + self.solved @ rhs)
 
     def _updated(self, first: FloatArray) -> FloatArray:
-        return np.asarray(first - self.solved @ linalg.cho_solve(self.small, self.images @ first))
+        return np.asarray(first - self.solved @ dpotrs(self.small, self.images @ first)[0])
 
     def image_products(self, left: sparse.csr_array, rhs: FloatArray) -> FloatArray:
         """``left`` (g, n) times the solutions for B^T ``rhs`` (k, c)."""
-        return np.asarray(left @ self.solved) @ linalg.cho_solve(self.small, rhs)
+        return np.asarray(left @ self.solved @ dpotrs(self.small, rhs)[0])
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
         """``left`` (g, n) times the solutions for ``right`` (n, c)."""
@@ -258,12 +258,11 @@ def factorise(
         strength = _strength(small)
         sums, images, solved = strength * sums, strength * images, strength * solved
         symmetric = 0.5 * strength**2 * (small + small.T)
-        try:
-            together = linalg.cho_factor(np.eye(len(sums)) + symmetric)
-        except linalg.LinAlgError as error:
+        together, info = dpotrf(np.eye(len(sums)) + symmetric)
+        if info != 0:
             raise NumericalError(
                 "a body is held so softly that its equations are singular to the last digits",
                 "hold it by supports, or by springs stiffer against the body",
-            ) from error
+            )
         factor = UpdatedFactor(factor, images, solved, together)
     return LeastSquares(rows, weight, sums, images, factor)

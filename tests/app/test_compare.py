@@ -16,7 +16,7 @@ from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.compare import Wishes, compare
 from mlsanm_cli.app.differences import AMPLIFIED, Difference, other_law_limit
 from mlsanm_cli.app.methods import chosen_methods, law_of
-from mlsanm_cli.app.polish import load_path
+from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.states import PathStep
 from mlsanm_cli.case import Case, Solver, load_case
 from mlsanm_cli.cli import main

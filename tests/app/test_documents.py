@@ -9,6 +9,7 @@ from typing import Any
 
 import h5py
 import pytest
+from click import Context
 from pydantic import BaseModel
 
 from mlsanm_cli.app.compare import Wishes, compare
@@ -123,7 +124,7 @@ def test_the_complete_case_shows_the_defaults(tmp_path: Path) -> None:
 
 
 def test_commands_and_exit_codes() -> None:
-    for name in cli.commands:
+    for name in cli.list_commands(Context(cli)):
         assert f"`mlsanm {name}" in README
     for code in (0, USAGE, 3, BUG, STOPPED):
         assert re.search(rf"^\| {code} \|", README, flags=re.MULTILINE)

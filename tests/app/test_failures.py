@@ -17,7 +17,7 @@ from mlsanm_cli.app import certificate, judge, recording
 from mlsanm_cli.app import run as run_module
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.marks import Start
-from mlsanm_cli.app.polish import load_path
+from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.linear_map import LinearMap

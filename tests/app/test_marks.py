@@ -9,9 +9,9 @@ import pytest
 
 from mlsanm_cli.app.build import Built, build_scene, complete
 from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.friction_path import FrictionMark
 from mlsanm_cli.app.marks import Start
-from mlsanm_cli.app.paths import FrictionMark
-from mlsanm_cli.app.polish import load_path
+from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.rubbing_point import RubbingMark
 from mlsanm_cli.app.states import PathStep
 from mlsanm_cli.case import load_case

@@ -1,0 +1,93 @@
+"""Modules that wait until they are used."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+START = (
+    "import sys, types\n"
+    "from mlsanm_cli import lean\n"
+    "lean.SPARED = frozenset({'big', 'big.more', 'broken'})\n"
+    "with lean.lean_imports():\n"
+    "    import big\n"
+)
+PACKAGE = {
+    "big/__init__.py": "print('big')\nfrom big._part import one\nfrom . import more\ntwo = 2\n",
+    "big/_part.py": "print('part')\nfrom . import _other\none = 1\n",
+    "big/_other.py": "print('other')\n",
+    "big/more.py": "print('more')\nimport time\ntime.sleep(0.1)\nthree = 3\n",
+    "broken.py": "print('broken')\nif not __import__('os').path.exists('mended'): raise OSError\nfour = 4\n",
+}
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """A folder with a package."""
+    for name, text in PACKAGE.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def printed(place: Path, code: str) -> list[str]:
+    """Words that code prints after a lean start."""
+    environment = {**os.environ, "PYTHONPATH": f"{place}{os.pathsep}{ROOT}"}
+    command = [sys.executable, "-W", "error", "-c", START + code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=place)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("", ""),
+        ("big.__path__, big.__spec__, big.__name__", ""),
+        ("from big._part import one; print(one)", "part other 1"),
+        ("print(big._part.one); print(big.two)", "part other 1 big 2"),
+        ("from big import two; print(two, big.one)", "big part other 2 1"),
+        ("from big import *; print(one, two)", "big part other 1 2"),
+        ("import big.more; print(big.more.three)", "more 3"),
+        ("print(big.two, big.more.three)", "big part other more 2 3"),
+        ("print(hasattr(big, 'five'), hasattr(big, '_five'))", "big part other False False"),
+        (
+            "big.two; print(type(big) is types.ModuleType, sys.modules['big'] is big)",
+            "big part other True True",
+        ),
+    ],
+)
+def test_code_runs_when_a_name_is_asked_for(place: Path, code: str, words: str) -> None:
+    assert printed(place, code) == words.split()
+
+
+def test_threads_wait_for_the_one_that_loads(place: Path) -> None:
+    code = (
+        "import big.more, concurrent.futures as futures\n"
+        "with futures.ThreadPoolExecutor(4) as pool:\n"
+        "    print(*pool.map(lambda _: big.more.three, range(4)))\n"
+    )
+    assert printed(place, code) == ["more", *"3333"]
+
+
+def test_what_failed_is_tried_again(place: Path) -> None:
+    code = (
+        "import broken, pathlib\n"
+        "try:\n    broken.four\nexcept OSError:\n    pathlib.Path('mended').touch()\n"
+        "print(broken.four)\n"
+    )
+    assert printed(place, code) == ["broken", "broken", "4"]
+
+
+def test_where_numpy_is_there_nothing_waits(place: Path) -> None:
+    code = START.replace("import sys", "import numpy, sys") + "print(type(big) is types.ModuleType)"
+    environment = {**os.environ, "PYTHONPATH": f"{place}{os.pathsep}{ROOT}"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    )
+    assert done.stdout.split() == ["big", "part", "other", "more", "True"]
