@@ -18,6 +18,7 @@ from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
+from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
@@ -36,6 +37,11 @@ as large: there displacements are refined as far as they can be.
 """
 SETTLED = 1e-13
 """The same as part of the displacements, for scenes that the fits meet exactly."""
+
+
+def next_degree(settings: MlsSettings) -> MlsSettings:
+    """The settings of the fits that a defect is seen by."""
+    return replace(settings, degree=settings.degree + 1, neighbors=None)
 
 
 @dataclass(frozen=True)
@@ -130,6 +136,9 @@ class _NextDegree:
     def derivatives(self, nodes: FloatArray, field: FloatArray) -> FloatArray:
         """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2)."""
         model, cloud = self.model, self.model.cloud
-        settings = replace(model.settings, degree=model.settings.degree + 1, neighbors=None)
-        tree = model.tree if len(nodes) == len(model.nodes) else cKDTree(nodes)
-        return fitted_derivatives(nodes, tree, cloud.points, settings, field, cloud.sight)
+        settings = next_degree(model.settings)
+        if len(nodes) == len(model.nodes):
+            return fitted_derivatives(
+                nodes, model.tree, cloud.points, settings, field, cloud.sight, model.near
+            )
+        return fitted_derivatives(nodes, cKDTree(nodes), cloud.points, settings, field, cloud.sight)
