@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -88,6 +88,7 @@ class Recorder:
         self.cone: dict[str, float] = {}
         self.polished: list[Polish] = []
         self._mapped = False
+        self._starts: Mapping[str, FloatArray] = {}
         self.judged: State | None = None
         self.failed_at: dict[str, Any] = {}
 
@@ -98,7 +99,7 @@ class Recorder:
 
     def start(self, adapted: Adapted) -> Start:
         """Store the model; where its path begins, or goes on."""
-        built = adapted.built
+        built, self._starts = adapted.built, adapted.accuracy.solutions
         with self._clock.phase("output"):
             recording.write_model(self._file, built)
             self._file.confirm_attribute("cache_hash", recording.operators_digest(built))
@@ -133,7 +134,7 @@ class Recorder:
         with self._clock.phase("output"):
             # All that takes long comes first: signals wait while the file is written.
             row = recording.step_record(built, step, time.monotonic() - self._started)
-            saved = [self._saved_fields(built, one) for one in step.saved] if self._case.output.fields else []
+            saved = self._saved_fields(built, step.saved) if self._case.output.fields else []
             self._count(built, step)
             recorded = self._recorded(step)
             content = packed(recorded)
@@ -201,22 +202,26 @@ class Recorder:
             mark=np.frombuffer(packed(step.mark), np.uint8),
         )
 
-    def _saved_fields(self, built: Built, state: State) -> Saved:
-        """The fields wanted of a state as run.h5 takes them; their VTU files are written."""
+    def _saved_fields(self, built: Built, states: Sequence[State]) -> list[Saved]:
+        """The fields wanted of states as run.h5 takes them; their VTU files are written."""
         wanted = tuple(dict.fromkeys(self._case.output.fields))
         stress = bool({"stress", "von_mises"} & set(wanted))
-        fields, residual = recording.fields_of(built, state, stress=stress)
-        # Unlike max of Python, that of numpy loses no nan.
-        self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
-        if self._case.output.vtu:
-            self._states.write(state.position, recording.vtu_states(built, fields, wanted))
-        kept = recording.stored_fields(fields, wanted)
-        return state.position, kept, {"linear_residual": residual}
+        saved: list[Saved] = []
+        found = recording.fields_of(built, states, stress, self._starts)
+        for state, (fields, residual) in zip(states, found, strict=True):
+            # Unlike max of Python, that of numpy loses no nan.
+            self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
+            if self._case.output.vtu:
+                self._states.write(state.position, recording.vtu_states(built, fields, wanted))
+            kept = recording.stored_fields(fields, wanted)
+            saved.append((state.position, kept, {"linear_residual": residual}))
+        return saved
 
     def check_linear(self, built: Built) -> float:
-        """Largest residual of the linear systems over the saved states, or of the last if none was saved."""
+        """How well the linear systems are solved over the saved states, or in the last if none was saved."""
         if self.linear_residual is None and self.last is not None:
-            _, self.linear_residual = recording.fields_of(built, self.last, stress=False)
+            found = recording.fields_of(built, [self.last], stress=False, starts=self._starts)
+            self.linear_residual = found[0][1]
         return self.linear_residual or 0.0
 
     def warn(self, message: str) -> None:
@@ -239,7 +244,7 @@ class Recorder:
             else:
                 found = diagnose(built, state)
                 self.failed_at = {"position": state.position, "worst_nodes": worst_nodes(built, found)}
-                fields, _ = recording.fields_of(built, state, stress=True)
+                fields, _ = recording.fields_of(built, [state], stress=True)[0]
                 bodies = recording.vtu_states(built, fields, ("displacement", "stress", "von_mises"))
                 if len(found.residual):
                     more = node_fields(built, found)

@@ -17,7 +17,7 @@ from mlsanm_cli.values import dataclass
 GROWTH = 1.3
 LARGEST = 3.0
 SPARE = 8
-"""Nodes looked at beyond a stencil's size, so that all that are equally far are seen."""
+"""Nodes looked at beyond a stencil's size where more are equally far than it takes."""
 TIE = 1e-7
 """Distances closer to each other than this, relatively, count as equal."""
 
@@ -147,7 +147,13 @@ def sound_fits(
 
 def look_around(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
     """Numbers (e, k) of the nodes nearest to ``targets`` (e, 2), enough for stencils of ``size`` nodes."""
-    return np.asarray(tree.query(targets, k=np.arange(1, min(size + SPARE, tree.n) + 1))[1], dtype=np.int32)
+    found = tree.query(targets, k=np.arange(1, min(size + 1, tree.n) + 1))
+    distance, numbers = np.asarray(found[0]), np.asarray(found[1], dtype=np.int32)
+    # Which of equally far nodes comes first must not depend on how many are looked for.
+    tied = np.flatnonzero((distance[:, 1:] == distance[:, :-1]).any(axis=1))
+    order = np.lexsort((numbers[tied], distance[tied]), axis=1)
+    numbers[tied] = np.take_along_axis(numbers[tied], order, axis=1)
+    return numbers
 
 
 def neighbors_of(
@@ -162,10 +168,9 @@ def neighbors_of(
 
     They are searched for where those ``known`` (e, k), by :func:`look_around`, are not enough.
     """
-    count = min(size + SPARE, len(points))
-    if known is None or known.shape[1] < count:
+    if known is None or known.shape[1] <= min(size, len(points) - 1):
         known = look_around(tree, targets, size)
-    radius, indices = _nearest(points, targets, known[:, :count], size)
+    radius, indices = _nearest(points, tree, targets, size, known)
     if sight is not None:
         asked = np.flatnonzero(sight.near(targets, radius))
         radius[asked], indices[asked] = _seen(points, sight, tree, targets[asked], size)
@@ -173,7 +178,7 @@ def neighbors_of(
 
 
 def _nearest(
-    points: FloatArray, targets: FloatArray, known: IndexArray, size: int
+    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, known: IndexArray
 ) -> tuple[FloatArray, IntArray]:
     """Radii (e,) and numbers (e, size) of the nearest of the ``known`` nodes (e, k), equally far ones by
     their numbers.
@@ -183,13 +188,14 @@ def _nearest(
     indices = known[:, :size].astype(np.int64)
     radius = _distance(points, targets, known[:, size - 1 : size])[:, 0]
     if known.shape[1] > size:
-        tied = np.flatnonzero(
-            _distance(points, targets, known[:, size : size + 1])[:, 0] <= (1.0 + TIE) * radius
-        )
-        distance = _distance(points, targets[tied], known[tied])
-        order = np.argsort(distance * (1.0 + TIE * known[tied] / len(points)), axis=1)[:, :size]
-        indices[tied] = np.take_along_axis(known[tied], order, axis=1)
-        radius[tied] = np.take_along_axis(distance, order[:, -1:], axis=1)[:, 0]
+        beyond = _distance(points, targets, known[:, size : size + 1])[:, 0]
+        tied = np.flatnonzero(beyond <= (1.0 + TIE) * radius)
+        if len(tied):
+            more = look_around(tree, targets[tied], size + SPARE - 1)
+            distance = _distance(points, targets[tied], more)
+            order = np.argsort(distance * (1.0 + TIE * more / len(points)), axis=1)[:, :size]
+            indices[tied] = np.take_along_axis(more, order, axis=1)
+            radius[tied] = np.take_along_axis(distance, order[:, -1:], axis=1)[:, 0]
     return radius, indices
 
 
@@ -206,7 +212,8 @@ def _seen(
     indices = np.empty((len(targets), size), dtype=np.int64)
     pending, asked, nodes = np.arange(len(targets)), min(size, len(points)), len(points)
     while len(pending):
-        numbers = _nearest(points, targets[pending], look_around(tree, targets[pending], asked), asked)[1]
+        some = targets[pending]
+        numbers = _nearest(points, tree, some, asked, look_around(tree, some, asked))[1]
         seen = ~sight.cut(targets[pending], numbers)
         enough = seen.sum(axis=1) >= size
         # Stable: nodes that are seen come first, still ordered by distance.
