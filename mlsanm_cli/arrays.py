@@ -11,5 +11,5 @@ AnyArray: TypeAlias = NDArray[Any]
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 IndexArray: TypeAlias = NDArray[np.int32]
-"""Structure of sparse matrices."""
+"""Structure of sparse matrices, and numbers that are kept."""
 BoolArray: TypeAlias = NDArray[np.bool_]

@@ -36,7 +36,8 @@ class Accuracy:
     contacts to relative L2 norms of what the bodies' errors and the contact's own spacing do to the pressure.
     None where no estimate can be given. ``defects`` are the bodies' own, none for other degrees than those
     that an estimate is known for. ``largest`` is the largest displacement, looked for where
-    the clouds may be refined or the errors are told.
+    the clouds may be refined or the errors are told. ``solutions`` (2N, 1) are the bodies' own in that state,
+    none where they are not known.
     """
 
     displacement: float | None
@@ -45,6 +46,7 @@ class Accuracy:
     state: ExactState
     largest: float | None
     defects: Mapping[str, Defect]
+    solutions: Mapping[str, FloatArray]
 
     def figures(self, built: Built, state: State | None = None) -> dict[str, Any]:
         """As summary.json tells them, of ``state`` where its pressures may lie away from the exact ones."""
@@ -72,14 +74,15 @@ def assess_accuracy(built: Built) -> Accuracy:
     untold: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
     # What friction has done on the way there would have to be followed again.
     if len(condensed.rubbing) and not built.case.adapt.passes:
-        return Accuracy(None, untold, untold, state, None, {})
+        return Accuracy(None, untold, untold, state, None, {}, {})
     try:
         bodies = {} if len(condensed.rubbing) else _corrected_bodies(built, state)
     except NumericalError:  # the clouds are too small for the next degree
         bodies = {}
     if not bodies:
         whole = [condensed.displacement(scene, name, _unknowns(state)) for name in scene.bodies]
-        return Accuracy(None, untold, untold, state, _largest(whole), {})
+        return Accuracy(None, untold, untold, state, _largest(whole), {}, {})
+    solutions = {name: one.solution for name, one in bodies.items()}
     defects = {name: one.defect for name, one in bodies.items()}
     largest = _largest([one.displacement for one in bodies.values()])
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
@@ -87,14 +90,14 @@ def assess_accuracy(built: Built) -> Accuracy:
         halved = halved_pressure(condensed, state) if condensed.pairings else state.pressure
         errors, pressures = _corrected(built, state, bodies)
     except NumericalError:  # what was changed but a little has no contact state at all
-        return Accuracy(None, untold, untold, state, largest, defects)
+        return Accuracy(None, untold, untold, state, largest, defects, solutions)
     from_contact = {pair.name: _distance(built, pair, state, halved) for pair in condensed.pairings}
     from_bulk = {
         pair.name: _middle([_distance(built, pair, state, p) for p in pressures])
         for pair in condensed.pairings
     }
     displacement = float(np.sqrt(np.mean(errors) / size)) if size > 0.0 else None
-    return Accuracy(displacement, from_bulk, from_contact, state, largest, defects)
+    return Accuracy(displacement, from_bulk, from_contact, state, largest, defects, solutions)
 
 
 def _corrected_bodies(built: Built, state: ExactState) -> dict[str, Corrected]:

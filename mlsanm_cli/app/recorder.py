@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlsanm_cli.app import recording
 from mlsanm_cli.app.adapt import Adapted
@@ -20,8 +19,10 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.marks import BEGINNING, Start
+from mlsanm_cli.app.recorded import CLOUDS, PATH, Earlier, Recorded
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.states import PathStep, Polish, State
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
@@ -29,46 +30,9 @@ from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.summary import EventLog, toml_text, write_interface_csv, write_json_atomic, write_toml
 from mlsanm_cli.io.vtu import StateWriter, write_model, write_single
 from mlsanm_cli.packing import packed
-from mlsanm_cli.values import dataclass
 
-PATH, CLOUDS = "path", "clouds"
-"""Names of what a run goes on from, in run.h5."""
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """What a run knows of its steps so far, the last state included, and the ``mark`` of its path, packed.
-
-    With the clouds, packed too where they were refined, it is the checkpoint that `mlsanm resume` goes on
-    from. Nothing in it varies from run to run.
-    """
-
-    last: State
-    length: float
-    rows: int
-    saved: int
-    iterations: int
-    factorizations: int
-    solves: int
-    residual: float
-    linear_residual: float | None
-    cone: Mapping[str, float]
-    polished: tuple[Polish, ...]
-    warnings: tuple[str, ...]
-    mark: NDArray[np.uint8]
-
-    @property
-    def start(self) -> Start:
-        """Where the path goes on."""
-        return Start(self.rows, self.mark.tobytes())
-
-
-@dataclass(frozen=True)
-class Earlier:
-    """What an earlier process left of a run: its steps, if there are any, and the seconds they took."""
-
-    recorded: Recorded | None
-    seconds: float
+Saved = tuple[float, dict[str, dict[str, FloatArray]], dict[str, float]]
+"""Position, fields by body and name, and attributes of a saved state."""
 
 
 class Recorder:
@@ -124,6 +88,7 @@ class Recorder:
         self.cone: dict[str, float] = {}
         self.polished: list[Polish] = []
         self._mapped = False
+        self._starts: Mapping[str, FloatArray] = {}
         self.judged: State | None = None
         self.failed_at: dict[str, Any] = {}
 
@@ -134,7 +99,7 @@ class Recorder:
 
     def start(self, adapted: Adapted) -> Start:
         """Store the model; where its path begins, or goes on."""
-        built = adapted.built
+        built, self._starts = adapted.built, adapted.accuracy.solutions
         with self._clock.phase("output"):
             recording.write_model(self._file, built)
             self._file.confirm_attribute("cache_hash", recording.operators_digest(built))
@@ -167,34 +132,47 @@ class Recorder:
         the run goes on from."""
         state, index = step.state, self._rows
         with self._clock.phase("output"):
-            if step.series:
-                if not self._mapped:
-                    recording.write_maps(self._file, built)
-                    self._mapped = True
-                self._file.write_series(index, step.series, step.series_attributes)
-            self._file.append_step(recording.step_record(built, step, time.monotonic() - self._started))
-            self.last, self._rows = state, index + 1
-            self.iterations += step.iterations
-            self.factorizations += step.factorizations
-            self.solves += step.solves
-            self.residual = max(self.residual, state.residual, *(s.residual for s in step.saved), 0.0)
-            for saved in step.saved:
-                self._save_fields(built, saved)
-            for name in built.condensed.tangential:
-                ratios = [recording.cone_ratio(built, name, s) for s in (state, *step.saved)]
-                self.cone[name] = max(self.cone.get(name, 0.0), *ratios)
-            if step.polish is not None:
-                self.polished.append(step.polish)
-            if step.warning:
-                self._told.append(step.warning)
-                self.warn(step.warning)
+            # All that takes long comes first: signals wait while the file is written.
+            row = recording.step_record(built, step, time.monotonic() - self._started)
+            saved = self._saved_fields(built, step.saved) if self._case.output.fields else []
+            self._count(built, step)
             recorded = self._recorded(step)
-            self._file.write_checkpoint(PATH, packed(recorded))
-            self._file.commit()
+            content = packed(recorded)
+            with self._file.together():
+                if step.series:
+                    if not self._mapped:
+                        recording.write_maps(self._file, built)
+                        self._mapped = True
+                    self._file.write_series(index, step.series, step.series_attributes)
+                self._file.append_step(row)
+                for one in saved:
+                    self._file.write_fields(*one)
+                self._file.write_checkpoint(PATH, content)
+                self._file.commit()
             self._tell(recorded)
         peak = float(state.pressure.max(initial=0.0))
         text = f"closed {int(state.closed.sum())}  peak pressure {peak:.6g}" if len(state.pressure) else ""
         self._console.step(index, state.position, state.residual, text)
+
+    def _count(self, built: Built, step: PathStep) -> None:
+        """Add a step, fields and all, to what is known of the path."""
+        self.last = step.state
+        self._rows += 1
+        if self._case.output.fields:
+            self._saved += len(step.saved)
+        self.iterations += step.iterations
+        self.factorizations += step.factorizations
+        self.solves += step.solves
+        states = (step.state, *step.saved)
+        self.residual = max(self.residual, *(state.residual for state in states))
+        for name in built.condensed.tangential:
+            ratios = [recording.cone_ratio(built, name, state) for state in states]
+            self.cone[name] = max(self.cone.get(name, 0.0), *ratios)
+        if step.polish is not None:
+            self.polished.append(step.polish)
+        if step.warning:
+            self._told.append(step.warning)
+            self.warn(step.warning)
 
     def _tell(self, recorded: Recorded) -> None:
         """The event of the last step recorded, which a kill may have come before."""
@@ -224,24 +202,26 @@ class Recorder:
             mark=np.frombuffer(packed(step.mark), np.uint8),
         )
 
-    def _save_fields(self, built: Built, state: State) -> None:
+    def _saved_fields(self, built: Built, states: Sequence[State]) -> list[Saved]:
+        """The fields wanted of states as run.h5 takes them; their VTU files are written."""
         wanted = tuple(dict.fromkeys(self._case.output.fields))
-        if not wanted:
-            return
-        fields, residual = recording.fields_of(
-            built, state, stress=bool({"stress", "von_mises"} & set(wanted))
-        )
-        # Unlike max of Python, that of numpy loses no nan.
-        self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
-        if self._case.output.vtu:
-            self._states.write(state.position, recording.vtu_states(built, fields, wanted))
-        kept = recording.stored_fields(fields, wanted)
-        self._saved = 1 + self._file.write_fields(state.position, kept, {"linear_residual": residual})
+        stress = bool({"stress", "von_mises"} & set(wanted))
+        saved: list[Saved] = []
+        found = recording.fields_of(built, states, stress, self._starts)
+        for state, (fields, residual) in zip(states, found, strict=True):
+            # Unlike max of Python, that of numpy loses no nan.
+            self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
+            if self._case.output.vtu:
+                self._states.write(state.position, recording.vtu_states(built, fields, wanted))
+            kept = recording.stored_fields(fields, wanted)
+            saved.append((state.position, kept, {"linear_residual": residual}))
+        return saved
 
     def check_linear(self, built: Built) -> float:
-        """Largest residual of the linear systems over the saved states, or of the last if none was saved."""
+        """How well the linear systems are solved over the saved states, or in the last if none was saved."""
         if self.linear_residual is None and self.last is not None:
-            _, self.linear_residual = recording.fields_of(built, self.last, stress=False)
+            found = recording.fields_of(built, [self.last], stress=False, starts=self._starts)
+            self.linear_residual = found[0][1]
         return self.linear_residual or 0.0
 
     def warn(self, message: str) -> None:
@@ -264,7 +244,7 @@ class Recorder:
             else:
                 found = diagnose(built, state)
                 self.failed_at = {"position": state.position, "worst_nodes": worst_nodes(built, found)}
-                fields, _ = recording.fields_of(built, state, stress=True)
+                fields, _ = recording.fields_of(built, [state], stress=True)[0]
                 bodies = recording.vtu_states(built, fields, ("displacement", "stress", "von_mises"))
                 if len(found.residual):
                     more = node_fields(built, found)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.states import PathStep, State, wanted_positions
+from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
@@ -23,8 +25,9 @@ from mlsanm_cli.values import dataclass
 
 PRESSED = 1e-9
 """Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
-OFTEN = 3
-"""From so many saved states on the preparation for their residuals pays: it takes as long as two of them."""
+TOGETHER = 4
+"""States solved for together: twice the work of one; more would only take more memory."""
+NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -193,29 +196,52 @@ def contact_summary(built: Built, pairing: Pairing, state: State) -> dict[str, A
     }
 
 
-def fields_of(built: Built, state: State, stress: bool) -> tuple[dict[str, Fields], float]:
-    """Fields of all bodies, stresses only if asked for; and the largest residual of the linear systems."""
-    fields, worst = {}, 0.0
-    for name, body in built.scene.bodies.items():
-        displacement, residual = _displacement(built, name, state)
-        worst = float(np.maximum(worst, residual))
-        degrees = float(built.scene.degrees(name) @ state.factors)
-        elastic = displacement - degrees * body.model.free_expansion
-        sigma = body.model.stress(elastic) if stress else np.zeros((0, 3))
-        across = body.model.material.across_stress(sigma, degrees)
-        points = len(body.model.cloud.points)
-        fields[name] = Fields(displacement[:points], sigma, across, von_mises(sigma, across))
-    return fields, worst
+def fields_of(
+    built: Built, states: Sequence[State], stress: bool, starts: Mapping[str, FloatArray] = NO_STARTS
+) -> list[tuple[dict[str, Fields], float]]:
+    """Of each state the fields of all bodies, stresses only if asked for, and how well its linear systems are
+    solved.
+
+    States are solved for together. ``starts`` are solutions (2N, 1) that may be near, by body.
+    """
+    found: list[tuple[dict[str, Fields], float]] = []
+    for first in range(0, len(states), TOGETHER):
+        some = states[first : first + TOGETHER]
+        bodies = {name: _displacements(built, name, some, starts.get(name)) for name in built.scene.bodies}
+        for number, state in enumerate(some):
+            # Unlike max of Python, that of numpy loses no nan.
+            worst = float(np.max([worth[number] for _, worth in bodies.values()]))
+            fields = {
+                name: _fields(built, name, state, displacements[number], stress)
+                for name, (displacements, _) in bodies.items()
+            }
+            found.append((fields, worst))
+    return found
 
 
-def _displacement(built: Built, name: str, state: State) -> tuple[FloatArray, float]:
-    """Displacements (N, 2) of a body, ghosts last, and the residual of its elastic system."""
-    often = len(wanted_positions(built)) >= OFTEN
-    if not len(state.displacement):
-        return built.condensed.checked_displacement(built.scene, name, state.unknowns, often)
-    solution = state.displacement[built.scene.places[name], None]
-    source = built.condensed.source(name, *state.unknowns)
-    return solution.reshape(-1, 2), built.scene.bodies[name].system.residual(source, solution, often)
+def _fields(built: Built, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
+    """Fields of one body by its ``displacement`` (N, 2), ghosts last."""
+    model = built.scene.bodies[name].model
+    degrees = float(built.scene.degrees(name) @ state.factors)
+    elastic = displacement - degrees * model.free_expansion
+    sigma = model.stress(elastic) if stress else np.zeros((0, 3))
+    across = model.material.across_stress(sigma, degrees)
+    return Fields(displacement[: len(model.cloud.points)], sigma, across, von_mises(sigma, across))
+
+
+def _displacements(
+    built: Built, name: str, states: Sequence[State], start: FloatArray | None
+) -> tuple[list[FloatArray], FloatArray]:
+    """Displacements (N, 2) of a body in each state, ghosts last, and what solving its elastic system once
+    more is worth (c,)."""
+    condensed = built.condensed
+    if not len(states[0].displacement):
+        unknowns = [state.unknowns for state in states]
+        return condensed.checked_displacements(built.scene, name, unknowns, start)
+    solution = np.stack([state.displacement[built.scene.places[name]] for state in states], axis=1)
+    sources = sparse.hstack([condensed.source(name, *state.unknowns) for state in states], format="csc")
+    residual = built.scene.bodies[name].system.residual(sparse.csc_array(sources), solution)
+    return [one.reshape(-1, 2) for one in solution.T], residual
 
 
 def stored_fields(fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, dict[str, FloatArray]]:

@@ -19,7 +19,8 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.foreign import survey
 from mlsanm_cli.app.marks import Mark, restored
-from mlsanm_cli.app.recorder import CLOUDS, PATH, Earlier, Recorded, Recorder
+from mlsanm_cli.app.recorded import CLOUDS, PATH, Earlier, Recorded
+from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.run import carry_out
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import LoadedCase, parse_case

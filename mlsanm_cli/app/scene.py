@@ -23,6 +23,7 @@ from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, model_key
+from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.deferred import Timed
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.springs import gripped, stiffest_soft
@@ -61,6 +62,11 @@ def mls_settings(case: Case) -> MlsSettings:
     return MlsSettings(case.mls.degree, neighbors if isinstance(neighbors, int) else None, case.mls.scheme)
 
 
+def estimated(case: Case) -> bool:
+    """Whether errors can be estimated: what friction has done would have to be followed again."""
+    return case.mls.degree in DEGREES and not any(contact.friction for contact in case.contact)
+
+
 def prepare(
     case: Case,
     clouds: Mapping[str, Cloud],
@@ -75,6 +81,7 @@ def prepare(
     stiffness = materials(case)
     loads = acting(case, clouds)
     settings = mls_settings(case)
+    foresight = next_degree(settings).stencil_size if estimated(case) else 0
     held = {body.name: _held_surfaces(case, body.name) for body in case.body}
     models = {}
     for body in case.body:
@@ -87,7 +94,7 @@ def prepare(
         models[name] = memo.value(
             "model",
             model_key(name, cloud, material, settings, clamped),
-            partial(BodyModel.build, name, cloud, material, settings, clamped),
+            partial(BodyModel.build, name, cloud, material, settings, clamped, foresight),
         )
     pairings = tuple(pair(case, clouds))
     held_nodes = {body.name: _held_nodes(case, body.name, clouds[body.name]) for body in case.body}

@@ -153,14 +153,28 @@ class Condensed:
         solution = self.solution(scene, body, unknowns)[0][:, 0]
         return (solution + scene.loose_patterns(body) @ unknowns[1]).reshape(-1, 2)
 
-    def checked_displacement(
-        self, scene: Scene, body: str, unknowns: Sequence[FloatArray], often: bool
-    ) -> tuple[FloatArray, float]:
-        """The same, and the residual of the body's elastic system; ``often`` says that it is asked for in
-        other states too."""
-        solution, source = self.solution(scene, body, unknowns)
-        residual = scene.bodies[body].system.residual(source, solution, often)
-        return (solution[:, 0] + scene.loose_patterns(body) @ unknowns[1]).reshape(-1, 2), residual
+    def checked_displacements(
+        self,
+        scene: Scene,
+        body: str,
+        states: Sequence[Sequence[FloatArray]],
+        start: FloatArray | None = None,
+    ) -> tuple[list[FloatArray], FloatArray]:
+        """The same in several states, and what solving the body's elastic system once more is worth in each
+        (c,), relatively: what it changed, or of solutions that are kept would change.
+
+        They are solved for together, from a ``start`` (2N, 1) if a solution near them is known.
+        """
+        system, patterns = scene.bodies[body].system, scene.loose_patterns(body)
+        stacked = [self.source(body, *state) for state in states]
+        sources = sparse.csc_array(sparse.hstack(stacked, format="csc"))
+        if body in self.solutions:
+            solution = np.hstack([self.solution(scene, body, state)[0] for state in states])
+            worth = system.residual(sources, solution)
+        else:
+            solution, worth = system.checked(sources, start)
+        moved = [patterns @ state[1] for state in states]
+        return [(solution[:, k] + one).reshape(-1, 2) for k, one in enumerate(moved)], worth
 
 
 def condense(scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -> Condensed:

@@ -34,7 +34,7 @@ from mlsanm_cli.contact.regularization import Regularization
 from mlsanm_cli.contact.short_waves import slip_fit
 from mlsanm_cli.mechanics.scene import Platen, Scene
 from mlsanm_cli.operators.linear.interface import DirectSolver
-from mlsanm_cli.operators.refinement import refine
+from mlsanm_cli.operators.refinement import Progress, refine
 from mlsanm_cli.values import dataclass
 
 ELASTIC = 10.0
@@ -128,7 +128,7 @@ class SparseTangent:
             return plan.solve(self._factor, lack)[:, None]
 
         first = plan.solve(self._factor, rhs)[:, None]
-        return np.asarray(scales * refine(first, update, REFINED)[:, 0])
+        return np.asarray(scales * refine(first, update, Progress.of(first, REFINED))[0][:, 0])
 
 
 def sparse_coupling(

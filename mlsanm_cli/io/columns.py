@@ -29,8 +29,10 @@ class Column:
         self._dtype = dtype
         key = name.encode()
         self._dataset = h5py.h5d.open(group, key) if key in group else self._created(group, key)
+        self._type = h5py.h5t.py_create(dtype)
         self._row_shape = (1, *tail)
         self._row_space = h5py.h5s.create_simple(self._row_shape)
+        self._rows_space = h5py.h5s.create_simple(self._row_shape)
         self._origin = (0,) * len(tail)
         self._empty = 0 in tail
 
@@ -57,18 +59,22 @@ class Column:
         row = np.asarray(value)
         if row.shape != self._tail:
             raise ValueError(f"{self._name}: shape {row.shape}, expected {self._tail}")
+        if row.dtype == self._dtype:
+            return np.ascontiguousarray(row).reshape(self._row_shape)
         if not np.can_cast(row.dtype, self._dtype, "same_kind") and row.dtype.kind not in "iub":
             raise ValueError(f"{self._name}: type {row.dtype} does not fit {self._dtype}")
         return np.ascontiguousarray(row, dtype=self._dtype).reshape(self._row_shape)
 
     def write(self, index: int, row: NDArray[Any]) -> None:
         """Write ``row``, as `checked` gave it, at ``index``; the dataset then has ``index`` + 1 rows."""
-        self._dataset.set_extent((index + 1, *self._tail))
+        extent = (index + 1, *self._tail)
+        self._dataset.set_extent(extent)
         if self._empty:
             return
-        target = self._dataset.get_space()
-        target.select_hyperslab((index, *self._origin), self._row_shape)
-        self._dataset.write(self._row_space, target, row)
+        # The same space again, and the type named: to ask the dataset for both takes longer than to write.
+        self._rows_space.set_extent_simple(extent)
+        self._rows_space.select_hyperslab((index, *self._origin), self._row_shape)
+        self._dataset.write(self._row_space, self._rows_space, row, self._type)
 
     def truncate(self, rows: int) -> None:
         """Drop the rows beyond the first ``rows``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -39,19 +40,31 @@ def store_array(group: Any, name: str, array: NDArray[Any]) -> None:
 
     By the low-level calls, as every step of a path stores some: ``create_dataset`` takes four times as long.
     """
-    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    properties.set_obj_track_times(False)
-    kind, space = h5py.h5t.py_create(array.dtype, logical=True), h5py.h5s.create_simple(array.shape)
-    dataset = h5py.h5d.create(group, checked_name(name).encode(), kind, space, dcpl=properties)
+    kind, space = _kind(array.dtype), h5py.h5s.create_simple(array.shape)
+    dataset = h5py.h5d.create(group, checked_name(name).encode(), kind, space, dcpl=_untimed())
     if array.size:
-        dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, array)
+        dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, array, kind)
 
 
 def store_number(group: Any, name: str, value: float) -> None:
     """Store a number as the attribute ``name``, which is not there yet, of the low-level ``group``."""
     number = np.asarray(value)
-    kind = h5py.h5t.py_create(number.dtype, logical=True)
-    h5py.h5a.create(group, name.encode(), kind, h5py.h5s.create(h5py.h5s.SCALAR)).write(number)
+    kind = _kind(number.dtype)
+    h5py.h5a.create(group, name.encode(), kind, h5py.h5s.create(h5py.h5s.SCALAR)).write(number, kind)
+
+
+@lru_cache(maxsize=16)
+def _kind(dtype: np.dtype[Any]) -> Any:
+    """HDF5's name of a type of numbers."""
+    return h5py.h5t.py_create(dtype, logical=True)
+
+
+@cache
+def _untimed() -> Any:
+    """Properties of datasets that do not tell when they were made."""
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_obj_track_times(False)
+    return properties
 
 
 def keep_names(group: Any, name: str, names: Sequence[str]) -> None:
@@ -68,6 +81,11 @@ def checked_name(name: str) -> str:
     if not name or name in {".", ".."} or re.search(r"[/\0]", name):
         raise RunError(f"the name {name!r} cannot be stored", hint='names must not be empty or hold "/"')
     return name
+
+
+def ordered(parent: Any, name: str) -> Any:
+    """A group whose members stay in the order of their making."""
+    return parent[name] if name in parent else parent.create_group(name, track_order=True)
 
 
 def floats(array: ArrayLike) -> NDArray[np.float64]:

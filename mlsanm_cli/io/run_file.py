@@ -21,38 +21,31 @@ those stored bit for bit, and its next row goes behind the last.
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
-from mlsanm_cli.io.columns import Column
+from mlsanm_cli.io.history import History
 from mlsanm_cli.io.journal import JournaledFile, recover, shielded
 from mlsanm_cli.io.kept import (
-    check_keys,
     check_shape,
     checked_name,
     differs,
     floats,
     keep,
     keep_names,
+    ordered,
     store_array,
     store_number,
 )
-from mlsanm_cli.io.records import (
-    CONTACT_COLUMNS,
-    CONTACT_TOTALS,
-    FORMAT,
-    PATH_COLUMNS,
-    PROBE_COLUMNS,
-    ContactRecord,
-    StepRecord,
-)
+from mlsanm_cli.io.records import FORMAT, ContactRecord, StepRecord
+from mlsanm_cli.io.saved_states import SavedStates
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -83,15 +76,11 @@ class RunFile:
         self._file = file
         self._store = store
         self._path = path
-        self._columns: dict[str, Column] = {}
+        self._history = History(file)
+        self._states = SavedStates(file)
         self._checkpoints: dict[str, Any] = {}
         self._series: Any = None
-        self._rows = self._states = 0
-        self._contacts: list[str] = []
-        self._loads: list[str] | None = None
-        self._resultants: list[str] = []
-        self._displacements: list[str] = []
-        self._probes: list[str] = []
+        self._shielded = False
 
     @classmethod
     def create(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
@@ -128,7 +117,7 @@ class RunFile:
         except (OSError, RuntimeError) as error:
             raise cannot_write(path, error) from error
         run = cls(file, store, path)
-        run._rows, run._states = rows, states
+        run._history, run._states = History(file, rows), SavedStates(file, states)
         run.set_attributes({"status": "running", **attributes})
         return run
 
@@ -168,7 +157,7 @@ class RunFile:
 
         All contacts must be there before the first step.
         """
-        if self._loads is not None:
+        if self._history.started:
             raise ValueError(f"contact {name} comes after the path was started")
         count = len(points)
         geometry = {"points": points, "normal": normal, "arc_length": arc_length, "weight": weight}
@@ -178,11 +167,7 @@ class RunFile:
             group = self._file["contacts"].require_group(checked_name(name))
             for key, array in geometry.items():
                 keep(group, key, floats(array))
-            for key, dtype in CONTACT_COLUMNS.items():
-                self._add_column(group, f"contacts/{name}/{key}", key, (count,), dtype)
-            for key, dtype in CONTACT_TOTALS.items():
-                self._add_column(group, f"contacts/{name}/{key}", key, (), dtype)
-        self._contacts.append(name)
+            self._history.add_contact(group, name, count)
 
     def start_path(
         self,
@@ -193,62 +178,23 @@ class RunFile:
     ) -> None:
         """Make the empty /path: a factor per load, a resultant per load or support named, a displacement per
         load of a platen named; and the empty history of each probe."""
-        if self._loads is not None:
+        if self._history.started:
             raise ValueError("the path was started already")
         with self._storing():
-            group = self._file.require_group("path")
-            for key, dtype in PATH_COLUMNS.items():
-                self._add_column(group, key, key, (), dtype)
-            factors = _ordered(group, "factors")
-            for name in loads:
-                self._add_column(factors, f"factors/{name}", checked_name(name), (), np.float64)
-            forces = _ordered(group, "resultants")
-            for name in resultants:
-                self._add_column(forces, f"resultants/{name}", checked_name(name), (2,), np.float64)
-            moves = _ordered(group, "displacements")
-            for name in displacements:
-                self._add_column(moves, f"displacements/{name}", checked_name(name), (2,), np.float64)
-            if probes:
-                observed = _ordered(self._file, "probes")
-            for name in probes:
-                point = observed.require_group(checked_name(name))
-                for key, tail in PROBE_COLUMNS.items():
-                    self._add_column(point, f"probes/{name}/{key}", key, tail, np.float64)
-        self._loads = list(loads)
-        self._resultants = list(resultants)
-        self._displacements = list(displacements)
-        self._probes = list(probes)
+            self._history.start(loads, resultants, displacements, probes)
 
     def append_step(self, step: StepRecord) -> None:
         """Append one row to /path and to every contact history."""
-        if self._loads is None:
+        if not self._history.started:
             raise ValueError("start_path must be called before append_step")
-        check_keys("load factors", step.factors, self._loads)
-        check_keys("resultants", step.resultants, self._resultants)
-        check_keys("displacements", step.displacements, self._displacements)
-        check_keys("contacts", step.contacts, self._contacts)
-        check_keys("probes", step.probes, self._probes)
-        values: dict[str, ArrayLike] = {key: getattr(step, key) for key in PATH_COLUMNS}
-        values |= {f"factors/{name}": value for name, value in step.factors.items()}
-        values |= {f"resultants/{name}": value for name, value in step.resultants.items()}
-        values |= {f"displacements/{name}": value for name, value in step.displacements.items()}
-        for name, record in step.contacts.items():
-            values |= {
-                f"contacts/{name}/{key}": getattr(record, key) for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)
-            }
-        for name, probe in step.probes.items():
-            values |= {f"probes/{name}/{key}": getattr(probe, key) for key in PROBE_COLUMNS}
-        rows = {key: self._columns[key].checked(value) for key, value in values.items()}
         with self._storing():
-            for key, row in rows.items():
-                self._columns[key].write(self._rows, row)
-        self._rows += 1
+            self._history.append(step)
 
     def write_maps(self, kind: str, maps: Mapping[str, FloatArray]) -> None:
         """Store matrices (r, 1 + u) as /maps/<kind>/<name>: they take 1 and the u unknowns of the path, load
         factors, motions, pressures and tractions, to what they are named after."""
         with self._storing():
-            group = _ordered(self._file.require_group("maps"), kind)
+            group = ordered(self._file.require_group("maps"), kind)
             for name, matrix in maps.items():
                 keep(group, name, floats(matrix))
 
@@ -274,10 +220,7 @@ class RunFile:
     def saved_positions(self) -> list[float]:
         """Positions of the states saved so far, an earlier process's included."""
         with self._storing():
-            found: list[float] = (
-                self._file["fields/position"][: self._states].tolist() if self._states else []
-            )
-        return found
+            return self._states.positions
 
     def write_checkpoint(self, name: str, content: bytes) -> None:
         """Store what the run goes on from as /checkpoint/<name>, in place of what is there."""
@@ -300,21 +243,8 @@ class RunFile:
         attributes: Mapping[str, Attribute] | None = None,
     ) -> int:
         """Store one saved state as /fields/<k>/<body>/<field>, and return k; k counts from 0."""
-        index = self._states
         with self._storing():
-            fields = self._file.require_group("fields")
-            if "fields/position" not in self._columns:
-                self._add_column(fields, "fields/position", "position", (), np.float64)
-            state = _ordered(fields, str(index))
-            state.attrs.update(attributes or {})
-            for body, arrays in bodies.items():
-                group = state.require_group(checked_name(body))
-                for name, array in arrays.items():
-                    keep(group, name, floats(array))
-            column = self._columns["fields/position"]
-            column.write(index, column.checked(position))
-        self._states += 1
-        return index
+            return self._states.add(position, bodies, attributes or {})
 
     def set_attributes(self, attributes: Mapping[str, Attribute]) -> None:
         """Set attributes of the root, replacing those of the same name, and commit."""
@@ -338,9 +268,8 @@ class RunFile:
         if not self._file.id.valid:
             return
         with self._storing():
-            for key, column in self._columns.items():
-                column.truncate(self._states if key == "fields/position" else self._rows)
-            self._columns.clear()
+            self._history.truncate()
+            self._states.truncate()
             self._checkpoints.clear()
             self._series = None
             self._file.close()
@@ -354,11 +283,6 @@ class RunFile:
     ) -> None:
         self.close()
 
-    def _add_column(
-        self, group: Any, key: str, name: str, tail: tuple[int, ...], dtype: type[np.generic]
-    ) -> None:
-        self._columns[key] = Column(group.id, name, tail, np.dtype(dtype))
-
     def commit(self) -> None:
         """Put all that was written so far on disk."""
         with self._storing():
@@ -369,15 +293,21 @@ class RunFile:
         self._store.commit()
 
     @contextmanager
+    def together(self) -> Iterator[None]:
+        """Hold signals back once for all that is written within the block, a step's parts, say: for each of
+        them that takes as long as to write a few numbers."""
+        with self._storing():
+            self._shielded = True
+            try:
+                yield
+            finally:
+                self._shielded = False
+
+    @contextmanager
     def _storing(self) -> Iterator[None]:
         """Turn what HDF5 raises when the disk is full or gone into a RunError; signals have to wait."""
         try:
-            with shielded():
+            with nullcontext() if self._shielded else shielded():
                 yield
         except (OSError, RuntimeError) as error:
             raise cannot_write(self._path, error) from error
-
-
-def _ordered(parent: Any, name: str) -> Any:
-    """A group whose members stay in the order of their making."""
-    return parent[name] if name in parent else parent.create_group(name, track_order=True)

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud, Surface
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.deferred import Equations, Timed
@@ -36,7 +36,7 @@ from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.rows import pair_rows
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.stencils import Stencils, build_stencils, look_around
 from mlsanm_cli.operators.system import LinearSystem
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
@@ -58,7 +58,8 @@ class BodyModel:
     """Cloud, material and operators of one body, before its boundary conditions are set up.
 
     ``nodes`` (N, 2) carry the unknowns: the cloud's points, then the ghosts outside the boundary nodes
-    ``ghosts`` (g,), none unless the scheme has them. ``stencils`` are those of the cloud's points.
+    ``ghosts`` (g,), none unless the scheme has them. ``stencils`` are those of the cloud's points, ``near``
+    (n, k) the nodes nearest to each, as far as they may be asked for again.
     """
 
     name: str
@@ -68,6 +69,7 @@ class BodyModel:
     ghosts: IntArray
     nodes: FloatArray
     tree: cKDTree
+    near: IndexArray
     stencils: Stencils
 
     @classmethod
@@ -78,8 +80,11 @@ class BodyModel:
         material: PlaneMaterial,
         settings: MlsSettings,
         clamped: Collection[str] = (),
+        foresight: int = 0,
     ) -> BodyModel:
         """Stencils with second derivatives at every node; ghosts leave out ``clamped`` surfaces.
+
+        Nodes are looked for but once, so many that stencils of ``foresight`` nodes may be made later.
 
         Raises NumericalError where two nodes are too close, a part too thin for the degree, or no room for
         ghosts.
@@ -96,8 +101,11 @@ class BodyModel:
             ghosts = ghost_owners(cloud, clamped)
             nodes = np.concatenate([nodes, ghost_points(cloud, ghosts)])
         tree = cKDTree(nodes)
-        stencils = build_stencils(nodes, tree, cloud.points, 2, settings, cloud.sight)
-        return cls(name, cloud, material, settings, ghosts, nodes, tree, stencils)
+        near = look_around(tree, cloud.points, max(settings.stencil_size, foresight))
+        stencils = build_stencils(nodes, tree, cloud.points, 2, settings, cloud.sight, near)
+        if not foresight:
+            near = near[:, :0]
+        return cls(name, cloud, material, settings, ghosts, nodes, tree, near, stencils)
 
     @cached_property
     def content(self) -> str:

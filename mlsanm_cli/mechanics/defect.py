@@ -18,6 +18,7 @@ from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
+from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
@@ -38,6 +39,11 @@ SETTLED = 1e-13
 """The same as part of the displacements, for scenes that the fits meet exactly."""
 
 
+def next_degree(settings: MlsSettings) -> MlsSettings:
+    """The settings of the fits that a defect is seen by."""
+    return replace(settings, degree=settings.degree + 1, neighbors=None)
+
+
 @dataclass(frozen=True)
 class Defect:
     """``source`` (r,) in the units of the body's rows, ``stress`` (n, 3) of the better fits less its own."""
@@ -48,14 +54,16 @@ class Defect:
 
 @dataclass(frozen=True)
 class Corrected:
-    """``displacement`` (N, 2) of a body, its ``defect``, and the ``changes`` (2N, 2) that make up for it: by
-    the rows alone, and with their sums too. ``rough`` is the relative error of solutions by the factor alone.
+    """``displacement`` (N, 2) of a body, its elastic ``solution`` (2N, 1) without rigid motions, its
+    ``defect``, and the ``changes`` (2N, 2) that make up for it: by the rows alone, and with their sums too.
+    ``rough`` is the relative error of solutions by the factor alone.
 
     The sums look at long waves only and may let the rest pass, the rows alone think of long waves as the body
     without sums would: of the true error, one was down to 0.13, the other up to 4 times.
     """
 
     displacement: FloatArray
+    solution: FloatArray
     defect: Defect
     changes: FloatArray
     rough: float
@@ -94,7 +102,7 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
     changes = np.stack([plain, summed], axis=1)
     if rough > ROUGH:
         changes = np.hstack([body.system.plain.solve(beyond, QUICK), body.system.solve(beyond, QUICK)])
-    return Corrected((solution[:, 0] + moved).reshape(-1, 2), defect, changes, rough)
+    return Corrected((solution[:, 0] + moved).reshape(-1, 2), solution, defect, changes, rough)
 
 
 def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
@@ -130,6 +138,9 @@ class _NextDegree:
     def derivatives(self, nodes: FloatArray, field: FloatArray) -> FloatArray:
         """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2)."""
         model, cloud = self.model, self.model.cloud
-        settings = replace(model.settings, degree=model.settings.degree + 1, neighbors=None)
-        tree = model.tree if len(nodes) == len(model.nodes) else cKDTree(nodes)
-        return fitted_derivatives(nodes, tree, cloud.points, settings, field, cloud.sight)
+        settings = next_degree(model.settings)
+        if len(nodes) == len(model.nodes):
+            return fitted_derivatives(
+                nodes, model.tree, cloud.points, settings, field, cloud.sight, model.near
+            )
+        return fitted_derivatives(nodes, cKDTree(nodes), cloud.points, settings, field, cloud.sight)

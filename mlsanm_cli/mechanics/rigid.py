@@ -140,6 +140,14 @@ class FreeSystem:
         """Solutions (n, c) without mean motion for right-hand sides ``sources`` (r, c), balanced first."""
         return self._centred(self.system.solve(self._balanced(sources), tolerance))
 
+    def checked(
+        self, sources: sparse.csc_array, start: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Solutions (n, c) without mean motion, and what the last update changed of each (c,), relatively."""
+        pinned = None if start is None else self._pinned(start)
+        solution, change = self.system.checked(self._balanced(sources), pinned)
+        return self._centred(solution), change
+
     def roughly(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone."""
         return self._centred(self.system.roughly(self._balanced(sources)))
@@ -168,9 +176,9 @@ class FreeSystem:
         pinned, mean = np.split(found, [observed.shape[0]])
         return np.asarray(pinned - (observed @ self.patterns) @ mean)
 
-    def residual(self, source: sparse.csc_array, solution: FloatArray, often: bool = False) -> float:
-        """What one more refinement would change of a ``solution`` (n, 1), relatively."""
-        return self.system.residual(self._balanced(source), self._pinned(solution), often)
+    def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
+        """What one more refinement would change of each of the ``solutions`` (n, c), relatively: (c,)."""
+        return self.system.residual(self._balanced(sources), self._pinned(solutions))
 
     def _pinned(self, solution: FloatArray) -> FloatArray:
         """``solution`` (n, c) as the pinned body has it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.sight import Sight
 from mlsanm_cli.kernels.fits import fit_derivatives
 from mlsanm_cli.operators.settings import MlsSettings
@@ -22,17 +22,21 @@ def fitted_derivatives(
     settings: MlsSettings,
     field: FloatArray,
     sight: Sight | None = None,
+    known: IndexArray | None = None,
 ) -> FloatArray:
     """Value and derivatives (e, 6, c) of a nodal ``field`` (n, c) at ``targets`` (e, 2), degree 2 at least.
 
-    They are those of :meth:`Stencils.derivatives` with the same settings but for round-off.
+    They are those of :meth:`Stencils.derivatives` with the same settings but for round-off; ``known`` (e, k)
+    are the targets' nearest nodes by :func:`look_around`, if they were looked for already.
     Raises NumericalError where the nodes cannot carry the degree.
     """
     result = np.empty((len(targets), 6, field.shape[1]))
     field = np.ascontiguousarray(field)
 
-    def fit(some: FloatArray, size: int) -> tuple[tuple[FloatArray], FloatArray]:
-        radius, numbers = neighbors_of(points, tree, some, size, sight)
+    def fit(which: IntArray, size: int) -> tuple[tuple[FloatArray], FloatArray]:
+        some = targets[which]
+        near = None if known is None else known[which]
+        radius, numbers = neighbors_of(points, tree, some, size, sight, near)
         found, ratio = np.empty((len(some), 6, field.shape[1])), np.empty(len(some))
         fit_derivatives(
             points, numbers, some, radius, settings.degree, settings.sharpness, field, found, ratio
@@ -40,7 +44,7 @@ def fitted_derivatives(
         return (found,), ratio
 
     for first in range(0, len(targets), TOGETHER):
-        some = np.ascontiguousarray(targets[first : first + TOGETHER])
-        for which, (found,), _ in sound_fits(len(points), some, settings, fit):
-            result[first + which] = found
+        some = np.arange(first, min(first + TOGETHER, len(targets)))
+        for which, (found,), _ in sound_fits(len(points), targets, some, settings, fit):
+            result[which] = found
     return result

@@ -12,7 +12,6 @@ semi-normal step, and bodies that are almost incompressible get there in a few m
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -22,12 +21,20 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.normal import normal_equations
-from mlsanm_cli.operators.refinement import MOST, PRECISE, QUICK, Progress, directions, length_of
+from mlsanm_cli.operators.refinement import (
+    CHECKED,
+    MOST,
+    PRECISE,
+    QUICK,
+    TINY,
+    Progress,
+    best_part,
+    relative,
+)
 from mlsanm_cli.operators.system import Equations
 from mlsanm_cli.parts import dpotrf, dpotrs
 from mlsanm_cli.values import dataclass
 
-TINY = np.finfo(float).tiny
 STRONGEST = 1e5
 """How much more the sums count than the rows they are made of, at most: a beam of 8 x 1 wants 1e4."""
 DIGITS = 0.01
@@ -49,8 +56,25 @@ class LeastSquares:
 
     def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
-        lack = self.scaled(sources)
-        return self._refined(np.zeros((self.rows.shape[1], 1)), lack, tolerance)[0]
+        return self._refined(np.zeros((self.rows.shape[1], 1)), self.scaled(sources), tolerance)[0]
+
+    def checked(
+        self, sources: sparse.csc_array, start: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Solutions (n, c) for ``sources`` (r, c), from a multiple of a ``start`` (n, 1) if one near them is
+        known, and what the last update changed of each, relatively: (c,)."""
+        force, lack = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
+        if start is None:
+            solution = self.factor.solve(self._gather(lack))
+            lack = lack - self._apply(solution)
+            progress = Progress.of(solution, PRECISE, CHECKED)
+        else:
+            image = self._apply(start)
+            part = best_part(image, lack)
+            solution, lack = start @ part, lack - image @ part
+            progress = Progress.begun(sources.shape[1], PRECISE, CHECKED)
+        solution, _, progress = self._further(force, lack, solution, progress)
+        return solution, relative(progress.last, solution)
 
     def roughly(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
@@ -100,8 +124,13 @@ class LeastSquares:
         ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem.
         """
         solution = self.factor.solve(force + self._gather(lack))
-        lack = lack - self._apply(solution)
         progress = Progress.of(solution, tolerance)
+        return self._further(force, lack - self._apply(solution), solution, progress)[:2]
+
+    def _further(
+        self, force: FloatArray, lack: FloatArray, solution: FloatArray, progress: Progress
+    ) -> tuple[FloatArray, FloatArray, Progress]:
+        """The ``solution`` (n, c), which ``lack`` is left of, refined until there is no more progress."""
         step, before = np.zeros_like(solution), np.ones(solution.shape[1])
         for _ in range(MOST):
             gradient = force + self._gather(lack)
@@ -117,22 +146,13 @@ class LeastSquares:
             progress = progress.after(length * step, solution)
             if progress.finished:
                 break
-        return solution, lack
+        return solution, lack, progress
 
-    def residual(self, source: sparse.csc_array, solution: FloatArray, often: bool = False) -> float:
-        """What one more corrected semi-normal step would change of a ``solution`` (n, 1), relatively.
-
-        Where that is asked ``often``, no step is made: what it has along some directions tells its length.
-        """
-        gradient = self._gather(self.scaled(source) - self._apply(solution))[:, 0]
-        size = float(np.linalg.norm(solution))
-        step = length_of(self._looks @ gradient) if often else np.linalg.norm(self.factor.solve(gradient))
-        return float(step) / (size if size > 0.0 else 1.0)
-
-    @cached_property
-    def _looks(self) -> FloatArray:
-        """What takes a gradient to its step's products with the directions (d, n)."""
-        return np.ascontiguousarray(self.factor.solve(directions(self.rows.shape[1])).T)
+    def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
+        """What one more corrected semi-normal step would change of each of the ``solutions`` (n, c),
+        relatively: (c,)."""
+        gradient = self._gather(self.scaled(sources) - self._apply(solutions))
+        return relative(np.linalg.norm(self.factor.solve(gradient), axis=0), solutions)
 
     @property
     def note(self) -> str:

@@ -16,36 +16,48 @@ QUICK = 1e-8
 
 On graded clouds round-off in the residual moves solutions by 1e-9 to 2e-8 in every update, for ever.
 """
+CHECKED = 1e-8
+"""Where solutions are to tell what they are worth, the last update has changed none by more than this."""
 BLOCK = 64
 """Solutions refined together: enough for dense products, few enough to keep them all."""
 MOST = 15
 STALLED = 0.5
 """An update this large a part of the one before it brings nothing any more."""
-DIRECTIONS = 8
-"""Random directions along which the size of an update is looked at: it comes out 10 times too small, whatever
-it is, with a probability of 1e-7."""
-SEED = 0
+TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far several solutions have come: sizes (c,) of their last updates, and which are ``done`` (c,)."""
+    """How far several solutions have come: sizes (c,) of their last updates, and which are ``done`` (c,).
+
+    They are where the next update is foreseen to change them by ``tolerance`` at most, relatively, and the
+    last one changed them by no more than ``limit``.
+    """
 
     last: FloatArray
     done: BoolArray
     tolerance: float
+    limit: float = 1.0
 
     @classmethod
-    def of(cls, solution: FloatArray, tolerance: float) -> Progress:
+    def of(cls, solution: FloatArray, tolerance: float, limit: float = 1.0) -> Progress:
         """At the first ``solution`` (n, c)."""
-        return cls(np.linalg.norm(solution, axis=0), np.zeros(solution.shape[1], dtype=bool), tolerance)
+        return cls(np.linalg.norm(solution, axis=0), np.zeros(solution.shape[1], bool), tolerance, limit)
+
+    @classmethod
+    def begun(cls, count: int, tolerance: float, limit: float = 1.0) -> Progress:
+        """At ``count`` solutions that come from elsewhere, whatever they are worth."""
+        return cls(np.full(count, np.inf), np.zeros(count, bool), tolerance, limit)
 
     def after(self, update: FloatArray, solution: FloatArray) -> Progress:
         """After one more ``update`` (n, c), which led to ``solution`` (n, c)."""
-        change = np.linalg.norm(update, axis=0)
-        small = change**2 <= self.tolerance * self.last * np.linalg.norm(solution, axis=0)
+        change, size = np.linalg.norm(update, axis=0), np.linalg.norm(solution, axis=0)
+        # Nothing is known of what an update does before there are two.
+        next_one = change * np.where(np.isinf(self.last), 1.0, change / np.maximum(self.last, TINY))
+        small = (next_one <= self.tolerance * size) & (change <= self.limit * size)
         stalled = change >= STALLED * self.last
-        return Progress(change, self.done | small | stalled, self.tolerance)
+        last = np.where(self.done, self.last, change)
+        return Progress(last, self.done | small | stalled, self.tolerance, self.limit)
 
     @property
     def finished(self) -> bool:
@@ -53,31 +65,29 @@ class Progress:
         return bool(self.done.all())
 
 
-def directions(count: int) -> FloatArray:
-    """Directions (n, d) with independent normal entries for vectors of ``count`` entries, always the same.
-
-    Products with them tell the length of a vector, see :func:`length_of` (Hutchinson 1990,
-    doi:10.1080/03610919008812866, whose estimate is that of a trace).
-    """
-    return np.random.default_rng(SEED).normal(size=(count, DIRECTIONS))
-
-
-def length_of(products: FloatArray) -> float:
-    """The length of a vector by its ``products`` (d,) with :func:`directions`."""
-    return float(np.sqrt(np.mean(products**2)))
-
-
-def refine(solution: FloatArray, update: Callable[[FloatArray], FloatArray], tolerance: float) -> FloatArray:
+def refine(
+    solution: FloatArray, update: Callable[[FloatArray], FloatArray], progress: Progress
+) -> tuple[FloatArray, Progress]:
     """``solution`` (n, c) after as many updates as it takes: at least one, as the factor is inexact.
 
     ``update`` gives what the factor thinks is missing (Higham 2002, doi:10.1137/1.9780898718027). Where the
-    updates do not shrink, they end too; the next one's size tells that.
+    updates do not shrink, they end too; the last one's size tells that.
     """
-    progress = Progress.of(solution, tolerance)
     for _ in range(MOST):
         step = update(solution)
         solution = solution + step
         progress = progress.after(step, solution)
         if progress.finished:
             break
-    return solution
+    return solution, progress
+
+
+def best_part(image: FloatArray, wanted: FloatArray) -> FloatArray:
+    """How much (1, c) of a start with this ``image`` (r, 1) comes closest to what is ``wanted`` (r, c)."""
+    return np.asarray(image.T @ wanted / max(float((image**2).sum()), TINY))
+
+
+def relative(lengths: FloatArray, solutions: FloatArray) -> FloatArray:
+    """``lengths`` (c,) as parts of those of the ``solutions`` (n, c), which may be zero."""
+    size = np.linalg.norm(solutions, axis=0)
+    return np.asarray(lengths / np.where(size > 0.0, size, 1.0))

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-from mlsanm_cli.operators.refinement import BLOCK, PRECISE, QUICK, directions, length_of, refine
+from mlsanm_cli.operators.refinement import (
+    BLOCK,
+    CHECKED,
+    PRECISE,
+    QUICK,
+    Progress,
+    best_part,
+    refine,
+    relative,
+)
 from mlsanm_cli.operators.system import Equations
 from mlsanm_cli.values import dataclass
 
@@ -26,7 +34,23 @@ class Square:
     def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
         rhs = self.scaled(sources)
-        return refine(self.factor.solve(rhs), self._update(rhs), tolerance)
+        first = self.factor.solve(rhs)
+        return refine(first, self._update(rhs), Progress.of(first, tolerance))[0]
+
+    def checked(
+        self, sources: sparse.csc_array, start: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Solutions (n, c) for ``sources`` (r, c), from a multiple of a ``start`` (n, 1) if one near them is
+        known, and what the last update changed of each, relatively: (c,)."""
+        rhs = self.scaled(sources)
+        if start is None:
+            first = self.factor.solve(rhs)
+            progress = Progress.of(first, PRECISE, CHECKED)
+        else:
+            first = start @ best_part(self.matrix @ start, rhs)
+            progress = Progress.begun(sources.shape[1], PRECISE, CHECKED)
+        solution, progress = refine(first, self._update(rhs), progress)
+        return solution, relative(progress.last, solution)
 
     def roughly(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
@@ -54,20 +78,11 @@ class Square:
             result[:, columns] = observed @ self.solve(sparse.csc_array(some), QUICK)
         return result
 
-    def residual(self, source: sparse.csc_array, solution: FloatArray, often: bool = False) -> float:
-        """What one more step of refinement would change of a ``solution`` (n, 1), relatively.
-
-        Where that is asked ``often``, no step is made: what it has along some directions tells its length.
-        """
-        lack = (self.scaled(source) - self.matrix @ solution)[:, 0]
-        size = float(np.linalg.norm(solution))
-        step = length_of(self._looks @ lack) if often else np.linalg.norm(self.factor.solve(lack))
-        return float(step) / (size if size > 0.0 else 1.0)
-
-    @cached_property
-    def _looks(self) -> FloatArray:
-        """What takes a lack to its step's products with the directions (d, n)."""
-        return np.ascontiguousarray(self.factor.solve(directions(self.matrix.shape[0]), transposed=True).T)
+    def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
+        """What one more step of refinement would change of each of the ``solutions`` (n, c), relatively:
+        (c,)."""
+        lack = self.scaled(sources) - self.matrix @ solutions
+        return relative(np.linalg.norm(self.factor.solve(lack), axis=0), solutions)
 
     def _update(self, rhs: FloatArray) -> Callable[[FloatArray], FloatArray]:
         return lambda solution: self.factor.solve(rhs - self.matrix @ solution)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
+from mlsanm_cli.arrays import AnyArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.sight import Sight
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
@@ -17,7 +17,7 @@ from mlsanm_cli.values import dataclass
 GROWTH = 1.3
 LARGEST = 3.0
 SPARE = 8
-"""Nodes looked at beyond a stencil's size, so that all that are equally far are seen."""
+"""Nodes looked at beyond a stencil's size where more are equally far than it takes."""
 TIE = 1e-7
 """Distances closer to each other than this, relatively, count as equal."""
 
@@ -66,10 +66,12 @@ def build_stencils(
     order: int,
     settings: MlsSettings,
     sight: Sight | None = None,
+    known: IndexArray | None = None,
 ) -> Stencils:
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
 
-    ``sight`` keeps stencils from reaching across the body's slits.
+    ``sight`` keeps stencils from reaching across the body's slits, ``known`` (e, k) are the nearest nodes of
+    the targets by :func:`look_around`, if they were looked for already.
 
     Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; the derivatives are those of the
     local polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose
@@ -78,8 +80,10 @@ def build_stencils(
     """
     targets = np.ascontiguousarray(targets)
 
-    def fit(some: FloatArray, size: int) -> tuple[tuple[IntArray, FloatArray], FloatArray]:
-        radius, indices = neighbors_of(points, tree, some, size, sight)
+    def fit(which: IntArray, size: int) -> tuple[tuple[IntArray, FloatArray], FloatArray]:
+        some = targets[which]
+        near = None if known is None else known[which]
+        radius, indices = neighbors_of(points, tree, some, size, sight, near)
         indptr = np.arange(len(some) + 1, dtype=np.int64) * size
         weights = np.empty((len(some) * size, (order + 1) * (order + 2) // 2))
         ratio = np.empty(len(some))
@@ -89,7 +93,7 @@ def build_stencils(
         )  # fmt: skip
         return (indices, weights.reshape(len(some), size, -1)), ratio
 
-    fits = list(sound_fits(len(points), targets, settings, fit))
+    fits = list(sound_fits(len(points), targets, np.arange(len(targets)), settings, fit))
     worst = min(float(ratio.min(initial=1.0)) for _, _, ratio in fits)
     enlarged = len(targets) - len(fits[0][0])
     return _merge(
@@ -104,24 +108,26 @@ def build_stencils(
 def sound_fits(
     nodes: int,
     targets: FloatArray,
+    which: IntArray,
     settings: MlsSettings,
-    fit: Callable[[FloatArray, int], tuple[tuple[AnyArray, ...], FloatArray]],
+    fit: Callable[[IntArray, int], tuple[tuple[AnyArray, ...], FloatArray]],
 ) -> Iterator[tuple[IntArray, tuple[AnyArray, ...], FloatArray]]:
-    """Fits at all ``targets`` (e, 2), with more neighbours where those asked for do not carry the degree.
+    """Fits at those of the ``targets`` (e, 2) with the numbers ``which``, with more neighbours where those
+    asked for do not carry the degree.
 
-    ``fit(some, size)`` makes fits with ``size`` neighbours at some of them, arrays with one row for each, and
-    tells their ratios. Yields the numbers, the arrays and the ratios of those that are sound; NumericalError
-    where no size is enough.
+    ``fit(some, size)`` makes fits with ``size`` neighbours at some of them, by number, arrays with one row
+    for each, and tells their ratios. Yields the numbers, the arrays and the ratios of those that are sound;
+    NumericalError where no size is enough.
     """
     if nodes < settings.coefficients:
         raise NumericalError(
             f"a body of {nodes} nodes cannot carry polynomials of degree {settings.degree}",
             "make its spacing smaller or mls.degree lower",
         )
-    size, pending = settings.stencil_size, np.arange(len(targets))
+    size, pending = settings.stencil_size, which
     while len(pending):
         size = min(size, nodes)
-        parts, ratio = fit(targets[pending], size)
+        parts, ratio = fit(pending, size)
         # Above one it is no ratio: the nodes are so close together that no radius separates them.
         sound = (ratio >= settings.rank_tolerance) & (ratio <= 1.0)
         if sound.all():
@@ -139,45 +145,79 @@ def sound_fits(
         size = int(np.ceil(GROWTH * size))
 
 
+def look_around(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
+    """Numbers (e, k) of the nodes nearest to ``targets`` (e, 2), enough for stencils of ``size`` nodes."""
+    found = tree.query(targets, k=np.arange(1, min(size + 1, tree.n) + 1))
+    distance, numbers = np.asarray(found[0]), np.asarray(found[1], dtype=np.int32)
+    # Which of equally far nodes comes first must not depend on how many are looked for.
+    tied = np.flatnonzero((distance[:, 1:] == distance[:, :-1]).any(axis=1))
+    order = np.lexsort((numbers[tied], distance[tied]), axis=1)
+    numbers[tied] = np.take_along_axis(numbers[tied], order, axis=1)
+    return numbers
+
+
 def neighbors_of(
-    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, sight: Sight | None
+    points: FloatArray,
+    tree: cKDTree,
+    targets: FloatArray,
+    size: int,
+    sight: Sight | None,
+    known: IndexArray | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of stencils, the nearest nodes that the ``targets`` (e, 2) see."""
-    distance, indices = _nearest(tree, targets, size, len(points))
+    """Radii (e,) and numbers (e, size) of stencils, the nearest nodes that the ``targets`` (e, 2) see.
+
+    They are searched for where those ``known`` (e, k), by :func:`look_around`, are not enough.
+    """
+    if known is None or known.shape[1] <= min(size, len(points) - 1):
+        known = look_around(tree, targets, size)
+    radius, indices = _nearest(points, tree, targets, size, known)
     if sight is not None:
-        asked = np.flatnonzero(sight.near(targets, distance[:, -1]))
-        distance[asked], indices[asked] = _seen(sight, tree, targets[asked], size, len(points))
-    return distance[:, -1].copy(), indices
+        asked = np.flatnonzero(sight.near(targets, radius))
+        radius[asked], indices[asked] = _seen(points, sight, tree, targets[asked], size)
+    return radius, indices
 
 
-def _nearest(tree: cKDTree, targets: FloatArray, size: int, nodes: int) -> tuple[FloatArray, IntArray]:
-    """Distances and numbers (e, size) of the nearest of ``nodes`` nodes, equally far ones by their numbers.
+def _nearest(
+    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, known: IndexArray
+) -> tuple[FloatArray, IntArray]:
+    """Radii (e,) and numbers (e, size) of the nearest of the ``known`` nodes (e, k), equally far ones by
+    their numbers.
 
     Without that rule round-off would choose among equals, and a change of units would change the result.
     """
-    found = tree.query(targets, k=min(size + SPARE, nodes))
-    distance, indices = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
-    if distance.shape[1] > size:
-        tied = np.flatnonzero(distance[:, size] <= (1.0 + TIE) * distance[:, size - 1])
-        order = np.argsort(distance[tied] * (1.0 + TIE * indices[tied] / nodes), axis=1)
-        distance[tied] = np.take_along_axis(distance[tied], order, axis=1)
-        indices[tied] = np.take_along_axis(indices[tied], order, axis=1)
-    return distance[:, :size].copy(), indices[:, :size].copy()
+    indices = known[:, :size].astype(np.int64)
+    radius = _distance(points, targets, known[:, size - 1 : size])[:, 0]
+    if known.shape[1] > size:
+        beyond = _distance(points, targets, known[:, size : size + 1])[:, 0]
+        tied = np.flatnonzero(beyond <= (1.0 + TIE) * radius)
+        if len(tied):
+            more = look_around(tree, targets[tied], size + SPARE - 1)
+            distance = _distance(points, targets[tied], more)
+            order = np.argsort(distance * (1.0 + TIE * more / len(points)), axis=1)[:, :size]
+            indices[tied] = np.take_along_axis(more, order, axis=1)
+            radius[tied] = np.take_along_axis(distance, order[:, -1:], axis=1)[:, 0]
+    return radius, indices
+
+
+def _distance(points: FloatArray, targets: FloatArray, numbers: IndexArray | IntArray) -> FloatArray:
+    """Distances (e, k) of the nodes ``numbers`` (e, k) from each target (e, 2)."""
+    away = points[numbers] - targets[:, None]
+    return np.sqrt(away[..., 0] ** 2 + away[..., 1] ** 2)
 
 
 def _seen(
-    sight: Sight, tree: cKDTree, targets: FloatArray, size: int, nodes: int
+    points: FloatArray, sight: Sight, tree: cKDTree, targets: FloatArray, size: int
 ) -> tuple[FloatArray, IntArray]:
-    """Distances and numbers (e, size) of the nearest nodes on each target's own side of the slits."""
-    distance, indices = np.empty((len(targets), size)), np.empty((len(targets), size), dtype=np.int64)
-    pending, asked = np.arange(len(targets)), size
+    """Radii (e,) and numbers (e, size) of the nearest nodes on each target's own side of the slits."""
+    indices = np.empty((len(targets), size), dtype=np.int64)
+    pending, asked, nodes = np.arange(len(targets)), min(size, len(points)), len(points)
     while len(pending):
-        far, numbers = _nearest(tree, targets[pending], asked, nodes)
+        some = targets[pending]
+        numbers = _nearest(points, tree, some, asked, look_around(tree, some, asked))[1]
         seen = ~sight.cut(targets[pending], numbers)
         enough = seen.sum(axis=1) >= size
         # Stable: nodes that are seen come first, still ordered by distance.
         first = np.argsort(~seen[enough], axis=1, kind="stable")[:, :size]
-        distance[pending[enough]] = np.take_along_axis(far[enough], first, axis=1)
         indices[pending[enough]] = np.take_along_axis(numbers[enough], first, axis=1)
         pending = pending[~enough]
         if len(pending) and asked == nodes:
@@ -187,7 +227,7 @@ def _seen(
                 "make the spacing smaller there",
             )
         asked = min(2 * asked, nodes)
-    return distance, indices
+    return _distance(points, targets, indices[:, -1:])[:, 0], indices
 
 
 def _merge(

@@ -36,6 +36,14 @@ class LinearSystem(Protocol):
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
         ...
 
+    def checked(
+        self, sources: sparse.csc_array, start: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Solutions (n, c) for ``sources`` (r, c), and what the last update changed of each (c,), relatively:
+        what solving once more was worth. From a multiple of a ``start`` (n, 1) they take fewer updates, if
+        there is one near them."""
+        ...
+
     def roughly(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone; :meth:`residual` tells what they are worth."""
         ...
@@ -56,12 +64,11 @@ class LinearSystem(Protocol):
         """
         ...
 
-    def residual(self, source: sparse.csc_array, solution: FloatArray, often: bool = False) -> float:
-        """What one more refinement would change of a ``solution`` (n, 1), relatively.
+    def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
+        """What one more refinement would change of each of the ``solutions`` (n, c), relatively: (c,).
 
-        Told from a sample, after some preparation, where it is asked for ``often``. The residual itself tells
-        little: nearly incompressible materials have rows so large that a useless solution leaves one at
-        round-off.
+        The residual itself tells little: nearly incompressible materials have rows so large that a useless
+        solution leaves one at round-off.
         """
         ...
 

@@ -117,9 +117,11 @@ def test_a_force_balance(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize("fields", ["[]", '["displacement"]'])
 def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = recording.fields_of
-    monkeypatch.setattr(
-        recording, "fields_of", lambda built, state, stress: (kept(built, state, stress)[0], bad)
-    )
+
+    def found(*arguments: Any, **options: Any) -> Any:
+        return [(fields, bad) for fields, _ in kept(*arguments, **options)]
+
+    monkeypatch.setattr(recording, "fields_of", found)
     summary = solve(PATCH, tmp_path / "run", f"output.fields={fields}")
     assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
 
@@ -127,23 +129,23 @@ def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, monkeypatch:
 def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = Condensed.checked_displacement
+    kept = Condensed.checked_displacements
     bad = {"upper"}
 
     def displacement(self: Condensed, scene: Any, name: str, *state: Any) -> Any:
         found, residual = kept(self, scene, name, *state)
-        return found, float("nan") if name in bad else residual
+        return found, np.full_like(residual, np.nan) if name in bad else residual
 
-    monkeypatch.setattr(Condensed, "checked_displacement", displacement)
+    monkeypatch.setattr(Condensed, "checked_displacements", displacement)
     summary = solve(PATCH, tmp_path / "body")
     assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
     bad.clear()
     whole, calls = recording.fields_of, iter([float("nan")])
-    monkeypatch.setattr(
-        recording,
-        "fields_of",
-        lambda built, state, stress: (whole(built, state, stress)[0], next(calls, 1e-12)),
-    )
+
+    def once(*arguments: Any, **options: Any) -> Any:
+        return [(fields, next(calls, 1e-12)) for fields, _ in whole(*arguments, **options)]
+
+    monkeypatch.setattr(recording, "fields_of", once)
     summary = solve(PATCH, tmp_path / "state", "output.at=[0.5, 1.0]")
     assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
 

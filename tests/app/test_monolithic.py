@@ -98,8 +98,8 @@ def test_both_formulations_reach_the_same_states(scene: str, tmp_path: Path) -> 
         assert np.abs(a.pressure - b.pressure).max() <= AGREE * peak
         assert np.abs(a.traction - b.traction).max(initial=0.0) <= AGREE * peak
         assert np.abs(a.motion - b.motion).max(initial=0.0) <= AGREE * np.abs(a.motion).max(initial=0.0)
-        fields, _ = fields_of(one, a, stress=False)
-        found, linear = fields_of(other, b, stress=False)
+        fields, _ = fields_of(one, [a], stress=False)[0]
+        found, linear = fields_of(other, [b], stress=False)[0]
         assert linear <= LINEAR_LIMIT
         for name in fields:
             largest = np.abs(fields[name].displacement).max()

@@ -277,10 +277,9 @@ def test_reader_cuts_ragged_rows_and_close_drops_them(tmp_path: Path) -> None:
     """A kill inside a flush may leave one dataset a row ahead; an exception inside append_step too."""
     run = start_run(tmp_path / "run.h5")
     write_steps(run, range(3))
-    run._columns["position"].write(3, run._columns["position"].checked(9.0))
-    run._columns["contacts/interface/gap"].write(
-        3, run._columns["contacts/interface/gap"].checked(np.ones(M))
-    )
+    columns = run._history._columns
+    columns["position"].write(3, columns["position"].checked(9.0))
+    columns["contacts/interface/gap"].write(3, columns["contacts/interface/gap"].checked(np.ones(M)))
     run._file.flush()
     data = read_run(tmp_path)
     assert data.path.rows == 3

@@ -189,7 +189,23 @@ def test_residual_tells_the_size_of_a_step(kind: str) -> None:
     for shape in (unit[7], np.ones(120), shapes[:, 0], shapes[:, -1]):
         off = best + 1e-4 * np.linalg.norm(best) * shape[:, None] / np.linalg.norm(shape)
         assert system.residual(b, off) == pytest.approx(1e-4, rel=1e-3)
-        assert 0.4e-4 <= system.residual(b, off, often=True) <= 2e-4
+        # From there, one update leads back, and a second one tells that it did.
+        found, change = system.checked(b, off)
+        assert change <= 1e-8
+        np.testing.assert_allclose(found, best, rtol=0.0, atol=1e-12 * np.abs(best).max())
+
+
+@pytest.mark.parametrize("kind", ["least squares", "square"])
+def test_checked_solutions_tell_what_the_last_update_changed(kind: str) -> None:
+    system = square() if kind == "square" else least_squares(1e-4)[0]
+    rng = np.random.default_rng(7)
+    b = sparse.csc_array(rng.normal(size=(120 if kind == "square" else 300, 3)) * [1.0, 0.0, 1e6])
+    expected = system.solve(b)
+    size = np.linalg.norm(expected, axis=0)
+    for start in (None, expected[:, :1] * (1.0 + 1e-5), rng.normal(size=(120, 1))):
+        found, change = system.checked(b, start)
+        assert (change <= 1e-8).all()
+        assert (np.linalg.norm(found - expected, axis=0) <= 1e-9 * size).all()
 
 
 def test_a_step_of_a_square_system_comes_with_the_solution_for_more() -> None:

@@ -14,7 +14,7 @@ from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.operators.stencils import Stencils, build_stencils, look_around
 
 KINDS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
 # Twenty times what was measured; a Cholesky factorisation of the moments would leave 1e-8 at degree 6.
@@ -79,6 +79,18 @@ def test_targets_need_not_be_nodes(degree: int) -> None:
     targets = np.random.default_rng(1).uniform(0.0, 1.0, (50, 2))
     stencils = build_stencils(points, cKDTree(points), targets, 2, MlsSettings(degree))
     assert largest_error(points, targets, stencils, degree) <= 5e-12
+
+
+@pytest.mark.parametrize("cloud", CLOUDS)
+def test_nodes_looked_for_before_give_the_same_bits(cloud: str) -> None:
+    points = CLOUDS[cloud]
+    tree, settings = cKDTree(points), MlsSettings(2)
+    own = build_stencils(points, tree, points, 2, settings)
+    for size in (settings.stencil_size, 24, 60):
+        near = look_around(tree, points, size)
+        known = build_stencils(points, tree, points, 2, settings, known=near)
+        np.testing.assert_array_equal(known.indices, own.indices)
+        np.testing.assert_array_equal(known.weights, own.weights)
 
 
 def test_rank_check_enlarges_the_stencils_of_an_exact_lattice() -> None:
