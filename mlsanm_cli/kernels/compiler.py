@@ -33,17 +33,21 @@ machine.Machine(kept.decoded(sys.stdin.buffer.read()))
 
 @functools.cache
 def _dispatcher(function: Callable[..., Any]) -> Any:
-    """Numba's compiler of a function, without its way in for Python."""
-    return numba.njit(**NATIVE)(function)
+    """Numba's compiler of a function, without its way in for Python, and not anew for every constant that
+    other functions call it with."""
+    dispatcher = numba.njit(**NATIVE)(function)
+    template, plain = dispatcher.get_call_template, numba.types.unliteral
+
+    def get_call_template(args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+        return template(tuple(map(plain, args)), {name: plain(one) for name, one in kws.items()})
+
+    dispatcher.get_call_template = get_call_template
+    return dispatcher
 
 
 @typeof_impl.register(Inner)
-def _typeof_inner(value: Inner, context: object) -> Any:
-    return numba.types.Dispatcher(_dispatcher(value.__wrapped__))
-
-
 @typeof_impl.register(Kernel)
-def _typeof_kernel(value: Kernel, context: object) -> Any:
+def _typeof_function(value: Inner | Kernel, context: object) -> Any:
     return numba.types.Dispatcher(_dispatcher(value.__wrapped__))
 
 
