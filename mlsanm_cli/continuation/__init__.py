@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.continuation.anm import AnmFollower
 from mlsanm_cli.continuation.corrector import Correction, correct
 from mlsanm_cli.continuation.follow import follow
 from mlsanm_cli.continuation.homotopy import Family, solve_at
-from mlsanm_cli.continuation.newton import NewtonFollower
 from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions, PathOptions
 from mlsanm_cli.continuation.path import Follower, Outcome, Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
 from mlsanm_cli.continuation.series import Branch, locate
 
 __all__ = [
-    "AnmFollower",
     "AnmOptions",
     "Branch",
     "Correction",
     "Family",
     "FloatArray",
     "Follower",
-    "NewtonFollower",
     "NewtonOptions",
     "Outcome",
     "PathOptions",

@@ -8,7 +8,7 @@ tangent and the load factor is an unknown like the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from mlsanm_cli.continuation.path import Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.continuation.ranges import Gauge
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.continuation.walker import Stopped, Walker
+from mlsanm_cli.continuation.walker import Route, Stopped, Walker
 
 # An end of step that cannot be used is tried again at this part of the length, so often at most.
 _RETREAT = 0.7
@@ -35,22 +35,12 @@ _SHORT = 1e-6
 
 
 class AnmFollower(Walker):
-    """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once."""
+    """Goes by power series."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        x0: FloatArray,
-        lam0: float,
-        lam_end: float,
-        options: AnmOptions | None = None,
-        previous: Branch | None = None,
-        barrier: Callable[[Branch], float] | None = None,
-        resumed: bool = False,
-    ) -> None:
-        self._options = options or AnmOptions()
-        super().__init__(problem, x0, lam0, lam_end, self._options, previous, barrier, resumed)
-        self._gauge = Gauge(problem, self._metric, self._lam_end, self._options)
+    def __init__(self, problem: Problem, route: Route, options: AnmOptions) -> None:
+        super().__init__(problem, route, options)
+        self._options = options
+        self._gauge = Gauge(problem, self._metric, self._lam_end, options)
 
     def _walk(self) -> Iterator[Step]:
         try:

@@ -13,7 +13,7 @@ procedure that handles snap-through, Computers & Structures 13 (1981) 55-62.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -31,7 +31,7 @@ from mlsanm_cli.continuation.options import NewtonOptions
 from mlsanm_cli.continuation.path import Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.continuation.walker import Stopped, Walker
+from mlsanm_cli.continuation.walker import Route, Stopped, Walker
 from mlsanm_cli.values import dataclass
 
 # A step that fails is tried again with half its length; one is shrunk by no more for taking many iterations.
@@ -74,29 +74,17 @@ class _Leg:
 
 
 class NewtonFollower(Walker):
-    """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once.
+    """Goes from state to state.
 
-    Parameters are those of :func:`mlsanm_cli.continuation.follow`, and ``levels``: load factors at which a
-    step has to end. With load control the path goes straight to ``lam_end``, and on the other side of a fold
-    that it jumps over; with arc-length control steps are shortened until they stay on the path.
+    With load control the path goes straight to ``lam_end``, and on the other side of a fold that it jumps
+    over; with arc-length control steps are shortened until they stay on the path.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        x0: FloatArray,
-        lam0: float,
-        lam_end: float,
-        options: NewtonOptions | None = None,
-        previous: Branch | None = None,
-        barrier: Callable[[Branch], float] | None = None,
-        levels: Sequence[float] = (),
-        resumed: bool = False,
-    ) -> None:
-        self._options = options or NewtonOptions()
-        super().__init__(problem, x0, lam0, lam_end, self._options, previous, barrier, resumed)
-        self._loaded = self._options.control == "load"
-        self._levels = sorted({*levels, self._lam_end})
+    def __init__(self, problem: Problem, route: Route, options: NewtonOptions) -> None:
+        super().__init__(problem, route, options)
+        self._options = options
+        self._loaded = options.control == "load"
+        self._levels = sorted({*route.levels, self._lam_end})
         self._pace = 0.0
 
     def _walk(self) -> Iterator[Step]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.path import Outcome, Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.values import dataclass
 
 
 class Stopped(Exception):
@@ -23,26 +24,29 @@ class Stopped(Exception):
         self.reason, self.message = reason, message
 
 
-class Walker(ABC):
-    """Goes from (x0, lam0) until the load factor first is ``lam_end``. Use once."""
+@dataclass(frozen=True, eq=False)
+class Route:
+    """What a follower is asked for; the fields are parameters of :func:`mlsanm_cli.continuation.follow`."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        x0: FloatArray,
-        lam0: float,
-        lam_end: float,
-        options: PathOptions,
-        previous: Branch | None = None,
-        barrier: Callable[[Branch], float] | None = None,
-        resumed: bool = False,
-    ) -> None:
-        self._problem, self._limits, self._barrier = problem, options, barrier
-        self._lam_end, self._previous, self._resumed = float(lam_end), previous, resumed
-        if resumed and previous is None:
+    x0: FloatArray
+    lam0: float
+    lam_end: float
+    previous: Branch | None
+    barrier: Callable[[Branch], float] | None
+    levels: Sequence[float]
+    resumed: bool
+
+
+class Walker(ABC):
+    """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once."""
+
+    def __init__(self, problem: Problem, route: Route, options: PathOptions) -> None:
+        self._problem, self._limits, self._barrier = problem, options, route.barrier
+        self._lam_end, self._previous, self._resumed = float(route.lam_end), route.previous, route.resumed
+        if self._resumed and self._previous is None:
             raise ValueError("a path is taken up again behind a previous piece")
         self._metric = Metric(problem.scale)
-        self._x, self._lam, self._residual = np.array(x0, dtype=np.float64), float(lam0), np.inf
+        self._x, self._lam, self._residual = np.array(route.x0, dtype=np.float64), float(route.lam0), np.inf
         if self._x.shape != (problem.size,):
             raise ValueError(f"the start point has shape {self._x.shape}, the problem size {problem.size}")
         self._steps, self._done, self._effort = 0, Effort(), Effort()

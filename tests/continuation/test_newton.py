@@ -10,7 +10,6 @@ import pytest
 from mlsanm_cli.continuation import (
     Branch,
     FloatArray,
-    NewtonFollower,
     NewtonOptions,
     Step,
     StopReason,
@@ -45,7 +44,7 @@ def turning(piece: Branch) -> float:
 def test_levels_are_ends_of_steps(control: Literal["load", "arc-length"]) -> None:
     levels = (0.3, 1.0 / 3.0, 7.0, 49.999)
     options = NewtonOptions(control=control)
-    follower = NewtonFollower(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 50.0, options, levels=levels)
+    follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 50.0, options, levels=levels)
     steps = {step.lam: step for step in follower.steps()}
     assert follower.outcome.reached
     assert {*levels, 50.0} <= steps.keys()
@@ -78,7 +77,7 @@ def test_contact_as_by_series(eta: float, control: Literal["load", "arc-length"]
 
 
 def test_the_fold_of_bratus_equation() -> None:
-    follower = NewtonFollower(Bratu(24), np.zeros(23), 0.0, 5.0, ARC, barrier=turning)
+    follower = follow(Bratu(24), np.zeros(23), 0.0, 5.0, ARC, barrier=turning)
     steps = list(follower.steps())
     assert follower.outcome.reason is StopReason.EVENT
     assert steps[-1].lam == pytest.approx(BRATU_FOLD, abs=1e-6)
@@ -89,18 +88,18 @@ def test_the_truss_snaps_through_both_folds() -> None:
     problem, x, lam = Truss(), np.ones(1), 0.0
     previous: Branch | None = None
     for expected in (fold, -fold):
-        follower = NewtonFollower(problem, x, lam, 2.0 * fold, ARC, previous, turning)
+        follower = follow(problem, x, lam, 2.0 * fold, ARC, previous, turning)
         steps = list(follower.steps())
         assert follower.outcome.reason is StopReason.EVENT
         assert steps[-1].lam == pytest.approx(expected, abs=1e-6)
         assert abs(steps[-1].x[0]) == pytest.approx(1.0 / np.sqrt(3.0), abs=1e-5)
         # Over the fold, at whose very place the tangent has no sign.
-        on = NewtonFollower(problem, x, lam, 2.0 * fold, ARC, previous)
+        on = follow(problem, x, lam, 2.0 * fold, ARC, previous)
         for step in on.steps():
             if (step.x[0] - steps[-1].x[0]) < -0.01:
                 on.stop()
         x, lam, previous = on.outcome.x, on.outcome.lam, step.branch
-    end = NewtonFollower(problem, x, lam, 2.0 * fold, ARC, previous)
+    end = follow(problem, x, lam, 2.0 * fold, ARC, previous)
     list(end.steps())
     assert end.outcome.reached
     roots = np.roots([-0.5, 0.0, 0.5, -2.0 * fold])
@@ -108,7 +107,7 @@ def test_the_truss_snaps_through_both_folds() -> None:
 
 
 def test_load_control_says_that_it_cannot_pass_a_fold() -> None:
-    follower = NewtonFollower(Circle(), np.ones(1), 0.0, 1.5)
+    follower = follow(Circle(), np.ones(1), 0.0, 1.5, NewtonOptions())
     steps = list(follower.steps())
     assert not follower.outcome.reached
     assert follower.outcome.reason in (StopReason.CORRECTION_FAILED, StopReason.SINGULAR_TANGENT)
@@ -133,7 +132,7 @@ def test_events_are_located_by_solving_again(level: float, control: Literal["loa
 
     problem = Scalar(0.0, 1.0, 1.0)
     options = NewtonOptions(control=control, first=1.0)
-    follower = NewtonFollower(problem, np.zeros(1), 0.0, 1.0, options, barrier=barrier)
+    follower = follow(problem, np.zeros(1), 0.0, 1.0, options, barrier=barrier)
     steps = list(follower.steps())
     assert follower.outcome.reason is StopReason.EVENT
     assert steps[-1].x[0] == pytest.approx(level, rel=1e-7)
@@ -160,9 +159,7 @@ def test_events_inside_a_long_step_are_seen() -> None:
         past = np.flatnonzero((piece.weights(grid) @ piece.terms[0])[:, 0] >= 1.0)
         return float(grid[past[0]]) if past.size else np.inf
 
-    follower = NewtonFollower(
-        Bent(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=1.0), barrier=barrier
-    )
+    follower = follow(Bent(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=1.0), barrier=barrier)
     list(follower.steps())
     assert follower.outcome.reason is StopReason.EVENT
     assert follower.outcome.lam == pytest.approx(0.5 - np.sqrt(2e-2 * np.log(2.0)), abs=0.02)
@@ -170,7 +167,7 @@ def test_events_inside_a_long_step_are_seen() -> None:
 
 def test_no_trial_leaves_the_admissible_region() -> None:
     problem = watched(1e-4, 3)  # asserts so itself
-    follower = NewtonFollower(problem, open_start(problem), 0.0, 1.0, NewtonOptions(first=1.0))
+    follower = follow(problem, open_start(problem), 0.0, 1.0, NewtonOptions(first=1.0))
     steps = list(follower.steps())
     assert follower.outcome.reached
     assert max(step.residual for step in steps) <= 1e-8
@@ -179,7 +176,7 @@ def test_no_trial_leaves_the_admissible_region() -> None:
 @pytest.mark.parametrize("control", ["load", "arc-length"])
 def test_work_is_counted(control: Literal["load", "arc-length"]) -> None:
     problem, _, _ = hertz(30, 1e-4)
-    follower = NewtonFollower(problem, open_start(problem), 0.0, 1.0, NewtonOptions(control=control))
+    follower = follow(problem, open_start(problem), 0.0, 1.0, NewtonOptions(control=control))
     steps: list[Step] = list(follower.steps())
     end = follower.outcome
     assert end.reached
@@ -189,19 +186,17 @@ def test_work_is_counted(control: Literal["load", "arc-length"]) -> None:
 
 
 def test_steps_grow_where_it_is_easy() -> None:
-    follower = NewtonFollower(Scalar(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=0.01))
+    follower = follow(Scalar(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=0.01))
     rises = np.diff([step.lam for step in follower.steps()])
     assert rises[1] == pytest.approx(2.0 * rises[0])
     assert follower.outcome.steps <= 8
 
 
 def test_step_limit_and_stopping() -> None:
-    limited = NewtonFollower(
-        Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(max_steps=2, first=1e-3)
-    )
+    limited = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(max_steps=2, first=1e-3))
     assert len(list(limited.steps())) == 2
     assert limited.outcome.reason is StopReason.MAX_STEPS
-    stopped = NewtonFollower(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0)
+    stopped = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions())
     next(steps := stopped.steps())
     stopped.stop()
     assert not list(steps)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import (
-    AnmFollower,
     AnmOptions,
     Follower,
     SingularTangentError,
@@ -144,7 +143,7 @@ def test_wrong_start_raises() -> None:
 
 
 def test_follower_goes_once() -> None:
-    follower = AnmFollower(Scalar(0.0, 1.0), np.zeros(1), 0.0, 1.0)
+    follower = follow(Scalar(0.0, 1.0), np.zeros(1), 0.0, 1.0)
     list(follower.steps())
     with pytest.raises(RuntimeError, match="once"):
         next(follower.steps())
