@@ -35,7 +35,7 @@ machine.Machine(kept.decoded(sys.stdin.buffer.read()))
 def _dispatcher(function: Callable[..., Any]) -> Any:
     """Numba's compiler of a function, without its way in for Python, and not anew for every constant that
     other functions call it with."""
-    dispatcher = numba.njit(**NATIVE)(function)
+    dispatcher: Any = numba.njit(**NATIVE)(function)
     template, plain = dispatcher.get_call_template, numba.types.unliteral
 
     def get_call_template(args: tuple[Any, ...], kws: dict[str, Any]) -> Any:

@@ -20,6 +20,7 @@ from mlsanm_cli.kernels.signature import Float1, Float2, Float3, FloatOut1, Int1
 Tree: TypeAlias = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]
 """``start``, ``begin``, ``border``, ``kept``, ``panel`` and ``values``."""
 Links: TypeAlias = tuple[IntArray, IntArray, FloatArray]
+"""``link``, ``other`` and ``between``."""
 
 
 @inner
@@ -220,7 +221,6 @@ def _add_product(x: FloatArray, pivots: int, columns: IntArray, left: int, resul
 @kernel
 def products(
     start: Int1,
-    parent: Int1,
     begin: Int1,
     border: Int1,
     kept: Int1,
@@ -230,6 +230,7 @@ def products(
     link: Int1,
     other: Int1,
     between: Float3,
+    parent: Int1,
     indptr: Int1,
     indices: Int1,
     data: Float1,

@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.domains import count_links, domains, fill_links
 from mlsanm_cli.kernels.multifrontal import BLOCK, borders, factorise
-from mlsanm_cli.kernels.substitution import products, solve
+from mlsanm_cli.kernels.substitution import Links, Tree, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.linear.fallback import believed
 from mlsanm_cli.operators.linear.interface import Factor, Matrix
@@ -61,7 +61,7 @@ class Fronts:
         panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size)])
         return cls(tree.order, place, tree.start, tree.parent, begin, border, kept, panel, waiting, unit)
 
-    def links(self, blocks: sparse.bsr_array) -> tuple[IntArray, IntArray, FloatArray]:
+    def links(self, blocks: sparse.bsr_array) -> Links:
         """What joins the nodes of domains with those around: where each node's begin (n + 1,), which nodes
         they go to (m,), and the ``blocks`` (m, 2, 2) of the matrix that do."""
         count = len(self.order)
@@ -85,13 +85,20 @@ class CholeskyFactor:
     fronts: Fronts
     order: IntArray
     panels: Scratch
-    links: tuple[IntArray, IntArray, FloatArray]
+    links: Links
     note: str = ""
 
     @property
     def values(self) -> FloatArray:
         """All panels, one after the other."""
         return self.panels.values
+
+    @property
+    def arrays(self) -> tuple[*Tree, IntArray, *Links]:
+        """What both kernels of substitution take first."""
+        shape = self.fronts
+        tree = (shape.start, shape.begin, shape.border, shape.kept, shape.panel)
+        return (*tree, self.values, shape.unit, *self.links)
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides; the matrix is its own transpose.
@@ -103,9 +110,7 @@ class CholeskyFactor:
         if not rhs.size:
             return np.zeros(rhs.shape)  # BLAS knows no matrices without rows
         x = np.ascontiguousarray(rhs[self.order], dtype=float)
-        shape = self.fronts
-        tree = (shape.start, shape.begin, shape.border, shape.kept, shape.panel)
-        solve(*tree, self.values, shape.unit, *self.links, x.ravel(), rhs.size // len(rhs))
+        solve(*self.arrays, x.ravel(), rhs.size // len(rhs))
         solution = np.empty(rhs.shape)
         solution[self.order] = x
         return solution
@@ -114,10 +119,8 @@ class CholeskyFactor:
         """``left`` (g, n) times the solutions for ``right`` (n, c), by half of each solution only."""
         both = sparse.csr_array(sparse.hstack([left.T, right], format="csr"))[self.order]
         indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
-        shape = self.fronts
-        tree = (shape.start, shape.parent, shape.begin, shape.border, shape.kept, shape.panel, self.values)
-        unit, counts = shape.unit, (left.shape[0], both.shape[1])
-        return products(*tree, unit, *self.links, indptr, indices, both.data, *counts)
+        columns = (indptr, indices, both.data, left.shape[0], both.shape[1])
+        return products(*self.arrays, self.fronts.parent, *columns)
 
 
 class CholeskySolver(SuperLUSolver):
