@@ -14,6 +14,20 @@ def tangent_times(problem: Problem, x: FloatArray, lam: float, v: FloatArray) ->
     return 0.5 * (problem.residual(x + v, lam) - problem.residual(x - v, lam))
 
 
+def highest_terms(problem: Problem, x: FloatArray, lam: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Along x(a) = sum x_r a^r, (order + 1, size), lam(a) likewise: the residual's coefficient of a^order,
+    interpolated; what tangent, load derivative and right-hand side make of it; the largest coefficient."""
+    order = len(lam) - 1
+    nodes = np.cos(np.pi * (np.arange(2 * order + 1) + 0.5) / (2 * order + 1))
+    powers = nodes[:, None] ** np.arange(order + 1)
+    residuals = [problem.residual(p @ x, float(p @ lam)) for p in powers]
+    coefficients = np.linalg.solve(nodes[:, None] ** np.arange(2 * order + 1), np.array(residuals))
+    expected = tangent_times(problem, x[0], lam[0], x[order])
+    expected += problem.load_derivative(x[0], lam[0]) * lam[order]
+    expected -= problem.series_rhs(x[:order], lam[:order])
+    return coefficients[order], expected, float(np.abs(coefficients).max())
+
+
 def lack_of_orders(problem: Problem, tangent: SeriesTangent, x: FloatArray, seed: int) -> float:
     """By how much the tangent's own high orders miss those solved one by one, relative to each order."""
     rng, order = np.random.default_rng(seed), 6

@@ -67,29 +67,29 @@ def whole_solution(
     return fields
 
 
-def slips(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
-    """Slips (m,) of the candidates from nodal displacements, short waves and all."""
+def apart(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
+    """Displacements (m, 2) of the candidates less those of their partners, short waves and all."""
     pairing = small.pairing
     chosen = pairing.candidate
     assert pairing.master_body is not None
     model, at = small.scene.bodies[pairing.master_body].model, pairing.partner[chosen]
     on_x, on_y = (model.values_along(at, np.tile(axis, (len(at), 1))) for axis in np.eye(2))
     u = fields[pairing.master_body].ravel()
-    apart = fields[pairing.slave_body][pairing.node[chosen]] - np.stack([on_x @ u, on_y @ u], axis=1)
-    n_x, n_y = pairing.normal[chosen].T
-    return np.asarray(apart[:, 0] * n_y - apart[:, 1] * n_x)
+    slave = fields[pairing.slave_body][pairing.node[chosen]]
+    return np.asarray(slave - np.stack([on_x @ u, on_y @ u], axis=1))
+
+
+def slips(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
+    """Slips (m,) of the candidates from nodal displacements."""
+    x, y = apart(small, fields).T
+    n_x, n_y = small.pairing.normal[small.pairing.candidate].T
+    return np.asarray(x * n_y - y * n_x)
 
 
 def gaps(small: Small, fields: dict[str, FloatArray]) -> FloatArray:
     """Gaps (m,) of the candidates from nodal displacements."""
-    pairing = small.pairing
-    chosen = pairing.candidate
-    assert pairing.master_body is not None
-    model, at = small.scene.bodies[pairing.master_body].model, pairing.partner[chosen]
-    on_x, on_y = (model.values_along(at, np.tile(axis, (len(at), 1))) for axis in np.eye(2))
-    u = fields[pairing.master_body].ravel()
-    apart = fields[pairing.slave_body][pairing.node[chosen]] - np.stack([on_x @ u, on_y @ u], axis=1)
-    return np.asarray(pairing.gap[chosen] + (apart * pairing.normal[chosen]).sum(axis=1))
+    pairing, chosen = small.pairing, small.pairing.candidate
+    return np.asarray(pairing.gap[chosen] + (apart(small, fields) * pairing.normal[chosen]).sum(axis=1))
 
 
 def test_gaps_are_those_of_whole_solutions(pushed: Small) -> None:
