@@ -197,10 +197,12 @@ def _type(node: Node) -> str:
     if "enum" in node:
         return "one of the values allowed" if len(node["enum"]) > 1 else toml_value(node["enum"][0])
     if node.get("type") == "array":
-        items = node["items"]
+        items, least = node["items"], node.get("minItems")
+        if least is not None and least == node.get("maxItems") and not isinstance(items, list):
+            items = least * [items]
         if isinstance(items, list):
             return f"[{', '.join(_type(item) for item in items)}]"
-        return f"list of {_type(items)}" + (f", {node['minItems']} or more" if "minItems" in node else "")
+        return f"list of {_type(items)}" + ("" if least is None else f", {least} or more")
     if node.get("type") == "object":
         return "table of numbers by name"
     return _TYPES.get(node.get("type", ""), "value")

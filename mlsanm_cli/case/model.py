@@ -57,7 +57,7 @@ class Refine(Section):
 
 
 class Body(Section):
-    """One elastic body and the spacing of its nodes; None where a file brings the nodes."""
+    """One elastic body and the spacing of its nodes, unless a file brings them."""
 
     name: Name
     """Name of the body; its boundaries are called `<body>.<boundary>`."""

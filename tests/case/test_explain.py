@@ -40,6 +40,7 @@ def test_required_keys_have_an_example_from_a_starter() -> None:
         ("mls.neighbors", "above 0", '"auto" or whole number'),
         ("output.fields", 'each "displacement", "stress", "von_mises"', "list of one of the values allowed"),
         ("body.shape.points", "", "list of [number, number], 3 or more"),
+        ("material.stiffness", "", f"[{', '.join(3 * ['[number, number, number]'])}]"),
     ],
 )
 def test_types_and_limits(key: str, allowed: str, kind: str) -> None:
