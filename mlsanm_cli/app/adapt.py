@@ -116,9 +116,7 @@ class Adapted:
         return [asdict(one) for one in self.passes]
 
 
-def refine_again(
-    case: Case, found: Refinement, clock: Clock, console: Console, memo: Memo = AFRESH
-) -> Adapted:
+def refine_again(case: Case, found: Refinement, clock: Clock, console: Console, memo: Memo) -> Adapted:
     """The scene that an earlier process refined."""
     zones = tuple(Zone.around((x, y), *more) for x, y, *more in found.zones.tolist())
     prepared = place(case, clock, console, zones, memo)

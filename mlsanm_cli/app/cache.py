@@ -39,7 +39,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 class Shelf:
     """A memo on disk, and with ``values`` above 0 in memory too: the latest so many results."""
 
-    def __init__(self, store: Store | None, origin: str, values: int = 0) -> None:
+    def __init__(self, store: Store | None, origin: str, values: int) -> None:
         self._store = store
         self._origin = origin
         self._most = values

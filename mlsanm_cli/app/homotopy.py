@@ -22,8 +22,8 @@ from mlsanm_cli.continuation import Correction, Family, solve_at
 from mlsanm_cli.errors import NumericalError
 
 
-def lowered(built: Built, etas: Sequence[float], stage: int = 0) -> Iterator[Correction]:
-    """States at the end of a stage for relative ``etas``, of all contacts alike, from a large one down.
+def lowered(built: Built, etas: Sequence[float]) -> Iterator[Correction]:
+    """States at the end of the first stage for relative ``etas``, of all contacts alike, large ones first.
 
     Raises NumericalError for friction with memory, whose states do not follow from the load alone, and where
     no solution is found.
@@ -37,7 +37,7 @@ def lowered(built: Built, etas: Sequence[float], stage: int = 0) -> Iterator[Cor
     whole = regularize(built.condensed, built.ends, 1.0).eta
 
     def problem(eta: float) -> Memoryless:
-        return problem_of(built, coupling_of(built, replace(law, eta=eta * whole)), stage)
+        return problem_of(built, coupling_of(built, replace(law, eta=eta * whole)), stage=0)
 
     def guess(x: FloatArray, before: float, eta: float) -> FloatArray:
         return carried(problem(before), x, eta * whole)

@@ -80,7 +80,7 @@ def _limited(built: Built, start: Start, path: Iterator[PathStep]) -> Iterator[P
         yield step
 
 
-def linear_path(built: Built, mark: LinearMark | None = None) -> Iterator[PathStep]:
+def linear_path(built: Built, mark: LinearMark | None) -> Iterator[PathStep]:
     """A scene without contact: every state is a combination of the loads' own solutions."""
     wanted = wanted_positions(built)
     condensed = built.condensed
@@ -105,7 +105,7 @@ def linear_path(built: Built, mark: LinearMark | None = None) -> Iterator[PathSt
         )
 
 
-def exact_path(built: Built, mark: ExactMark | None = None) -> Iterator[PathStep]:
+def exact_path(built: Built, mark: ExactMark | None) -> Iterator[PathStep]:
     """Exact contact at the stages' ends and wherever fields are wanted, each from the set before."""
     wanted = wanted_positions(built)
     if mark is None:

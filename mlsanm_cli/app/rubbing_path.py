@@ -48,7 +48,7 @@ FREE = 1e-3
 """Before the first load tractions are below this part of their limits."""
 
 
-def rubbing_path(built: Built, mark: RubbingMark | None = None) -> Iterator[PathStep]:
+def rubbing_path(built: Built, mark: RubbingMark | None) -> Iterator[PathStep]:
     """States of the regularised contact with friction; wanted ones come from the series of their step."""
     wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
     if mark is None:

@@ -34,7 +34,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
-from mlsanm_cli.memo import AFRESH, Memo
+from mlsanm_cli.memo import Memo
 
 RESULTS = Path("results")
 
@@ -90,7 +90,7 @@ def carry_out(
     stopper: Stopper,
     clock: Clock,
     console: Console,
-    memo: Memo = AFRESH,
+    memo: Memo,
     refinement: Refinement | None = None,
 ) -> Mapping[str, Any]:
     """Refine and follow a scene whose recorder is open, until it is done, failed or stopped; the summary.

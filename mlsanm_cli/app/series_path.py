@@ -51,7 +51,7 @@ class SmoothMark:
     piece: Branch | None
 
 
-def smooth_path(built: Built, mark: SmoothMark | None = None) -> Iterator[PathStep]:
+def smooth_path(built: Built, mark: SmoothMark | None) -> Iterator[PathStep]:
     """Laws without memory; wanted states come from the series of their step, or end one of Newton's."""
     wanted = wanted_positions(built)
     coupling, options = coupling_of(built, regularization(built)), path_options(built)

@@ -11,7 +11,7 @@ _CONTACT = ("peak_pressure", "half_width", "force", "min_gap", "stick_nodes", "s
 _QUALITY = ("residual", "force_balance", "stability", "peak_memory_mb")
 
 
-def run_text(summary: Mapping[str, Any], color: bool = False) -> str:
+def run_text(summary: Mapping[str, Any], color: bool) -> str:
     """The summary of a run as text, contacts first."""
     parts = [table(_headline(summary), _outcome(summary), color)]
     contacts = summary.get("contacts", {})
@@ -50,7 +50,7 @@ _WORK = {
 _APART = ("pressure", "traction", "displacement")
 
 
-def comparison_text(result: Mapping[str, Any], color: bool = False) -> str:
+def comparison_text(result: Mapping[str, Any], color: bool) -> str:
     """A comparison as text: what the methods did, and how far they are apart."""
     methods = result["methods"]
     work = [[_cell(method, key) for key in _WORK] for method in methods]

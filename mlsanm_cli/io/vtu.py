@@ -134,7 +134,7 @@ def write_model(path: Path, bodies: Mapping[str, ModelBody]) -> None:
     """
     tables: list[dict[str, NDArray[Any]]] = [
         {
-            "boundary_tag": _integers("boundary_tag", body.boundary_tag, len(body.points)),
+            "boundary_tag": _tags(body.boundary_tag, len(body.points)),
             "spacing": _scalars("spacing", body.spacing, len(body.points)),
             "normal": _vectors("normal", body.normal, len(body.points)),
             "partner": _vectors("partner", body.partner, len(body.points)),
@@ -158,7 +158,7 @@ def _write_merged(
 
 def _state_data(body: BodyState) -> dict[str, NDArray[Any]]:
     count = len(body.points)
-    data: dict[str, NDArray[Any]] = {"boundary_tag": _integers("boundary_tag", body.boundary_tag, count)}
+    data: dict[str, NDArray[Any]] = {"boundary_tag": _tags(body.boundary_tag, count)}
     if body.displacement is not None:
         data["displacement"] = _vectors("displacement", body.displacement, count)
     if body.stress is not None:
@@ -197,8 +197,8 @@ def _scalars(what: str, array: FloatArray, count: int) -> FloatArray:
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def _integers(what: str, array: NDArray[np.integer[Any]], count: int) -> NDArray[np.int32]:
-    _check(what, array, (count,))
+def _tags(array: NDArray[np.integer[Any]], count: int) -> NDArray[np.int32]:
+    _check("boundary_tag", array, (count,))
     return np.ascontiguousarray(array, dtype=np.int32)
 
 

@@ -36,7 +36,8 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
     """Numba's compiler of a function, without its way in for Python, and not anew for every constant that
     other functions call it with."""
     dispatcher: Any = numba.njit(**NATIVE)(function)
-    template, plain = dispatcher.get_call_template, numba.types.unliteral
+    template: Any = dispatcher.get_call_template
+    plain: Any = numba.types.unliteral
 
     def get_call_template(args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
         return template(tuple(map(plain, args)), {name: plain(one) for name, one in kws.items()})

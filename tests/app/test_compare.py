@@ -139,12 +139,12 @@ def test_friction_without_memory_has_an_exact_law_of_its_own(tmp_path: Path) -> 
         compared(tmp_path, SHEARED, QUICK, HOLONOMIC, ONCE, "output.at=[2.0]")
 
 
-def perturbed(method: str, size: float) -> Any:
-    """A path whose pressures are off by a part, where the case asks for the method."""
+def perturbed(size: float) -> Any:
+    """A path whose pressures are off by a part, of the active set only."""
 
     def path(built: Built) -> Iterator[PathStep]:
         for step in load_path(built):
-            if built.case.solver.method == method:
+            if built.case.solver.method == "active-set":
                 saved = tuple(replace(s, pressure=(1.0 + size) * s.pressure) for s in step.saved)
                 step = replace(step, saved=saved)
             yield step
@@ -153,7 +153,7 @@ def perturbed(method: str, size: float) -> Any:
 
 
 def test_a_method_that_is_wrong_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure_module, "load_path", perturbed("active-set", 0.2))
+    monkeypatch.setattr(measure_module, "load_path", perturbed(0.2))
     found = compared(tmp_path, hertz())
     assert found["status"] == "disagree"
     assert found["methods"][1]["agrees"] is False
@@ -163,26 +163,24 @@ def test_a_method_that_is_wrong_is_found(tmp_path: Path, monkeypatch: pytest.Mon
 def test_a_small_difference_between_equal_laws_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(measure_module, "load_path", perturbed("active-set", 1e-4))
+    monkeypatch.setattr(measure_module, "load_path", perturbed(1e-4))
     found = compared(tmp_path, hertz(), QUICK, "solver.polish=true")
     assert [row.get("agrees") for row in found["methods"]] == [None, True, False]
     loose = compared(tmp_path, hertz(), replace(QUICK, tolerance=1e-3), "solver.polish=true")
     assert loose["status"] == "agree"
 
 
-def failing(method: str) -> Any:
-    def path(built: Built) -> Iterator[PathStep]:
-        steps = load_path(built)
-        yield next(steps)
-        if built.case.solver.method == method:
-            raise NumericalError("no state", "another eta")
-        yield from steps
-
-    return path
+def failing(built: Built) -> Iterator[PathStep]:
+    """A path of which the active set finds the first state only."""
+    steps = load_path(built)
+    yield next(steps)
+    if built.case.solver.method == "active-set":
+        raise NumericalError("no state", "another eta")
+    yield from steps
 
 
 def test_a_method_that_fails_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measure_module, "load_path", failing("active-set"))
+    monkeypatch.setattr(measure_module, "load_path", failing)
     found = compared(tmp_path, hertz(), replace(QUICK, picture=True))
     row = found["methods"][1]
     assert (row["status"], row["reason"], row["hint"]) == ("failed", "no state", "another eta")
@@ -212,7 +210,7 @@ def test_exit_codes_and_table(
     text = capsys.readouterr().out
     assert "anm failed: the path stopped" in text
     assert "raise solver.max_steps" in text
-    monkeypatch.setattr(measure_module, "load_path", failing("active-set"))
+    monkeypatch.setattr(measure_module, "load_path", failing)
     assert main([*shown, "--force"]) == 1
     assert "active-set failed: no state; another eta" in capsys.readouterr().out
 

@@ -44,8 +44,8 @@ traction = [1.0, 0.0]
 CORNERS = ((0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0))
 
 
-def shape(overrides: tuple[str, ...] = ()) -> Polygon:
-    found = parse(PLATE, overrides).case.body[0].shape
+def shape() -> Polygon:
+    found = parse(PLATE).case.body[0].shape
     assert isinstance(found, Polygon)
     return found
 

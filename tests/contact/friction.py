@@ -65,9 +65,7 @@ def strip_coupling(x: FloatArray, width: float) -> FloatArray:
     return np.asarray(np.abs(apart + 0.5 * width) - np.abs(apart - 0.5 * width))
 
 
-def half_planes(
-    m: int = 80, friction: float = 0.3, beta: float = 0.0, shift: float = 0.0, radius: float = 1.0
-) -> HalfPlanes:
+def half_planes(m: int = 80, friction: float = 0.3, beta: float = 0.0, shift: float = 0.0) -> HalfPlanes:
     """Two platen motions, down and along; ``shift`` moves the nodes off the symmetric places."""
     half, span = 0.05, 1.5
     width = 2.0 * span * half / m
@@ -77,7 +75,7 @@ def half_planes(
     columns = Columns(2, 2, m, m)
     moves, slides = np.zeros((m, 2)), np.zeros((m, 2))
     moves[:, 0], slides[:, 1] = 1.0, 1.0
-    gap = 0.5 * x**2 / radius
+    gap = 0.5 * x**2
     balance = columns.of_loads(np.array([[force, 0.0], [0.0, -friction * force]]))
     balance.pressure[0], balance.traction[1] = -width, -width
     base = synthetic(normal, gap)

@@ -149,28 +149,27 @@ class Bratu:
 
 
 class Truss:
-    """Shallow two-bar (von Mises) truss: apex at height w, unloaded height h, lam = (h^2 - w^2) w / 2.
+    """Shallow two-bar (von Mises) truss: apex at height w, unloaded at 1, lam = (1 - w^2) w / 2.
 
-    Snaps through between the folds w = h/sqrt(3) and w = -h/sqrt(3).
+    Snaps through between the folds w = 1/sqrt(3) and w = -1/sqrt(3).
     """
 
     size = 1
 
-    def __init__(self, height: float = 1.0) -> None:
-        self.height = height
+    def __init__(self) -> None:
         self.scale = np.ones(1)
         self.counts = Counts()
 
     def load(self, w: float) -> float:
-        return 0.5 * (self.height**2 - w * w) * w
+        return 0.5 * (1.0 - w * w) * w
 
     def residual(self, x: FloatArray, lam: float) -> FloatArray:
         self.counts.residuals += 1
-        return 0.5 * (self.height**2 - x * x) * x - lam
+        return 0.5 * (1.0 - x * x) * x - lam
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
         self.counts.tangents += 1
-        return DenseTangent(np.atleast_2d(0.5 * self.height**2 - 1.5 * x * x), self.counts)
+        return DenseTangent(np.atleast_2d(0.5 - 1.5 * x * x), self.counts)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         return -np.ones(1)

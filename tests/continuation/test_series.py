@@ -14,12 +14,12 @@ def polynomial(*lam: float, length: float = 1.0) -> Branch:
     return Branch(2.0 * coefficients[:, None], coefficients, length)
 
 
-def rational(length: float = 3.0) -> Branch:
+def rational() -> Branch:
     """Return lam = a/(1 + a), x = (1/(1 + a), 2a/(1 + a)) as Padé approximants of their series."""
     signs: FloatArray = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
     lam = -signs
     lam[0] = 0.0
-    return Branch(np.column_stack([signs, 2.0 * lam]), lam, length, np.array([1.0, 1.0]))
+    return Branch(np.column_stack([signs, 2.0 * lam]), lam, 3.0, np.array([1.0, 1.0]))
 
 
 def test_series_is_evaluated_as_a_polynomial() -> None:

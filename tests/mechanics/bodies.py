@@ -19,13 +19,13 @@ STEEL = isotropic(210.0, 0.3, "strain")
 Field = Callable[[FloatArray], FloatArray]
 
 
-def jittered_square(side: int, jitter: float = 0.25, seed: int = 0, width: float = 1.0) -> Cloud:
-    """A lattice of ``side`` x ``side`` nodes on [0, width] x [0, 1], inner ones moved by ``jitter`` h."""
+def jittered_square(side: int, jitter: float = 0.25, seed: int = 0) -> Cloud:
+    """A lattice of ``side`` x ``side`` nodes on the unit square, inner ones moved by ``jitter`` h."""
     h = 1.0 / (side - 1)
     x = np.linspace(0.0, 1.0, side)
     inner = np.stack(np.meshgrid(x[1:-1], x[1:-1]), axis=-1).reshape(-1, 2)
     inner += jitter * h * np.random.default_rng(seed).uniform(-1.0, 1.0, inner.shape)
-    outline = rectangle((0.0, width), (0.0, 1.0))
+    outline = rectangle((0.0, 1.0), (0.0, 1.0))
     surfaces, chain, first = {}, [], 0
     for name, curve in zip(outline.names, outline.curves, strict=True):
         s = np.linspace(0.0, curve.length, side)
@@ -33,7 +33,7 @@ def jittered_square(side: int, jitter: float = 0.25, seed: int = 0, width: float
         surfaces[name] = Surface(name, curve, index, s, curve.normals(s))
         chain.append(curve.points(s)[:-1])
         first += side - 1
-    points = np.concatenate([*chain, inner * np.array([width, 1.0])])
+    points = np.concatenate([*chain, inner])
     return Cloud(points, np.full(len(points), h), surfaces)
 
 

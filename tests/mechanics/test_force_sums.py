@@ -21,8 +21,8 @@ LENGTH = 8.0
 DEFLECTION = 4.0 * LENGTH**3 / 1000.0 + 1.2 * LENGTH / (1000.0 / 2.6)
 
 
-def beam(spacing: float, degree: int, seed: int = 0) -> ElasticBody:
-    cloud = build_cloud(rectangle((0.0, LENGTH), (-0.5, 0.5)), Spacing(spacing), seed)
+def beam(spacing: float, degree: int) -> ElasticBody:
+    cloud = build_cloud(rectangle((0.0, LENGTH), (-0.5, 0.5)), Spacing(spacing), 0)
     return build(cloud, {"left": (True, True)}, degree, BEAM)
 
 
