@@ -20,9 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.run import run
-from mlsanm_cli.errors import MlsanmError
-from mlsanm_cli.io.run_reader import ContactData, read_run
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from mlsanm_cli.app.run import run  # noqa: E402
+from mlsanm_cli.errors import MlsanmError  # noqa: E402
+from mlsanm_cli.io.run_reader import ContactData, read_run  # noqa: E402
+from tests.app.scenes import Quiet  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -90,25 +94,6 @@ friction = {mu}
 law = "{law}"
 {stages}
 """
-
-
-class Silent:
-    """A console that says nothing."""
-
-    def phase(self, text: str) -> None:
-        """Nothing."""
-
-    def step(self, index: int, position: float, residual: float, text: str) -> None:
-        """Nothing."""
-
-    def note(self, text: str) -> None:
-        """Nothing."""
-
-    def warning(self, text: str) -> None:
-        """Nothing."""
-
-    def table(self, title: str, rows: Any) -> None:
-        """Nothing."""
 
 
 def scene(seed: int, law: str) -> str:
@@ -185,7 +170,7 @@ def main(count: int, first: int) -> None:
                 started = time.process_time()
                 try:
                     summary = run(
-                        case, overrides=("output.vtu=false", "output.fields=[]"), out=out, console=Silent()
+                        case, overrides=("output.vtu=false", "output.fields=[]"), out=out, console=Quiet()
                     )
                 except MlsanmError as error:
                     row: dict[str, Any] = {

@@ -1,0 +1,204 @@
+"""What every published case is checked against, for gallery.py: its closed formula and the errors."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.profile import half_width
+from mlsanm_cli.io.run_reader import ContactData, RunData
+from mlsanm_cli.reference.hertz import HertzLine, plates_approach
+from mlsanm_cli.reference.kirsch import KirschHole
+from mlsanm_cli.reference.lame import LameRing, press_fit
+from mlsanm_cli.reference.persson import PinInHole
+from mlsanm_cli.reference.punch import FlatPunch
+
+Judge = Callable[[RunData], dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Which picture of `mlsanm plot` shows the case, what it is checked against, and the relative errors."""
+
+    picture: str
+    formula: str
+    judge: Judge | None = None
+
+
+def _only(run: RunData) -> ContactData:
+    (contact,) = run.contacts.values()
+    return contact
+
+
+def _at(run: RunData, position: float) -> int:
+    return int(np.flatnonzero(run.path.position == position)[0])
+
+
+def _kirsch(run: RunData) -> dict[str, float]:
+    points, stress = run.bodies["plate"].points, run.states[-1].bodies["plate"]["stress"]
+    rim = np.hypot(points[:, 0], points[:, 1]) <= 1.0 + 1e-9
+    exact = KirschHole(1.0, 100.0).stress(points)
+    return {
+        "largest stress": abs(stress[rim, 0].max() / exact[rim, 0].max() - 1.0),
+        "stress anywhere, over the largest": np.abs(stress - exact).max() / exact.max(),
+    }
+
+
+def _lame(run: RunData) -> dict[str, float]:
+    ring = LameRing(1.0, 2.0, 100.0, 210e3 / (1.0 - 0.3**2), 0.3 / 0.7)
+    points, fields = run.bodies["ring"].points, run.states[-1].bodies["ring"]
+    r = np.hypot(points[:, 0], points[:, 1])
+    c, s = (points / r[:, None]).T
+    moved, expected = fields["displacement"] @ np.eye(2), ring.displacement(r)
+    xx, yy, xy = fields["stress"].T
+    radial, hoop = ring.stress(r)
+    off = np.maximum(
+        np.abs(xx * c**2 + yy * s**2 + 2.0 * xy * c * s - radial),
+        np.abs(xx * s**2 + yy * c**2 - 2.0 * xy * c * s - hoop),
+    )
+    return {
+        "displacement": np.abs(moved[:, 0] * c + moved[:, 1] * s - expected).max() / expected.max(),
+        "stress": off.max() / np.abs(hoop).max(),
+    }
+
+
+def _cattaneo(run: RunData) -> dict[str, float]:
+    """The part of the tractions even about the middle, for the pressing of finite bodies shears a little."""
+    contact, half, peak, friction = _only(run), 0.05, 2884.7, 0.3
+    x = np.linspace(-1.3 * half, 1.3 * half, 2001)
+    order = np.argsort(contact.points[:, 0])
+    inner = half * np.sqrt(0.5)
+    arcs = [np.sqrt(np.maximum(0.0, 1.0 - (x / r) ** 2)) for r in (half, inner)]
+    expected = friction * peak * (arcs[0] - inner / half * arcs[1])
+
+    def even(values: FloatArray) -> FloatArray:
+        nodes, values = contact.points[order, 0], values[order]
+        return 0.5 * (np.interp(x, nodes, values) + np.interp(-x, nodes, values))
+
+    found = {name: even(contact.traction[_at(run, at)]) for name, at in (("sheared", 2.0), ("reversed", 4.0))}
+    signs = {"sheared": -1.0, "reversed": 1.0}
+    return {
+        f"traction, {name}, L2": float(
+            np.linalg.norm(values - signs[name] * expected) / np.linalg.norm(expected)
+        )
+        for name, values in found.items()
+    }
+
+
+def _slide(run: RunData) -> dict[str, float]:
+    contact = _only(run)
+    force = contact.traction @ contact.weight / 200.0
+    return {"friction force": max(abs(force[_at(run, 2.0)] + 0.3), abs(force[_at(run, 3.0)] - 0.3)) / 0.3}
+
+
+def _wedge(run: RunData) -> dict[str, float]:
+    friction = tomllib.loads(run.case_resolved)["contact"][0]["friction"]
+    expected = (0.1 + friction) / (1.0 - 0.1 * friction)
+    return {"pushing force": abs(run.path.resultants["push"][-1, 0] / 100.0 / expected - 1.0)}
+
+
+def _shear_patch(run: RunData) -> dict[str, float]:
+    contact = _only(run)
+    return {
+        "pressure": np.abs(contact.pressure[-1] / 100.0 - 1.0).max(),
+        "traction": np.abs(contact.traction[-1] / -20.0 - 1.0).max(),
+    }
+
+
+def _pin(run: RunData) -> dict[str, float]:
+    contact = _only(run)
+    pin = PinInHole(10.0, 0.03, 5000.0, 210e3)
+    width = half_width(contact.arc_length, contact.pressure[-1])
+    return {
+        "peak": abs(contact.pressure[-1].max() / pin.peak_pressure - 1.0),
+        "angle of contact": abs(width / (10.0 * pin.half_angle) - 1.0),
+    }
+
+
+def _self_weight(run: RunData) -> dict[str, float]:
+    y, fields = run.bodies["block"].points[:, 1], run.states[-1].bodies["block"]
+    settled = -0.024 / (30e3 * 0.8 / (1.2 * 0.6)) * (3.0 * y - 0.5 * y**2)
+    return {
+        "displacement": np.abs(fields["displacement"][:, 1] - settled).max() / np.abs(settled).max(),
+        "stress": np.abs(fields["stress"][:, 1] + 0.024 * (3.0 - y)).max() / 0.072,
+    }
+
+
+def _orthotropic(run: RunData) -> dict[str, float]:
+    c, s = np.sqrt(0.75), 0.5
+    own = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]])
+    compliance = np.array(
+        [[1 / 12e3, -0.4 / 12e3, 0.0], [-0.4 / 12e3, 1 / 0.9e3, 0.0], [0.0, 0.0, 1 / 0.7e3]]
+    )
+    stress = np.array([8.0, 0.0, 2.0])
+    total = own.T @ (compliance @ own @ stress + 40.0 * np.array([4e-6, 35e-6, 0.0]))
+    points, fields = run.bodies["board"].points, run.states[-1].bodies["board"]
+    moved = np.stack([points @ [total[0], total[2]], total[1] * points[:, 1]], axis=1)
+    return {
+        "displacement": np.abs(fields["displacement"] - moved).max() / np.abs(moved).max(),
+        "stress": np.abs(fields["stress"] - stress).max() / 8.0,
+    }
+
+
+def _plates(run: RunData) -> dict[str, float]:
+    modulus = 210e3 / (1.0 - 0.3**2)
+    approach, hertz = plates_approach(500.0, 1.0, modulus), HertzLine(500.0, 1.0, modulus)
+    peaks = [contact.pressure[-1].max() for contact in run.contacts.values()]
+    return {
+        "approach": abs(-run.path.displacements["press"][-1, 1] / approach - 1.0),
+        "peak": max(abs(peak / hertz.peak_pressure - 1.0) for peak in peaks),
+    }
+
+
+def _stack(run: RunData) -> dict[str, float]:
+    return {"pressure": max(abs(c.pressure[-1] / 100.0 - 1.0).max() for c in run.contacts.values())}
+
+
+def _fit(run: RunData) -> dict[str, float]:
+    hub, bush = LameRing(1.0, 1.6, 1.0, 210e3, 0.3), LameRing(0.6, 1.0, 1.0, 100e3, 0.34)
+    return {"pressure": abs(_only(run).pressure[-1] / press_fit(bush, hub, 0.001) - 1.0).max()}
+
+
+def _punch(run: RunData) -> dict[str, float]:
+    contact, punch = _only(run), FlatPunch(100.0, 0.2)
+    inside = np.abs(contact.points[:, 0]) < 0.18
+    weight, expected = contact.weight[inside], punch.pressure(contact.points[inside, 0])
+    error = contact.pressure[-1][inside] - expected
+    return {"pressure at |x| < 0.9 a, L2": float(np.sqrt(weight @ error**2 / (weight @ expected**2)))}
+
+
+HERTZ = "Hertz' line contact: p = p0 sqrt(1 - x²/a²), a² = 4 F R/(pi E*), p0 = 2 F/(pi a)"
+REFERENCES = {
+    "hertz-line": Entry("pressure", HERTZ),
+    "uniform-pressure": Entry("bodies", "the same pressure everywhere"),
+}
+ENTRIES: dict[str, Entry] = {
+    "kirsch": Entry("bodies", "Kirsch: three times the tension at the hole of a wide plate", _kirsch),
+    "lame": Entry("bodies", "Lamé: radial and hoop stress A ∓ B/r²", _lame),
+    "cattaneo_mindlin": Entry(
+        "traction",
+        "Cattaneo and Mindlin: mu p less the same for the zone that sticks, of half-width "
+        "a sqrt(1 - Q/(mu P)); half-planes, from which finite bodies differ by some per cent",
+        _cattaneo,
+    ),
+    "block_slide": Entry("loop", "Coulomb: the friction force of a sliding block is mu P, both ways", _slide),
+    "wedge": Entry("bodies", "forces on a slope: F = W (tan b + mu)/(1 - mu tan b)", _wedge),
+    "pin_in_hole": Entry("pressure", "Persson: pin in a hole of nearly its own size", _pin),
+    "self_weight": Entry(
+        "bodies", "weight of what lies above: stress w (3 - y), settlement its integral", _self_weight
+    ),
+    "orthotropic": Entry(
+        "bodies", "even strains of an orthotropic material, turned, and of heat", _orthotropic
+    ),
+    "shear_patch": Entry("bodies", "the same pressure and the same traction everywhere", _shear_patch),
+    "disk_between_plates": Entry(
+        "bodies", "Johnson: approach 2 F/(pi E*) (2 ln(4 R/a) - 1) of the plates, and Hertz' peak", _plates
+    ),
+    "stack": Entry("bodies", "the same pressure everywhere", _stack),
+    "press_fit": Entry("bodies", "Lamé: two rings that press on each other", _fit),
+    "rigid_punch": Entry("pressure", "a flat punch on a half-plane: F/(pi sqrt(a² - x²))", _punch),
+}
