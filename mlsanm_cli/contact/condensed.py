@@ -26,15 +26,14 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.balance import Forces, balance_of_movers, body_imbalance, reported_forces
 from mlsanm_cli.contact.dense import scales
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
-from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
+from mlsanm_cli.contact.observation import Observation, observe, used_columns
 from mlsanm_cli.contact.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.short_waves import resolved_slip
 from mlsanm_cli.contact.sources import body_sources
-from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.probes import ROWS, Probe, probe_rows, stress_of_expansion
+from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
+from mlsanm_cli.memo import AFRESH, Memo, digest
 from mlsanm_cli.values import dataclass
 
 EVEN = 1e-9
@@ -177,53 +176,16 @@ def condense(scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -
 
 
 def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: Memo) -> Condensed:
-    rough = tuple(pairing for pairing in pairings if pairing.friction)
+    observation = Observation.of(scene, pairings)
+    rough = observation.rough
     normal, tangential = _places(pairings), _places(rough)
     columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
-    held = [(name, surface) for name, body in scene.bodies.items() for surface in body.gripped]
-    sprung = [(name, surface) for name, body in scene.bodies.items() for surface in body.soft_springs]
-
-    counts = [sum(len(pairing.position) for pairing in some) for some in (pairings, rough)]
-    counts += [3] * len(held) + [ROWS] * len(scene.probes)
-    counts += [2 * len(scene.surface(*where).index) for where in sprung]
-    observed = np.zeros((sum(counts), columns.total))
     sources = {name: body_sources(scene, name, pairings, columns) for name in scene.bodies}
-    solutions = {}
-    solves = 0
-    # Memory is shortest while the last factor is made, so that it had better be a small one.
-    for name, body in sorted(scene.bodies.items(), key=lambda item: -item[1].model.unknowns):
-        relative = [gap_rows(body, name, pairings), slip_rows(body, name, rough)]
-        reactions = [
-            reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None
-            for owner, surface in held
-        ]
-        probed = [probe_rows(body.model, p.point) if p.body == name else None for p in scene.probes]
-        pulls = [spring_rows(body, surface) if owner == name else None for owner, surface in sprung]
-        blocks = [
-            sparse.csr_array((count, body.model.unknowns)) if block is None else block
-            for count, block in zip(counts, [*relative, *reactions, *probed, *pulls], strict=True)
-        ]
-        rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
-        # Stresses, and so reactions, come from the displacements beyond those of free expansion.
-        from_stress = slice(sum(counts[:2]), sum(counts[: 2 + len(held)]))
-        expansion = rows[from_stress] @ body.model.free_expansion.ravel()
-        observed[from_stress, : columns.loads] -= np.outer(expansion, scene.degrees(name))
-        used = np.flatnonzero(np.diff(sources[name].indptr))
-        solved = np.zeros((rows.shape[1], columns.total if not pairings else 0))
-        # Loads by themselves: when their magnitudes change, the others' answers still hold.
-        for some in (used[used < columns.loads], used[used >= columns.loads]):
-            answer = _answer(body, sources[name][:, some], rows, bool(pairings), memo)
-            observed[:, some] += answer["observed"]
-            if not pairings:
-                solved[:, some] = answer["solution"]
-        if not pairings:
-            solutions[name] = solved
-        observed[:, columns.motion_places] += rows @ scene.loose_patterns(name)
-        solves += len(used)
+    observed, solutions = observe(observation, sources, columns, memo)
+    seen = observation.parted(observed)
 
-    gaps, slips, *acting = np.split(observed, np.cumsum(counts)[:-1])
     candidate = _candidates(pairings)
-    gap = columns.split(gaps, np.concatenate([[], *(pairing.gap for pairing in pairings)]))
+    gap = columns.split(seen.gaps, np.concatenate([[], *(pairing.gap for pairing in pairings)]))
     gap = gap + of_obstacles(scene, pairings, columns, "normal") + of_fits(scene, pairings, columns)
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
     forces = Forces(
@@ -232,12 +194,12 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
         normal,
         tangential,
         columns,
-        dict(zip(held, map(columns.split, acting[: len(held)]), strict=True)),
-        dict(zip(sprung, map(columns.split, acting[len(held) + len(scene.probes) :]), strict=True)),
+        {where: columns.split(rows) for where, rows in seen.held.items()},
+        {where: columns.split(rows) for where, rows in seen.sprung.items()},
     )
     modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
-    slip = columns.split(slips) + of_obstacles(scene, rough, columns, "tangent")
+    slip = columns.split(seen.slips) + of_obstacles(scene, rough, columns, "tangent")
     slip = slip.take(_candidates(rough))
     along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
     slip, beyond = resolved_slip(slip, rough, tangential, along)
@@ -260,11 +222,11 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
         imbalance=body_imbalance(forces),
         sources=sources,
         solutions=solutions,
-        solves=solves,
+        solves=sum(len(used_columns(source)) for source in sources.values()),
         content=content,
         probes={
             probe.name: _seen(scene, probe, columns, rows)
-            for probe, rows in zip(scene.probes, acting[len(held) :], strict=False)
+            for probe, rows in zip(scene.probes, seen.probes, strict=True)
         },
     )
 
@@ -274,23 +236,6 @@ def _seen(scene: Scene, probe: Probe, columns: Columns, rows: FloatArray) -> Lin
     free = stress_of_expansion(scene.bodies[probe.body].model.material)
     rows[-len(free) :, : columns.loads] -= np.outer(free, scene.degrees(probe.body))
     return columns.split(rows)
-
-
-def _answer(
-    body: ElasticBody, sources: sparse.csc_array, rows: sparse.csr_array, quick: bool, memo: Memo
-) -> Arrays:
-    """What ``rows`` (o, n) observe of the answers to ``sources`` (r, c), (o, c); unless ``quick``, which
-    serves for functionals, also the answers (n, c) themselves."""
-
-    def solve() -> Arrays:
-        if quick:
-            return {"observed": body.system.functionals(rows, sources), "solution": np.zeros((0, 0))}
-        solution = body.system.solve(sources)
-        return {"observed": np.asarray(rows @ solution), "solution": solution}
-
-    if not sources.shape[1]:
-        return {"observed": np.zeros((rows.shape[0], 0)), "solution": np.zeros((rows.shape[1], 0))}
-    return memo.arrays("answers", digest(body.equations.content, sources, rows, quick), solve)
 
 
 def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:

@@ -297,7 +297,7 @@ def test_certificate_of_the_half_plane_itself_is_one(nodes: int) -> None:
 
 def test_gaps_of_the_wrong_sign_do_not_pass(forced: Small, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = lambda *arguments: -gap_rows(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.condensed.gap_rows", wrong)
+    monkeypatch.setattr("mlsanm_cli.contact.observation.gap_rows", wrong)
     assert forced.again().stability < -0.5
 
 

@@ -94,5 +94,5 @@ def test_pressures_carried_over_wrongly_break_the_patch(monkeypatch: pytest.Monk
 
 def test_gaps_of_the_wrong_sign_break_the_patch(monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = lambda *arguments: -gap_rows(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.condensed.gap_rows", wrong)
+    monkeypatch.setattr("mlsanm_cli.contact.observation.gap_rows", wrong)
     assert blocks(1.37).stability < 0.0

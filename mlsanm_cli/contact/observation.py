@@ -1,0 +1,143 @@
+"""What is observed of the bodies' answers to contact and loads, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.linear_map import Columns
+from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.probes import ROWS, probe_rows
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.memo import Arrays, Memo, digest
+from mlsanm_cli.values import dataclass
+
+Surface: TypeAlias = tuple[str, str]
+"""Its body and its name."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Rows of what was observed, kind by kind, as :class:`Observation` has them."""
+
+    gaps: FloatArray
+    slips: FloatArray
+    held: Mapping[Surface, FloatArray]
+    probes: list[FloatArray]
+    sprung: Mapping[Surface, FloatArray]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Gaps of the ``pairings``, slips of the ``rough`` ones, which have friction, reactions of ``held``
+    surfaces, what the scene's probes see, and pulls of ``sprung`` surfaces: rows in this order."""
+
+    scene: Scene
+    pairings: tuple[Pairing, ...]
+    rough: tuple[Pairing, ...]
+    held: tuple[Surface, ...]
+    sprung: tuple[Surface, ...]
+
+    @classmethod
+    def of(cls, scene: Scene, pairings: tuple[Pairing, ...]) -> Observation:
+        """All that the contact problem of a scene needs and reports."""
+        rough = tuple(pairing for pairing in pairings if pairing.friction)
+        held = tuple((name, s) for name, body in scene.bodies.items() for s in body.gripped)
+        sprung = tuple((name, s) for name, body in scene.bodies.items() for s in body.soft_springs)
+        return cls(scene, pairings, rough, held, sprung)
+
+    @property
+    def counts(self) -> list[int]:
+        """Rows of gaps, slips, every held surface, every probe and every sprung surface."""
+        relative = [sum(len(pairing.position) for pairing in some) for some in (self.pairings, self.rough)]
+        pulls = [2 * len(self.scene.surface(*where).index) for where in self.sprung]
+        return [*relative, *(3 for _ in self.held), *(ROWS for _ in self.scene.probes), *pulls]
+
+    @property
+    def of_stress(self) -> slice:
+        """Rows that stresses make, of held surfaces: free expansion, which has none, is no part of them."""
+        counts = self.counts
+        return slice(sum(counts[:2]), sum(counts[: 2 + len(self.held)]))
+
+    def rows(self, name: str) -> sparse.csr_array:
+        """What each row (sum of counts, n) takes of the unknowns of one body."""
+        scene, body = self.scene, self.scene.bodies[name]
+        relative = [gap_rows(body, name, self.pairings), slip_rows(body, name, self.rough)]
+        reactions = [
+            reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None
+            for owner, surface in self.held
+        ]
+        probed = [probe_rows(body.model, p.point) if p.body == name else None for p in scene.probes]
+        pulls = [spring_rows(body, surface) if owner == name else None for owner, surface in self.sprung]
+        blocks = [
+            sparse.csr_array((count, body.model.unknowns)) if block is None else block
+            for count, block in zip(self.counts, [*relative, *reactions, *probed, *pulls], strict=True)
+        ]
+        return sparse.csr_array(sparse.vstack(blocks, format="csr"))
+
+    def parted(self, observed: FloatArray) -> Observed:
+        """What was observed, (sum of counts, c), taken apart."""
+        gaps, slips, *rest = np.split(observed, np.cumsum(self.counts)[:-1])
+        probes = rest[len(self.held) : len(rest) - len(self.sprung)]
+        return Observed(
+            gaps,
+            slips,
+            dict(zip(self.held, rest[: len(self.held)], strict=True)),
+            probes,
+            dict(zip(self.sprung, rest[len(rest) - len(self.sprung) :], strict=True)),
+        )
+
+
+def observe(
+    observation: Observation, sources: Mapping[str, sparse.csc_array], columns: Columns, memo: Memo
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """What is observed, (sum of counts, total), of the bodies' answers to their ``sources`` (r, total) and
+    motions; without contact also the answers (n, total) themselves."""
+    scene, quick = observation.scene, bool(observation.pairings)
+    observed = np.zeros((sum(observation.counts), columns.total))
+    solutions = {}
+    # Memory is shortest while the last factor is made, so that it had better be a small one.
+    for name, body in sorted(scene.bodies.items(), key=lambda item: -item[1].model.unknowns):
+        rows = observation.rows(name)
+        expansion = rows[observation.of_stress] @ body.model.free_expansion.ravel()
+        observed[observation.of_stress, : columns.loads] -= np.outer(expansion, scene.degrees(name))
+        used = used_columns(sources[name])
+        solved = np.zeros((rows.shape[1], 0 if quick else columns.total))
+        # Loads by themselves: when their magnitudes change, the others' answers still hold.
+        for some in (used[used < columns.loads], used[used >= columns.loads]):
+            answer = _answer(body, sources[name][:, some], rows, quick, memo)
+            observed[:, some] += answer["observed"]
+            if not quick:
+                solved[:, some] = answer["solution"]
+        if not quick:
+            solutions[name] = solved
+        observed[:, columns.motion_places] += rows @ scene.loose_patterns(name)
+    return observed, solutions
+
+
+def used_columns(source: sparse.csc_array) -> IntArray:
+    """Numbers of the columns that have entries."""
+    return np.flatnonzero(np.diff(source.indptr))
+
+
+def _answer(
+    body: ElasticBody, sources: sparse.csc_array, rows: sparse.csr_array, quick: bool, memo: Memo
+) -> Arrays:
+    """What ``rows`` (o, n) observe of the answers to ``sources`` (r, c), (o, c); unless ``quick``, which
+    serves for functionals, also the answers (n, c) themselves."""
+
+    def solve() -> Arrays:
+        if quick:
+            return {"observed": body.system.functionals(rows, sources), "solution": np.zeros((0, 0))}
+        solution = body.system.solve(sources)
+        return {"observed": np.asarray(rows @ solution), "solution": solution}
+
+    if not sources.shape[1]:
+        return {"observed": np.zeros((rows.shape[0], 0)), "solution": np.zeros((rows.shape[1], 0))}
+    return memo.arrays("answers", digest(body.equations.content, sources, rows, quick), solve)
