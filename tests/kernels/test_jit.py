@@ -185,6 +185,8 @@ def test_many_processes_may_start_cold_at_once(tmp_path: Path) -> None:
 INTERRUPTED = """
 import os, signal, time
 from mlsanm_cli.kernels import compiler
+# A process in a shell's background is born deaf to SIGINT.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 right, seen = compiler._compiled, []
 
 class Freed:
