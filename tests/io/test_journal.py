@@ -18,7 +18,7 @@ from mlsanm_cli.io import journal
 from mlsanm_cli.io.journal import JournaledFile, journal_of, opened, recover, shielded
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
-from tests.io.test_run_file import contact_record, datasets, start_run, step_record, write_steps
+from tests.io.run_files import contact_record, datasets, start_run, step_record, write_steps
 
 
 class Killed(BaseException):
