@@ -23,7 +23,7 @@ from mlsanm_cli.mechanics.corners import corner_weight, inward_weight
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
-from mlsanm_cli.mechanics.force_sums import force_sums, spring_sums
+from mlsanm_cli.mechanics.force_sums import ForceSums
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
 from mlsanm_cli.memo import digest
@@ -83,8 +83,8 @@ def assemble(
     else:
         limit = stiffest_soft(cloud, model.material)
         weight = _row_weights(cloud, held, single, table, gripped(held, springs, limit))
-        sums = force_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
-        whole = spring_sums(cloud, held, held_nodes, first_row, table.total, springs, limit)
+        balance = ForceSums(cloud, held, held_nodes, first_row, table.total, springs, limit)
+        sums, whole = balance.through_cuts(), balance.of_springs()
         images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
         sums = np.concatenate([sums, whole])
         # In place: of all that there is before the factor, the rows are the largest part.

@@ -10,7 +10,7 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.force_sums import CUTS, force_sums
+from mlsanm_cli.mechanics.force_sums import CUTS, ForceSums
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.operators.least_squares import LeastSquares
 from tests.mechanics.bodies import build, jittered_square
@@ -54,7 +54,7 @@ def test_sums_are_the_forces_beyond_the_cuts() -> None:
     # Unit residuals of equilibrium in x everywhere: the body force beyond every cut, less no traction.
     cloud = jittered_square(21)
     body = build(cloud, {"bottom": (True, True)})
-    sums = force_sums(cloud, body.held, (), body.first_row, body.rows)
+    sums = ForceSums(cloud, body.held, (), body.first_row, body.rows).through_cuts()
     assert sums.shape == (3 * CUTS, body.rows)
     residual = np.zeros(body.rows)
     residual[: len(cloud.points)] = 1.0
@@ -70,7 +70,7 @@ def test_a_traction_balances_the_body_force_it_stands_for() -> None:
     # A uniform pull on the top and none of it anywhere else: the same force through every cut.
     cloud = jittered_square(21)
     body = build(cloud, {"bottom": (True, True)})
-    sums = force_sums(cloud, body.held, (), body.first_row, body.rows)
+    sums = ForceSums(cloud, body.held, (), body.first_row, body.rows).through_cuts()
     pull = np.tile([0.0, 1.0], (21, 1))
     through = (sums @ body.source("top", pull, held=False))[1::3]
     # The last ramp reaches 1 at the farthest nodes only.
@@ -81,6 +81,6 @@ def test_a_traction_balances_the_body_force_it_stands_for() -> None:
 def test_held_surfaces_have_no_part_in_the_sums() -> None:
     cloud = jittered_square(13)
     body = build(cloud, {"bottom": (True, False)})
-    sums = force_sums(cloud, body.held, (), body.first_row, body.rows)
+    sums = ForceSums(cloud, body.held, (), body.first_row, body.rows).through_cuts()
     for component in (0, 1):
         assert not sums[:, body.condition_rows("bottom", component)].any()
