@@ -1,1 +1,1 @@
-"""Closed formulae that results are checked against."""
+"""Closed formulas that results are checked against."""
