@@ -26,6 +26,10 @@ SPARED = frozenset(
     {
         *(f"numpy.{name}" for name in ("f2py", "testing", "ma", "ctypeslib", "polynomial")),
         *(f"scipy.{name}" for name in ("linalg", "optimize", "spatial", "sparse.csgraph")),
+        # These only write docstrings, or read them.
+        "numpy._core._add_newdocs",
+        "numpy._core._add_newdocs_scalars",
+        "pydoc",
         # Metadata of packages as mail, which brings sockets along; pydantic and we only look for packages.
         "importlib.metadata._adapters",
     }
