@@ -17,8 +17,8 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder
+from importlib.abc import Loader, MetaPathFinder, SourceLoader
+from importlib.machinery import ModuleSpec, PathFinder, SourcelessFileLoader
 from types import ModuleType
 from typing import Any
 
@@ -26,6 +26,10 @@ SPARED = frozenset(
     {
         *(f"numpy.{name}" for name in ("f2py", "testing", "ma", "ctypeslib", "polynomial")),
         *(f"scipy.{name}" for name in ("linalg", "optimize", "spatial", "sparse.csgraph")),
+        # These only write docstrings, or read them.
+        "numpy._core._add_newdocs",
+        "numpy._core._add_newdocs_scalars",
+        "pydoc",
         # Metadata of packages as mail, which brings sockets along; pydantic and we only look for packages.
         "importlib.metadata._adapters",
     }
@@ -68,7 +72,8 @@ class _Sparing(MetaPathFinder):
     ) -> ModuleSpec | None:
         """That of a spared module; None for others, which are left to the next finder."""
         spec = PathFinder.find_spec(name, path, target) if name in SPARED else None
-        if spec is not None and spec.loader is not None:
+        # Compiled modules are made by their loaders, and cannot be made before they are loaded.
+        if spec is not None and isinstance(spec.loader, SourceLoader | SourcelessFileLoader):
             spec.loader = _Patient(spec.loader)
         return spec
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import sys
 from pathlib import Path
@@ -53,6 +52,8 @@ class Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """As in click, but a wrong name is told the nearest right one."""
         if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
+            import difflib  # for misspelt names only
+
             names = self.list_commands(ctx)
             near = difflib.get_close_matches(args[0], names, n=1)
             hint = f'Did you mean "{near[0]}"?' if near else f"There are: {', '.join(names)}."

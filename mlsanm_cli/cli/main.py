@@ -7,7 +7,6 @@ import os
 import signal
 import sys
 import threading
-import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
@@ -64,6 +63,8 @@ def _silence(stream: TextIO) -> None:
 def _report(error: BaseException, settings: Settings) -> int:
     """Prints the error and returns the exit code that goes with it."""
     if settings.debug and not isinstance(error, click.ClickException):
+        import traceback  # which nobody sees without --debug
+
         traceback.print_exception(error)
     if isinstance(error, CaseError):
         for problem in error.problems[:SHOWN]:
