@@ -18,6 +18,7 @@ from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import advance_front
 from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
+from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
 CANDIDATES = 15
@@ -100,9 +101,14 @@ class Cloud:
         return look(self.points, self.edges)
 
     @cached_property
+    def tree(self) -> cKDTree:
+        """A search tree of the nodes."""
+        return cKDTree(self.points)
+
+    @cached_property
     def crowding(self) -> Crowding:
         """How the nodes stand to their nearest ones."""
-        return crowding(self.points, self.spacing, self.sight)
+        return crowding(self.points, self.tree, self.spacing, self.sight)
 
     @cached_property
     def triangles(self) -> IntArray:

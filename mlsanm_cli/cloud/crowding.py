@@ -22,11 +22,11 @@ class Crowding:
     growth: float
 
 
-def crowding(points: FloatArray, spacing: FloatArray, sight: Sight | None) -> Crowding:
-    """By the nearest nodes of all ``points`` (n, 2), ``spacing`` (n,) asked for there; those that ``sight``
-    hides across a slit are infinitely far."""
+def crowding(points: FloatArray, tree: cKDTree, spacing: FloatArray, sight: Sight | None) -> Crowding:
+    """By the nearest nodes of all ``points`` (n, 2), found in their ``tree``, ``spacing`` (n,) asked for
+    there; those that ``sight`` hides across a slit are infinitely far."""
     count = min(NEIGHBORS, len(points) - 1)
-    found = cKDTree(points).query(points, k=np.arange(2, count + 2))
+    found = tree.query(points, k=np.arange(2, count + 2))
     distance, neighbour = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
     if sight is not None:
         one = np.repeat(np.arange(len(neighbour)), count)

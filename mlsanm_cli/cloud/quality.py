@@ -52,14 +52,14 @@ def _largest_hole(cloud: Cloud) -> float:
     for surface in cloud.surfaces.values():
         normals[surface.index] += surface.normal
     boundary = cloud.boundary_nodes
-    outline, nodes = cKDTree(cloud.points[boundary]), cKDTree(cloud.points)
+    outline = cKDTree(cloud.points[boundary])
     # The nearest node of a centre is a corner: no triangle comes out larger than by its finest one.
     most = radius / cloud.spacing[cloud.triangles].min(axis=1)
     largest, order = 0.0, np.argsort(-most)
     for some in np.split(order, range(TOGETHER, len(order), TOGETHER)):
         near = boundary[outline.query(center[some])[1]]
         inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
-        h = cloud.spacing[nodes.query(center[some])[1]]
+        h = cloud.spacing[cloud.tree.query(center[some])[1]]
         largest = float((radius[some] / h)[inside].max(initial=largest))
         if largest >= most[some[-1]]:
             break

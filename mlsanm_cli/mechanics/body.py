@@ -100,7 +100,7 @@ class BodyModel:
                 )
             ghosts = ghost_owners(cloud, clamped)
             nodes = np.concatenate([nodes, ghost_points(cloud, ghosts)])
-        tree = cKDTree(nodes)
+        tree = cloud.tree if nodes is cloud.points else cKDTree(nodes)
         near = look_around(tree, cloud.points, max(settings.stencil_size, foresight))
         stencils = build_stencils(nodes, tree, cloud.points, 2, settings, cloud.sight, near)
         if not foresight:
@@ -135,7 +135,7 @@ class BodyModel:
         if self.settings.scheme != "ghost":
             return self.stencils
         points = self.cloud.points
-        return build_stencils(points, cKDTree(points), points, 1, self.settings, self.cloud.sight)
+        return build_stencils(points, self.cloud.tree, points, 1, self.settings, self.cloud.sight)
 
     def equilibrium(self, component: int) -> sparse.csr_array:
         """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points.

@@ -19,7 +19,6 @@ from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
 DEGREES = (2, 3, 4)
@@ -143,4 +142,4 @@ class _NextDegree:
             return fitted_derivatives(
                 nodes, model.tree, cloud.points, settings, field, cloud.sight, model.near
             )
-        return fitted_derivatives(nodes, cKDTree(nodes), cloud.points, settings, field, cloud.sight)
+        return fitted_derivatives(nodes, cloud.tree, cloud.points, settings, field, cloud.sight)

@@ -45,7 +45,7 @@ def test_results_do_not_depend_on_who_factorises(kind: str, hertz_run: Path, tmp
     for key in ("peak_pressure", "half_width"):
         there = expected["contacts"]["interface"][key]
         assert found["contacts"]["interface"][key] == pytest.approx(there, rel=1e-6)
-    assert found["linear_residual"] <= 1e-8
+    assert found["linear_residual"] <= 1e-7
 
 
 @pytest.mark.parametrize(("kind", "extra"), [("pardiso", "mkl"), ("mumps", "mumps")])

@@ -191,7 +191,7 @@ def test_residual_tells_the_size_of_a_step(kind: str) -> None:
         assert system.residual(b, off) == pytest.approx(1e-4, rel=1e-3)
         # From there, one update leads back, and a second one tells that it did.
         found, change = system.checked(b, off)
-        assert change <= 1e-8
+        assert change <= 1e-7
         np.testing.assert_allclose(found, best, rtol=0.0, atol=1e-12 * np.abs(best).max())
 
 
@@ -204,7 +204,7 @@ def test_checked_solutions_tell_what_the_last_update_changed(kind: str) -> None:
     size = np.linalg.norm(expected, axis=0)
     for start in (None, expected[:, :1] * (1.0 + 1e-5), rng.normal(size=(120, 1))):
         found, change = system.checked(b, start)
-        assert (change <= 1e-8).all()
+        assert (change <= 1e-7).all()
         assert (np.linalg.norm(found - expected, axis=0) <= 1e-9 * size).all()
 
 
