@@ -49,7 +49,15 @@ class Accuracy:
     solutions: Mapping[str, FloatArray]
 
     def figures(self, built: Built, state: State | None = None) -> dict[str, Any]:
-        """As summary.json tells them, of ``state`` where its pressures may lie away from the exact ones."""
+        """As summary.json tells them, of ``state`` where its pressures may lie away from the exact ones.
+
+        Nearly incompressible bodies have none: the defect of their mean pressure is that of their change of
+        volume times a modulus without bound, 5 times the error at a Poisson ratio of 0.45, 3000 at 0.4999.
+        It still tells where the clouds are coarse, and refinement goes by it.
+        """
+        bodies = built.scene.bodies.values()
+        if any(body.model.material.nearly_incompressible for body in bodies):
+            return {"displacement": None, "pressure": dict.fromkeys(self.from_bulk)}
         pressure = {}
         for pairing in built.condensed.pairings:
             away = _distance(built, pairing, self.state, state.pressure) if state is not None else 0.0

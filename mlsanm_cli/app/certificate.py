@@ -27,6 +27,11 @@ CONTACT_LIMIT = 0.15
 """Smallest certificate of a contact that passes. In 100 random Hertz scenes, results with 2.4 to 16 times the
 usual error had -0.003 to 0.14, good ones 0.15 to 1.6 but for six below the limit."""
 
+ALIKE = 1.5
+"""Facing spacings whose ratio is below this are not what makes a contact unstable."""
+COARSER = "larger spacings where it touches, as bodies that bend easily do not bear fine ones"
+"""A fine surface resists short waves little, and what of them the cloud takes for bending grows past that."""
+
 
 def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo) -> float:
     """The smallest certificate; UnstableError where one fails, for the results would mean nothing.
@@ -117,8 +122,10 @@ def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> 
     if case.mls.degree != 2:
         return "use mls.degree = 2, or more even clouds (lower growth, or another seed)"
     if pairing.master is None:
-        return f"use another body.{pairing.slave_body}.seed, or an even cloud (lower growth)"
+        return f"use another body.{pairing.slave_body}.seed, an even cloud (lower growth), or {COARSER}"
     unlike = spacing_ratio(pairing, {body: model.cloud for body, model in models.items()})
+    if unlike < ALIKE:
+        return f"use another body.{pairing.slave_body}.seed, or {COARSER}"
     return (
         f"spacings that face each other differ by a factor of {unlike:.3g}: bring those of "
         f"{' and '.join(pairing.names)} closer together"

@@ -55,7 +55,7 @@ def suggestion(word: object, valid: Iterable[str], what: str = "valid") -> str:
     near = nearest(word, names)
     if near:
         return f'did you mean "{near}"?'
-    return f"{what}: {', '.join(names)}" if names else f"there is no {what} one"
+    return f"{what}: {', '.join(names)}" if names else "there are none"
 
 
 def dotted(data: Any, path: KeyPath) -> str:

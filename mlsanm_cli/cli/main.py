@@ -84,7 +84,8 @@ def _report(error: BaseException, settings: Settings) -> int:
         print(printable(shown.getvalue()), end="", file=sys.stderr)
         return USAGE
     if isinstance(error, click.Abort | KeyboardInterrupt):
-        _print("error", str(error) or "stopped by a signal", settings)
+        # click keeps what it makes an Abort of as its cause.
+        _print("error", str(error) or str(error.__cause__ or "") or "stopped by a signal", settings)
         return STOPPED
     if isinstance(error, MemoryError):
         _print("error", "the memory is used up", settings)

@@ -56,6 +56,11 @@ def unloaded(condensed: Condensed, factors: FloatArray) -> CoulombState:
     return CoulombState(factors, values, sets, np.zeros(n), np.zeros(n))
 
 
+def acts(condensed: Condensed, change: FloatArray) -> bool:
+    """Whether a change of the load factors (L,) does anything to contacts and motions."""
+    return any((part.load @ change).any() for part in (condensed.gap, condensed.slip, condensed.balance))
+
+
 def increment(
     condensed: Condensed, state: CoulombState, factors: FloatArray, slipping: bool = True
 ) -> tuple[CoulombState, int]:
@@ -78,7 +83,8 @@ def increment(
         return system, values, values.slip - before
 
     sets, _, values, count = find_sets(condensed, Sets(closed, stuck, sense), watch, solve)
-    if floating and slipping and values.pressure.max() <= NOTHING * moving(condensed, values):
+    pressed = values.pressure.max() > NOTHING * moving(condensed, values)
+    if floating and slipping and not pressed and acts(condensed, factors - state.factors):
         raise FloatingError
     return state.jumped(factors, values, sets, np.where(sets.stuck, before, values.slip)), count
 

@@ -9,12 +9,13 @@ rates would move with friction come to rest. Nothing depends on the size of incr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
+from mlsanm_cli.contact.coulomb import CoulombState, acts, increment, residual, unloaded
 from mlsanm_cli.contact.set_search import NoStateError, Watch, find_sets
 from mlsanm_cli.contact.sets import Sets, SetSystem, Values
 from mlsanm_cli.contact.sliding import SlidingError, slides_freely
@@ -95,6 +96,9 @@ def follow(
     """
     begin = state.factors if begin is None else begin
     change = end - begin
+    if not acts(condensed, change):
+        yield from (Event(stop, replace(state, factors=begin + stop * change), 0) for stop in stops)
+        return
     pending, standing = list(stops), 0
     # A path that is taken up again makes the system anew that it had, which counts no more.
     course = None if found or fraction == 0.0 else _course_of(condensed, state.sets, change)

@@ -89,6 +89,14 @@ def test_a_certificate(
     assert {"normal", "partner", "spacing"} <= mesh.point_data.keys()
 
 
+def test_like_spacings_are_not_what_a_contact_fails_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The hint had been to bring spacings closer together that differed by a factor of 1.
+    monkeypatch.setattr(certificate, "contact_stability", lambda *arguments: 0.0)
+    assert "larger spacings" in solve(PATCH, tmp_path / "run")["hint"]
+
+
 def test_a_search_for_contact_without_end_tells_of_the_certificate(tmp_path: Path) -> None:
     # It had pointed at a figure of `mlsanm check`, which has none.
     fine = (Path(__file__).parents[2] / "cases" / "hertz.toml").read_text()

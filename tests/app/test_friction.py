@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,15 @@ def test_series_hold_tractions(tmp_path: Path) -> None:
         step = file[f"series/{rows // 2}"]
         before = file["contacts/interface/traction"][rows // 2 - 1]
         assert step["traction"][0] == pytest.approx(before, abs=1e-6 * np.abs(before).max())
+
+
+def test_loads_of_zero_move_nothing(tmp_path: Path) -> None:
+    # The nearest node had been closed by a plate that nothing moves.
+    still = re.sub(r"force = \[.*\]|fx = .*", "force = [0.0, 0.0]", SHEARED)
+    assert solve(still, tmp_path / "run", EXACT)["status"] == "done"
+    data = read_run(tmp_path / "run")
+    assert not data.contacts["interface"].status.any()
+    assert not data.path.displacements["press"].any()
 
 
 @pytest.mark.parametrize("depth", [0.0, 1e-5, 1e-3])

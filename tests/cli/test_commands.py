@@ -181,6 +181,7 @@ def test_exit_code_follows_the_status(monkeypatch: pytest.MonkeyPatch, status: s
         (NumericalError("no way on", "set solver.order"), 3, "error: no way on"),
         (Interrupted("wall time is over"), 75, "error: wall time is over"),
         (KeyboardInterrupt(), 75, "stopped by a signal"),
+        (KeyboardInterrupt("the wall time of 2 s is over"), 75, "the wall time of 2 s is over"),
         (MemoryError(), 2, "memory"),
         (PermissionError(13, "Permission denied", "/x/y"), 2, "/x/y: Permission denied"),
         (MlsanmError("base"), 70, "base"),
