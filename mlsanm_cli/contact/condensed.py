@@ -50,7 +50,7 @@ class Condensed:
     a contact with friction among the tractions (n,); ``rubbing`` (n,) are the numbers of these nodes among
     the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip``
     to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to what the
-    movers lack (k,). ``beyond`` (m + n, n) is what of the gaps and slips the displacements' own do not
+    movers lack (k,). ``beyond`` (m + n, m + n) is what of the gaps and slips the displacements' own do not
     tell (:func:`resolved`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
@@ -216,7 +216,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
     slip = columns.split(seen.slips) + of_obstacles(scene, rough, columns, "tangent")
     slip = slip.take(_candidates(rough))
     along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
-    gap, slip, beyond = resolved(gap, slip, rough, tangential, along)
+    gap, slip, beyond = resolved(gap, slip, rough, normal, tangential, along)
     rubbing = _numbers([normal[pairing.name] for pairing in rough])
     return Condensed(
         pairings=pairings,

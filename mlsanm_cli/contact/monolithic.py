@@ -5,8 +5,8 @@ step. It is the baseline that condensation is compared with, so it has the same 
 order. The displacements u of all bodies, one body after the other, come behind the platens' motions, and the
 bodies' equations behind the balances, in the numbering of :mod:`mlsanm_cli.contact.coupling`::
 
-    gap      h = h0 + R_n u + beyond_n t          (R from the observers)
-    slip     s = F R_t u + beyond_t t
+    gap      h = h0 + R_n u + beyond_n (p, t)     (R from the observers)
+    slip     s = F R_t u + beyond_t (p, t)
     balance  0 = forces(f, p, t) + reactions(u)
     bodies   0 = K u - sources(f, q, p, t)
 
@@ -191,13 +191,13 @@ def _contact_rows(
     elastic = scene.bodies.items()
     gaps = sparse.hstack([gap_rows(body, name, condensed.pairings) for name, body in elastic], format="csr")
     beyond = sparse.csr_array(condensed.beyond)
-    unseen = [sparse.csr_array((m, m)), beyond[:m], sparse.csr_array((m, k))]
+    unseen = [beyond[:m], sparse.csr_array((m, k))]
     rows = [sparse.hstack([*unseen, gaps[chosen]])]
     if n:
         sliding = np.concatenate([pairing.candidate for pairing in rough])
         slips = sparse.hstack([slip_rows(body, name, rough) for name, body in elastic], format="csr")
         fit = sparse.block_diag([slip_fit(pairing) for pairing in rough], format="csr")
-        unseen = [sparse.csr_array((n, m)), beyond[m:], sparse.csr_array((n, k))]
+        unseen = [beyond[m:], sparse.csr_array((n, k))]
         rows.append(sparse.hstack([*unseen, fit @ slips[sliding]]))
     balance = _balance(scene, condensed, columns)
     if k:

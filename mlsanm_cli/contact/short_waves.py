@@ -24,44 +24,50 @@ def resolved(
     gap: LinearMap,
     slip: LinearMap,
     pairings: tuple[Pairing, ...],
-    places: Mapping[str, slice],
+    gaps: Mapping[str, slice],
+    slips: Mapping[str, slice],
     softness: Mapping[str, FloatArray],
 ) -> tuple[LinearMap, LinearMap, FloatArray]:
     """The gaps (m,) and the slips (n,) of all contacts with friction, with short waves about as a half-plane
     has them.
 
-    ``places`` are the contacts' slips, ``softness`` 1/E* at their nodes along the tangent. Let F be a local
-    linear fit along the surface. Slips that anything but the contact's own tractions causes are smooth; what
-    they have of short waves comes from the clouds' irregularity, and they become F s. Least squares follow a
-    traction t the less the shorter its waves are, at two spacings hardly at all: what it differs by from its
-    own fit gets the compliance 3 h/(pi E*) (t - F t) on top. Without this, tractions of sticking nodes
-    oscillated from node to node by 30 %. With G t the linear function nearest to t over the whole contact,
-    slips due to G t are fitted like the others, so that a patch under uniform stress stays exact. All around
-    a closed surface, F runs on across the seam and G t is a constant, the only linear function there is.
+    ``gaps`` and ``slips`` are the contacts' places among both, ``softness`` 1/E* at their nodes along the
+    tangent. Let F be a local linear fit along the surface. Slips that anything but the contact's own
+    tractions causes are smooth; what they have of short waves comes from the clouds' irregularity, and they
+    become F s. Least squares follow a traction t the less the shorter its waves are, at two spacings hardly
+    at all: what it differs by from its own fit gets the compliance 3 h/(pi E*) (t - F t) on top. Without
+    this, tractions of sticking nodes oscillated from node to node by 30 %. With G t the linear function
+    nearest to t over the whole contact, slips due to G t are fitted like the others, so that a patch under
+    uniform stress stays exact. All around a closed surface, F runs on across the seam and G t is a constant,
+    the only linear function there is.
 
-    By reciprocity gaps follow F t only. With the short waves of t in them, but not in slips those of the
-    pressures, the two together lost their positivity where spacings grow along the contact.
+    Gaps follow F t only, and slips due to pressures F p only. With the short waves of t in gaps, but not in
+    slips those of the pressures, the two together lost their positivity where spacings grow along the
+    contact. And a body does not feel quite the force that the weights give a pressure of short waves: what
+    that moves does not go down with the spacing, as the compliance of short waves does.
 
-    Returned too is what tractions cause beyond the displacements' own gaps and beyond the fit of their slips
-    (m + n, n).
+    Returned too is what pressures and tractions cause beyond the displacements' own gaps and beyond the fit
+    of their slips (m + n, m + n).
     """
     m, n = len(gap.constant), len(slip.constant)
     gap, slip = gap.take(np.arange(m)), slip.take(np.arange(n))
-    beyond = np.zeros((m + n, n))
+    beyond = np.zeros((m + n, m + n))
+    by_pressure, by_traction = beyond[:, :m], beyond[:, m:]
     for pairing in pairings:
-        own, chosen = places[pairing.name], pairing.candidate
-        spacing = pairing.spacing[chosen]
+        own, facing = slips[pairing.name], gaps[pairing.name]
         fit = slip_fit(pairing).toarray()
         short = np.eye(len(fit)) - fit
-        beyond[:m, own] = -gap.traction[:, own] @ short
-        gap.traction[:, own] += beyond[:m, own]
+        by_traction[:m, own] = -gap.traction[:, own] @ short
+        gap.traction[:, own] += by_traction[:m, own]
         compliance = slip.traction[own, own].copy()
         for array in (slip.constant, slip.load, slip.motion, slip.pressure, slip.traction):
             array[own] = fit @ array[own]
+        by_pressure[m:][own, facing] = -slip.pressure[own, facing] @ short
+        slip.pressure[own, facing] += by_pressure[m:][own, facing]
         by_own = compliance - short @ compliance @ _linear_part(pairing)
-        shortest = SHORTEST * softness[pairing.name] * spacing
+        shortest = SHORTEST * softness[pairing.name] * pairing.spacing[pairing.candidate]
         slip.traction[own, own] = by_own + shortest[:, None] * short
-        beyond[m:][own, own] = slip.traction[own, own] - fit @ compliance
+        by_traction[m:][own, own] = slip.traction[own, own] - fit @ compliance
     return gap, slip, beyond
 
 
