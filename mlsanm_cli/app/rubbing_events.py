@@ -16,8 +16,9 @@ SAMPLES = 17
 """A piece of path is looked at in so many places."""
 NEAR = 1e-9
 """A condition is at its limit where it is this close to it, relative to the reference pressure."""
-SLACK = 1e-11
-"""What begins at its limit may go past it by this much before it counts."""
+SLACK = 1e-9
+"""What begins at its limit may go past it by this much before it counts, relative to the reference pressure:
+states are known to no more, and a node that hardly leaves its limit would come to it again and again."""
 SMALL = 1e-6
 """Friction limits below this part of the reference pressure are not told apart."""
 
@@ -56,7 +57,8 @@ class Barrier:
         grid = np.linspace(0.0, piece.length, SAMPLES)
         levels = np.hstack([piece.weights(grid) @ values, piece.derivative_weights(grid) @ rates])
         scale = self._scales(levels[:, values.shape[1] :], values[0])
-        slack = np.where(levels[0] <= NEAR * scale, np.maximum(-levels[0], 0.0) + SLACK * scale, 0.0)
+        most = np.where(np.arange(len(scale)) < values.shape[1], 1.0, scale)
+        slack = np.where(levels[0] <= NEAR * scale, np.maximum(-levels[0], 0.0) + SLACK * most, 0.0)
         past = (levels[1:] + slack < 0.0).any(axis=1)
         if not past.any():
             return np.inf
