@@ -210,8 +210,7 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     """
     master = pairing.master
     assert master is not None, "an obstacle has no nodes"
-    arc, weight, spacing = unrolled(pairing)
-    count = int(pairing.candidate.sum())
+    arc, _, spacing = _unrolled(pairing)
     s, beside, stretch = _feet(pairing, master, master_cloud.points[master.index])
     slack = 1e-6 * float(pairing.spacing.min())
     facing = (pairing.slave.curve.normals(s) * master.normal).sum(axis=1) < OPPOSED
@@ -221,10 +220,10 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     own = np.interp(s[rows], arc, spacing)
     # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
     reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[master.index[rows]])
-    fit = surface_fit(arc, weight, s[rows], reach).tocoo()
+    fit = candidates_fit(pairing, s[rows], reach).tocoo()
     inner, columns = fit.coords
     carried = fit.data * stretch[rows[inner]]
-    return sparse.csr_array((carried, (rows[inner], columns % count)), shape=(len(s), count))
+    return sparse.csr_array((carried, (rows[inner], columns)), shape=(len(s), fit.shape[1]))
 
 
 def _feet(pairing: Pairing, master: Surface, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -251,7 +250,19 @@ def _feet(pairing: Pairing, master: Surface, points: FloatArray) -> tuple[FloatA
     return s, np.abs(off), stretch
 
 
-def unrolled(pairing: Pairing) -> tuple[FloatArray, FloatArray, FloatArray]:
+def candidates_fit(pairing: Pairing, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
+    """Values at arc lengths ``s`` (r,) of local linear fits to those of the candidates (m,): weights (r, m).
+
+    ``reach`` (r,) are the windows' half-widths. All around a closed surface they run on across the seam.
+    """
+    arc, weight, _ = _unrolled(pairing)
+    fit = surface_fit(arc, weight, s, reach).tocoo()
+    rows, columns = fit.coords
+    count = int(pairing.candidate.sum())
+    return sparse.csr_array((fit.data, (rows, columns % count)), shape=(len(s), count))
+
+
+def _unrolled(pairing: Pairing) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Arc lengths, surface lengths and spacings (m,) of the candidates; where they go all around, those of
     the turns before and after too (3m,), so that windows run on across the seam."""
     chosen = pairing.candidate

@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.linear_map import LinearMap
-from mlsanm_cli.contact.pairing import Pairing, surface_fit, unrolled
+from mlsanm_cli.contact.pairing import Pairing, candidates_fit
 
 SMOOTH = 6.0
 """Half-width in spacings of the windows of the local fits: linear functions over a window are left alone."""
@@ -74,12 +74,7 @@ def resolved(
 def slip_fit(pairing: Pairing) -> sparse.csr_array:
     """The local linear fit F (n, n) of nodal values along a contact."""
     chosen = pairing.candidate
-    around, weight, _ = unrolled(pairing)
-    places = pairing.arc[chosen]
-    fit = surface_fit(around, weight, places, SMOOTH * pairing.spacing[chosen]).tocoo()
-    rows, columns = fit.coords
-    count = len(places)
-    return sparse.csr_array((fit.data, (rows, columns % count)), shape=(count, count))
+    return candidates_fit(pairing, pairing.arc[chosen], SMOOTH * pairing.spacing[chosen])
 
 
 def _linear_part(pairing: Pairing) -> FloatArray:
