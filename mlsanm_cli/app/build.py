@@ -17,6 +17,7 @@ from mlsanm_cli.app.estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.linear import direct_solver
 from mlsanm_cli.app.scene import NOTHING, Prepared, equip, prepare
 from mlsanm_cli.app.stages import stage_factors
+from mlsanm_cli.app.symmetry import line_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
@@ -123,7 +124,7 @@ def place(
     bodies that come out as ``before`` stay."""
     with clock.phase("cloud"):
         console.phase("placing nodes")
-        placed = clouds(case, zones, memo)
+        placed = clouds(case, zones, memo, line_of(case))
     with clock.phase("operators"):
         console.phase("building operators")
         return prepare(case, placed, memo, before.models if before is not None else NOTHING)

@@ -14,6 +14,7 @@ from mlsanm_cli.case.round_shapes import Annulus, HalfDisk, Sector
 from mlsanm_cli.case.shapes import Rectangle
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import AFRESH, Memo
 
@@ -59,13 +60,16 @@ def spacing_of(body: Body) -> Spacing:
     return Spacing(body.spacing, tuple(zones))
 
 
-def clouds(case: Case, zones: tuple[Zone, ...] = (), memo: Memo = AFRESH) -> dict[str, Cloud]:
-    """Node clouds of all bodies, refined in ``zones`` beyond what the case says."""
+def clouds(
+    case: Case, zones: tuple[Zone, ...] = (), memo: Memo = AFRESH, line: Line | None = None
+) -> dict[str, Cloud]:
+    """Node clouds of all bodies, refined in ``zones`` beyond what the case says, and about a ``line`` their
+    own mirror images where outline and spacing are."""
     placed = {}
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.brings_nodes:
             placed[body.name] = foreign(body.shape).cloud
         else:
             spacing = spacing_of(body).with_zones(zones)
-            placed[body.name] = build_cloud(outline_of(body), spacing, body.seed, memo=memo)
+            placed[body.name] = build_cloud(outline_of(body), spacing, body.seed, memo=memo, line=line)
     return placed

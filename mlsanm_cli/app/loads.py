@@ -20,7 +20,8 @@ from mlsanm_cli.case import (
     split_boundary,
     value_at,
 )
-from mlsanm_cli.cloud.cloud import Cloud, Surface
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.values import dataclass

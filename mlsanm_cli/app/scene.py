@@ -16,6 +16,8 @@ from mlsanm_cli.app.loads import Acting, acting
 from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.movers import components, movers
 from mlsanm_cli.app.restraints import restrained
+from mlsanm_cli.app.stages import stage_factors
+from mlsanm_cli.app.symmetry import mirrored
 from mlsanm_cli.case import Case, Displacement, Platen, split_boundary
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
@@ -42,8 +44,7 @@ class Prepared:
 
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
     by one, ``acting`` the loads' values, ``movers`` all that moves rigidly, ``probes`` the points to observe,
-    ``notes`` what a person should
-    know.
+    ``notes`` what a person should know, ``even`` whether the scene is its own mirror image.
     """
 
     models: Mapping[str, BodyModel]
@@ -54,6 +55,7 @@ class Prepared:
     probes: tuple[Probe, ...]
     movers: tuple[mechanics.Mover, ...]
     notes: tuple[str, ...]
+    even: bool
 
 
 def mls_settings(case: Case) -> MlsSettings:
@@ -104,7 +106,18 @@ def prepare(
     }
     free = movers(case, clouds, held, held_nodes, grips, loads.springs)
     moving, notes = restrained(case, clouds, pairings, free, loads)
-    return Prepared(models, pairings, held, held_nodes, loads, _probes(case, clouds), moving, notes)
+    images = mirrored(models, held, held_nodes, loads, moving, pairings, stage_factors(case))
+    return Prepared(
+        models,
+        images if images is not None else pairings,
+        held,
+        held_nodes,
+        loads,
+        _probes(case, clouds),
+        moving,
+        notes,
+        even=images is not None,
+    )
 
 
 def equip(
@@ -139,8 +152,8 @@ def equip(
             continue
         body = memo.value(
             "body",
-            digest(model.content, *conditions[name], solver.name),
-            partial(assemble, model, held, held_nodes, solver, springs),
+            digest(model.content, *conditions[name], solver.name, prepared.even),
+            partial(assemble, model, held, held_nodes, solver, springs, even=prepared.even),
         )
         bodies[name] = replace(body, timed=timed)
     supports = {s.boundary: split_boundary(s.boundary) for s in case.support if s.boundary is not None}

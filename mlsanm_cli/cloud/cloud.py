@@ -9,11 +9,14 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.crowding import Crowding, crowding
-from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.sight import Sight, look
 from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import advance_front
@@ -26,53 +29,20 @@ STRIPS = 512
 
 
 @dataclass(frozen=True)
-class Surface:
-    """The nodes of one named boundary, in order along its curve.
-
-    ``index`` (b,) into the body's points, ``arc_length`` (b,), ``normal`` (b, 2) of this boundary alone: a
-    corner node belongs to both boundaries that meet there, with each one's own normal. ``weight`` (b,) is the
-    length of surface a node stands for (trapezoid rule).
-    """
-
-    name: str
-    curve: Curve
-    index: IntArray
-    arc_length: FloatArray
-    normal: FloatArray
-
-    @cached_property
-    def content(self) -> str:
-        """A digest of the nodes; of the curve behind them they need to know no more."""
-        return digest(
-            *(self.name, self.index, self.arc_length, self.normal), self.curve.closed, self.curve.length
-        )
-
-    @cached_property
-    def weight(self) -> FloatArray:
-        """Quadrature weights along the surface."""
-        s = self.arc_length
-        if self.curve.closed:
-            steps = np.diff(np.append(s, self.curve.length))
-            both = steps + np.roll(steps, 1)
-        else:
-            steps = np.diff(s)
-            both = np.append(steps, 0.0) + np.append(0.0, steps)
-        return np.asarray(0.5 * both)
-
-
-@dataclass(frozen=True)
 class Cloud:
-    """Nodes of one body: ``points`` (n, 2), ``spacing`` (n,) asked for there, and its surfaces."""
+    """Nodes of one body: ``points`` (n, 2), ``spacing`` (n,) asked for there, its surfaces, and its symmetry
+    if it was made to have one."""
 
     points: FloatArray
     spacing: FloatArray
     surfaces: dict[str, Surface]
+    mirror: Mirror | None = None
 
     @cached_property
     def content(self) -> str:
         """A digest of the nodes and surfaces."""
         surfaces = {s.name: [s.index, s.arc_length, s.normal] for s in self.surfaces.values()}
-        return digest(self.points, self.spacing, surfaces)
+        return digest(self.points, self.spacing, surfaces, self.mirror)
 
     @cached_property
     def boundary_nodes(self) -> IntArray:
@@ -124,34 +94,50 @@ class Cloud:
         a, b, c = (self.points[self.triangles[:, corner]] for corner in range(3))
         twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
         shares = np.repeat(twice / 6.0, 3)
-        return np.asarray(np.bincount(self.triangles.ravel(), shares, len(self.points)), dtype=np.float64)
+        areas: FloatArray = np.bincount(self.triangles.ravel(), shares, len(self.points)).astype(np.float64)
+        # Four nodes on a circle have two triangulations, of which the mirror may show the other.
+        return areas if self.mirror is None else 0.5 * (areas + areas[self.mirror.image])
 
 
 def build_cloud(
-    outline: Outline, spacing: Spacing, seed: int, limit: int = 50_000_000, memo: Memo = AFRESH
+    outline: Outline,
+    spacing: Spacing,
+    seed: int,
+    limit: int = 50_000_000,
+    memo: Memo = AFRESH,
+    line: Line | None = None,
 ) -> Cloud:
     """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``.
 
+    About a ``line`` the cloud is its own mirror image if outline and spacing are, and if the line does not
+    run along the outline.
     Raises RunError when more than ``limit`` nodes would be needed.
     """
     steps = [spacing.steps_along(curve) for curve in outline.curves]
     boundary = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
     surfaces = _surfaces(outline, steps)
-    edges = boundary[_edges(surfaces.values())].reshape(-1, 4)
+    edges = _edges(surfaces.values())
+    half = None
+    if line is not None and spacing.symmetric(line):
+        half = halved(line, boundary, edges, surfaces, spacing)
+    start, chords = (boundary, boundary[edges].reshape(-1, 4)) if half is None else (half.start, half.chords)
     far, zones = spacing.far, spacing.table()
 
     def fill() -> Arrays:
-        points = advance_front(boundary, edges, *_strips(edges), far, zones, CANDIDATES, seed, limit)
+        points = advance_front(start, chords, *_strips(chords), far, zones, CANDIDATES, seed, limit)
         if len(points) >= limit:
             hint = "use larger spacings or smaller refinements"
             raise RunError(f"more than {limit} nodes in one body", hint)
-        return {"points": relax(points, len(boundary), spacing)}
+        if half is None:
+            return {"points": relax(points, len(boundary), spacing)}
+        inner = points[len(start) - half.upon :]
+        return {"points": relax(np.concatenate([boundary, inner]), len(boundary), spacing, line, half.upon)}
 
-    key = digest(boundary, edges, far, zones, seed, limit)
+    key = digest(boundary, start, chords, far, zones, seed, limit)
 
     def made() -> Cloud:
         points = memo.arrays("clouds", key, fill)["points"]
-        return Cloud(points, spacing.at(points), surfaces)
+        return Cloud(points, spacing.at(points), surfaces, half.mirror(len(points)) if half else None)
 
     # Names of surfaces are no part of what is kept on disk.
     return memo.value("cloud", digest(key, list(surfaces)), made)

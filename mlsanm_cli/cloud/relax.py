@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.parts import cKDTree
 
@@ -23,28 +24,39 @@ LONGEST = 0.2
 """Longest step, in spacings: a node cannot leap over its neighbours or leave the body."""
 
 
-def relax(points: FloatArray, fixed: int, spacing: Spacing) -> FloatArray:
+def relax(
+    points: FloatArray, fixed: int, spacing: Spacing, line: Line | None = None, upon: int = 0
+) -> FloatArray:
     """The nodes ``points`` (n, 2), all but the first ``fixed`` moved a little.
 
-    Each neighbour at distance d pushes with (h/d)^STEEPNESS, h the spacing at the node.
+    Each neighbour at distance d pushes with (h/d)^STEEPNESS, h the spacing at the node. With a ``line`` of
+    symmetry the nodes behind the first ``fixed`` are ``upon`` nodes on it and others on one side of it only;
+    the images of these follow them in what is returned.
     """
-    points = points.copy()
-    moving = len(points) - fixed
+    points, end = points.copy(), len(points)
+    images = slice(fixed + upon, end if line is not None else fixed + upon)
+    points = np.concatenate([points, points[images]])
     count = min(NEIGHBORS, len(points) - 1)
-    if moving == 0 or count < 1:
+    if end == fixed or count < 1:
         return points
-    for sweep in range(SWEEPS):
+    moving = slice(fixed, end)
+    for sweep in range(SWEEPS + 1):
+        if line is not None:
+            points[fixed : fixed + upon, line.axis] = line.at
+            points[end:] = line.reflect(points[images])
+        if sweep == SWEEPS:
+            break
         if sweep % LOOK == 0:
-            nearest = cKDTree(points).query(points[fixed:], k=np.arange(2, count + 2))
+            nearest = cKDTree(points).query(points[moving], k=np.arange(2, count + 2))
             neighbour = np.ascontiguousarray(nearest[1].T)
-        h = spacing.at(points[fixed:])
+        h = spacing.at(points[moving])
         # Coordinates apart, neighbours along the first axis: numpy is slow at axes as short as 2.
         x, y = np.ascontiguousarray(points.T)
-        across, along = x[fixed:] - x[neighbour], y[fixed:] - y[neighbour]
+        across, along = x[moving] - x[neighbour], y[moving] - y[neighbour]
         distance = np.sqrt(across**2 + along**2)
         push = (h / distance) ** STEEPNESS / distance
         force = np.stack([(push * across).sum(axis=0), (push * along).sum(axis=0)], axis=1)
         size = np.sqrt((force**2).sum(axis=1))
         length = np.minimum(STEP * size / (1.0 + 0.25 * size), LONGEST)
-        points[fixed:] += (h * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
+        points[moving] += (h * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
     return points

@@ -8,6 +8,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Segment
+from mlsanm_cli.cloud.mirror import SAME, Line
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
 from mlsanm_cli.values import dataclass
@@ -55,6 +56,18 @@ class Spacing:
         """The same with further zones."""
         return replace(self, zones=(*self.zones, *zones))
 
+    def symmetric(self, line: Line) -> bool:
+        """Whether it is its own mirror image: every zone has one among the zones."""
+        marks, asked = _marks(self.table())
+        images = line.reflect(marks.reshape(-1, 2)).reshape(marks.shape)
+        slack = SAME * asked[:, :1, None]
+        for image, wanted in zip(images, asked, strict=True):
+            like = np.isclose(asked, wanted, rtol=SAME, atol=0.0).all(axis=1)
+            near = [np.abs(marks - way).max(axis=(1, 2)) <= slack[:, 0, 0] for way in (image, image[::-1])]
+            if not (like & (near[0] | near[1])).any():
+                return False
+        return True
+
     @property
     def finest(self) -> float:
         """Smallest spacing anywhere."""
@@ -90,6 +103,21 @@ class Spacing:
         steps = np.interp(np.linspace(0.0, integral[-1], count + 1), integral, s)
         steps[0], steps[-1] = 0.0, curve.length
         return steps
+
+
+def _marks(table: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Three points (z, 3, 2) of every zone's line or arc, of a whole circle its centre, and what is asked for
+    there (z, 4): spacing, radius, growth, and the circle's radius."""
+    first, last = table[:, 1:3], table[:, 3:5]
+    marks = np.stack([first, 0.5 * (first + last), last], axis=1)
+    asked = np.concatenate([table[:, 6:9], np.zeros((len(table), 1))], axis=1)
+    for zone in np.flatnonzero(table[:, 0] == 1.0):
+        center, (radius, start, sweep) = table[zone, 1:3], table[zone, 3:6]
+        angle = start + sweep * np.array([0.0, 0.5, 1.0])
+        around = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        marks[zone] = center + (around if sweep < 2.0 * np.pi else 0.0)
+        asked[zone, 3] = radius
+    return marks, asked
 
 
 def _too_many() -> RunError:

@@ -11,6 +11,10 @@ p acts on the slave along the master's outward normal, t along the tangent, the 
 s is the slip of the slave relative to the master along it. The matrices A are the compliance. Each body is
 factorised once; of the solutions to its columns only the functionals needed are found. Both are left out
 where a memo has the functionals already.
+
+A scene that is its own mirror image has symmetric pressures, and its bodies answer to the symmetric part of
+each: half to a node's pressure, half to that of its image. Twice that on the node's own side and nothing on
+the other is the same for symmetric pressures, and leaves the compliance positive for others.
 """
 
 from __future__ import annotations
@@ -199,7 +203,9 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
     seen = observation.parted(observed)
 
     candidate = _candidates(pairings)
+    side = np.concatenate([np.zeros(0, dtype=np.int64), *(pairing.side for pairing in pairings)])
     gap = columns.split(seen.gaps, np.concatenate([[], *(pairing.gap for pairing in pairings)]))
+    gap.pressure[:] *= 1.0 + np.outer(side, side[candidate])
     gap = gap + of_obstacles(scene, pairings, columns, "normal") + of_fits(scene, pairings, columns)
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
     forces = Forces(

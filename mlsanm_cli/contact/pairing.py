@@ -9,7 +9,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cloud import Cloud, Surface
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.obstacles import Shape
 from mlsanm_cli.values import dataclass
 
@@ -35,6 +36,7 @@ class Pairing:
     marks the nodes that can touch; the others are only watched. ``friction`` is Coulomb's coefficient,
     ``interference`` what the gaps lose when the load of this contact's name is at 1. A contact with a rigid
     obstacle has neither ``master_body`` nor ``master``; its virtual nodes lie on the obstacle.
+    In a scene that is its own mirror image, ``image`` (w,) is where every node's image stands.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Pairing:
     candidate: BoolArray
     friction: float = 0.0
     interference: float = 0.0
+    image: IntArray | None = None
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -90,7 +93,19 @@ class Pairing:
 
     def with_reach(self, reach: float) -> Pairing:
         """The same pairs with the nodes of initial gap up to ``reach`` as candidates."""
-        return replace(self, candidate=self.gap <= reach)
+        near = self.gap <= reach
+        # Round-off must not take a node without its image.
+        return replace(self, candidate=near if self.image is None else near | near[self.image])
+
+    def with_images(self, image: IntArray) -> Pairing:
+        """The same pairs in a scene that is its own mirror image, with every node's ``image`` (w,)."""
+        return replace(self, image=image, candidate=self.candidate | self.candidate[image])
+
+    @property
+    def side(self) -> IntArray:
+        """On which side (w,) of the mirror nodes are, 1 or -1, or 0 on it; all on it where there is none."""
+        own = np.arange(len(self.position))
+        return np.zeros_like(own) if self.image is None else np.sign(self.image - own)
 
     def first_reach(self) -> float:
         """A reach to begin with: the widest gap where the slave's spacing is within 1.5 of the finest."""

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Surface
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.pairing import Pairing, transfer, turned
 from mlsanm_cli.mechanics.body import ElasticBody

@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.corners import corner_weight, inward_weight
@@ -24,10 +24,12 @@ from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.force_sums import ForceSums
+from mlsanm_cli.mechanics.halves import fold_of
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
+from mlsanm_cli.operators.folded import Fold, Folded
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.structure import compact
@@ -44,36 +46,28 @@ def assemble(
     solver: DirectSolver,
     springs: Springs = MappingProxyType({}),
     timed: Timed = nullcontext,
+    even: bool = False,
 ) -> ElasticBody:
     """Choose the conditions of every surface and set up the rows.
 
     ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
     Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
     where that holds it, which changes nothing but its rigid motion.
-    The system is factorised within ``timed()``.
+    The system is factorised within ``timed()``. If ``even``, it is that of one half of a cloud with a mirror
+    and answers to the symmetric part of loads; supports and springs must be symmetric and hold the body
+    without single nodes.
     """
-    cloud, c = model.cloud, model.material.stiffness
+    cloud = model.cloud
     free = free_motions(cloud, held, held_nodes, springs)
     single = [*held_nodes, *pins(cloud.points, free)]
-    count = len(model.nodes)
-    blocks = [model.equilibrium(component) for component in (0, 1)]
-    first_row = {}
-    total = 2 * len(cloud.points)
-    for name, surface in cloud.surfaces.items():
-        first_row[name] = total
-        stencils = model.stencils.take(surface.index)
-        for component in (0, 1):
-            if held.get(name, (False, False))[component]:
-                blocks.append(nodal_rows(surface.index, component, count))
-            else:
-                blocks.append(traction_rows(stencils, c, surface.normal, component))
-        total += 2 * len(surface.index)
+    first_row, total = _first_rows(cloud)
+    fold = fold_of(cloud, first_row, total) if even else None
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
-    for node, component in single:
-        blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
-    pulls = _pulls(cloud, table, count)
-    rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
-    del blocks
+    pulls = _pulls(cloud, table, len(model.nodes))
+    rows = _rows(model, held, single, first_row, fold)
+    if fold is not None:
+        pulls = fold.halved(pulls[fold.kept])
+        rows = fold.halved(rows)
     rows = compact(sparse.csr_array(rows + pulls) if springs else rows)
     factorise: Callable[[], LinearSystem]
     weight = np.zeros(0)
@@ -84,21 +78,70 @@ def assemble(
         limit = stiffest_soft(cloud, model.material)
         weight = _row_weights(cloud, held, single, table, gripped(held, springs, limit))
         balance = ForceSums(cloud, held, held_nodes, first_row, table.total, springs, limit)
-        sums, whole = balance.through_cuts(), balance.of_springs()
+        sums, whole, nodes = balance.through_cuts(), balance.of_springs(), model.nodes
+        if fold is not None:
+            weight = fold.weights(weight, HOLD / cloud.spacing)
+            sums, whole, nodes = fold.sums(sums), fold.sums(whole), nodes[fold.own]
         images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
         sums = np.concatenate([sums, whole])
         # In place: of all that there is before the factor, the rows are the largest part.
         rows.data *= np.repeat(weight, np.diff(rows.indptr))
-        factorise = partial(least_squares.factorise, rows, weight, model.nodes, solver, sums, images)
+        factorise = partial(least_squares.factorise, rows, weight, nodes, solver, sums, images)
+        if fold is not None:
+            factorise = partial(_folded, fold, factorise)
     # What rows and sums are made from, in place of them: they are many times as large. The weights tell what
     # nodes and normals do not of the curves behind them.
-    content = digest(model.rows_content, weight, held, held_nodes, springs, solver.name)
+    content = digest(model.rows_content, weight, held, held_nodes, springs, solver.name, even)
     equations = Equations(content, factorise)
     body = ElasticBody(model, held, springs, free, first_row, table.total, equations, timed)
     if not free.components:
         return body
     pinned = replace(body, timed=nullcontext)
     return replace(body, equations=Equations(content, partial(_freed, pinned, single[len(held_nodes) :])))
+
+
+def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
+    """Where the rows of every surface begin, behind those of equilibrium, and how many rows there are."""
+    first_row, total = {}, 2 * len(cloud.points)
+    for name, surface in cloud.surfaces.items():
+        first_row[name] = total
+        total += 2 * len(surface.index)
+    return first_row, total
+
+
+def _rows(
+    model: BodyModel,
+    held: Mapping[str, tuple[bool, bool]],
+    single: Sequence[tuple[int, int]],
+    first_row: Mapping[str, int],
+    fold: Fold | None,
+) -> sparse.csr_array:
+    """All rows, or those that the ``fold`` keeps, (r, 2N), springs left out."""
+    cloud, c, count = model.cloud, model.material.stiffness, len(model.nodes)
+
+    def some(first: int, size: int) -> IntArray | None:
+        return None if fold is None else fold.kept_within(first, size)
+
+    points = len(cloud.points)
+    blocks = [model.equilibrium(component, some(component * points, points)) for component in (0, 1)]
+    for name, surface in cloud.surfaces.items():
+        size = len(surface.index)
+        for component in (0, 1):
+            at = some(first_row[name] + component * size, size)
+            index, normal = surface.index, surface.normal
+            if at is not None:
+                index, normal = index[at], normal[at]
+            if held.get(name, (False, False))[component]:
+                blocks.append(nodal_rows(index, component, count))
+            else:
+                blocks.append(traction_rows(model.stencils.take(index), c, normal, component))
+    for node, component in single:
+        blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
+    return sparse.csr_array(sparse.vstack(blocks, format="csr"))
+
+
+def _folded(fold: Fold, factorise: Callable[[], LinearSystem]) -> Folded:
+    return Folded(factorise(), fold)
 
 
 def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:

@@ -17,7 +17,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
-from mlsanm_cli.cloud.cloud import Cloud, Surface
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import (
@@ -34,6 +35,7 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import Freedom
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
+from mlsanm_cli.operators.folded import reflected, reflected_numbers
 from mlsanm_cli.operators.rows import pair_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_stencils, look_around
@@ -101,10 +103,14 @@ class BodyModel:
             ghosts = ghost_owners(cloud, clamped)
             nodes = np.concatenate([nodes, ghost_points(cloud, ghosts)])
         tree = cloud.tree if nodes is cloud.points else cKDTree(nodes)
-        near = look_around(tree, cloud.points, max(settings.stencil_size, foresight))
-        stencils = build_stencils(nodes, tree, cloud.points, 2, settings, cloud.sight, near)
+        mirror = cloud.mirror if nodes is cloud.points else None
+        points = cloud.points if mirror is None else cloud.points[mirror.own]
+        near = look_around(tree, points, max(settings.stencil_size, foresight))
+        stencils = build_stencils(nodes, tree, points, 2, settings, cloud.sight, near)
         if not foresight:
             near = near[:, :0]
+        if mirror is not None:
+            stencils, near = reflected(stencils, mirror), reflected_numbers(near, mirror)
         return cls(name, cloud, material, settings, ghosts, nodes, tree, near, stencils)
 
     @cached_property
@@ -137,21 +143,22 @@ class BodyModel:
         points = self.cloud.points
         return build_stencils(points, self.cloud.tree, points, 1, self.settings, self.cloud.sight)
 
-    def equilibrium(self, component: int) -> sparse.csr_array:
-        """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points.
+    def equilibrium(self, component: int, at: IntArray | None = None) -> sparse.csr_array:
+        """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points, or some ``at`` (e,) of them.
 
         Nearly incompressible materials would lock: the gradient of the divergence, twice a node, leaves too
         few displacements without change of volume. There the mean pressure is differentiated as a nodal
         field, which asks for one thing a node. Degree 1, without second derivatives, does so with all stress.
         """
         c = self.material.stiffness
-        if self.settings.degree == 1:
-            return nested_equilibrium_rows(self.stencils, self._stress_stencils, c, component)
-        if not self.material.nearly_incompressible:
-            return equilibrium_rows(self.stencils, c, component)
-        bulk = self.material.bulk_part
-        pressure = nested_equilibrium_rows(self.stencils, self._stress_stencils, bulk, component)
-        return sparse.csr_array(equilibrium_rows(self.stencils, c - bulk, component) + pressure)
+        nested = self.settings.degree == 1
+        if not nested and not self.material.nearly_incompressible:
+            return equilibrium_rows(_some(self.stencils, at), c, component)
+        even = c if nested else self.material.bulk_part
+        rows = nested_equilibrium_rows(self.stencils, _some(self._stress_stencils, at), even, component)
+        if nested:
+            return rows
+        return sparse.csr_array(equilibrium_rows(_some(self.stencils, at), c - even, component) + rows)
 
     def surface_traction(self, surface: Surface, component: int) -> sparse.csr_array:
         """Rows (b, 2N) of sigma n in x (0) or y (1) at a surface's nodes."""
@@ -187,6 +194,10 @@ class BodyModel:
         gradient = np.array([[xx, 0.5 * twice_xy], [0.5 * twice_xy, yy]])
         result: FloatArray = (self.nodes - self.nodes.mean(axis=0)) @ gradient
         return result
+
+
+def _some(stencils: Stencils, at: IntArray | None) -> Stencils:
+    return stencils if at is None else stencils.take(at)
 
 
 def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:

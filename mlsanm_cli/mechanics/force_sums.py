@@ -126,4 +126,4 @@ def _distance(cloud: Cloud, nodes: IntArray) -> FloatArray:
     distance: FloatArray = np.asarray(found, dtype=np.float64)
     reached = np.isfinite(distance)
     distance[~reached] = distance[reached].max()
-    return distance
+    return distance if cloud.mirror is None else np.minimum(distance, distance[cloud.mirror.image])

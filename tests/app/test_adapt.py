@@ -14,8 +14,8 @@ from mlsanm_cli.app.adapt import ROUGH, Rule
 from mlsanm_cli.app.build import Built, complete, place
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Surface
 from mlsanm_cli.cloud.curves import Segment
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.patches import contact_patches
 from mlsanm_cli.io.run_reader import read_run

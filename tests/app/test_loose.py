@@ -14,8 +14,9 @@ from mlsanm_cli.app.scene import equip, prepare
 from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
-from mlsanm_cli.cloud.cloud import Cloud, Surface
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import disk
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.active_set import solve_exact
 from mlsanm_cli.contact.condensed import condense
 from mlsanm_cli.errors import CaseError

@@ -11,10 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Cloud, Surface, build_cloud
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle
 from mlsanm_cli.cloud.loops import Loop, trace
 from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.pairing import OPPOSED, Pairing, pair_surfaces, spacing_ratio, transfer
 
 BLOCK = rectangle((-2.0, 2.0), (-1.0, 0.0))

@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Cloud, Surface
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import rectangle
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic

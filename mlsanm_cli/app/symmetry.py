@@ -1,0 +1,171 @@
+"""Scenes that are their own mirror images: half of the equations are enough for them.
+
+Without friction a scene's state is unique, and that of a symmetric scene is symmetric itself. With friction
+it need not be, and the condensed problem would have to know tractions across the mirror.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mlsanm_cli.app.clouds import outline_of, spacing_of
+from mlsanm_cli.app.loads import Acting
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import Case, Mesh, Points
+from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.mirror import SAME, Line, Mirror
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.scene import LooseBody, Mover, Platen
+
+SAMPLES = 33
+EVEN = 1e-9
+"""Loads and gaps differ from their images by less than this part of the largest."""
+
+
+def line_of(case: Case) -> Line | None:
+    """The line about which nodes are placed symmetrically: the middle of all bodies, if the case may make use
+    of that."""
+    if case.solver.formulation != "condensed" or case.mls.scheme != "least-squares":
+        return None
+    if any(contact.friction for contact in case.contact):
+        return None
+    if any(isinstance(body.shape, Mesh | Points) for body in case.body):
+        return None
+    boxes = np.array([_box(outline_of(body)) for body in case.body])
+    size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
+    middle = boxes.mean(axis=1)
+    for axis in (0, 1):
+        line = Line(axis, float(middle[0, axis]))
+        same = np.abs(middle[:, axis] - line.at).max() <= SAME * size
+        if same and all(spacing_of(body).symmetric(line) for body in case.body):
+            return line
+    return None
+
+
+def _box(outline: Outline) -> FloatArray:
+    """Lowest and highest coordinates (2, 2) of an outline."""
+    fractions = np.linspace(0.0, 1.0, SAMPLES)
+    points = np.concatenate([curve.points(curve.length * fractions) for curve in outline.curves])
+    return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def mirrored(
+    models: Mapping[str, BodyModel],
+    held: Mapping[str, Mapping[str, tuple[bool, bool]]],
+    held_nodes: Mapping[str, tuple[tuple[int, int], ...]],
+    acting: Acting,
+    movers: tuple[Mover, ...],
+    pairings: tuple[Pairing, ...],
+    stages: FloatArray,
+) -> tuple[Pairing, ...] | None:
+    """The pairs with their images, if all that acts on the bodies with the load factors ``stages`` (T, L) is
+    its own mirror image, and None if not."""
+    mirrors: dict[str, Mirror] = {}
+    for name, model in models.items():
+        mirror = model.cloud.mirror
+        if mirror is None or not _aligned(model.material) or held_nodes[name]:
+            return None
+        if not _alike(mirror, held[name]) or not _alike(mirror, acting.springs[name]):
+            return None
+        mirrors[name] = mirror
+    lines = {mirror.line for mirror in mirrors.values()}
+    if len(lines) != 1 or not _even_loads(acting, mirrors, stages):
+        return None
+    line = lines.pop()
+    if not all(_even_mover(mover, line, mirrors, stages) for mover in movers):
+        return None
+    found = []
+    for pairing in pairings:
+        image = _images(pairing, mirrors)
+        if image is None:
+            return None
+        found.append(pairing.with_images(image))
+    return tuple(found)
+
+
+def _aligned(material: PlaneMaterial) -> bool:
+    """Whether a material is its own mirror image about lines along the axes."""
+    stiffness, expansion = np.abs(material.stiffness), np.abs(material.expansion)
+    straight = stiffness[:2, 2].max() <= EVEN * stiffness.max()
+    return bool(straight and expansion[2] <= EVEN * expansion.max())
+
+
+def _alike(mirror: Mirror, conditions: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether surfaces have the ``conditions`` that their images have."""
+    return all(conditions.get(mirror.surfaces[name][0]) == value for name, value in conditions.items())
+
+
+def _even_mover(mover: Mover, line: Line, mirrors: Mapping[str, Mirror], stages: FloatArray) -> bool:
+    """Whether a mover is its own image and moves along the line only."""
+    if isinstance(mover, LooseBody):
+        return False
+    if isinstance(mover, Platen) and mirrors[mover.body].surfaces[mover.surface][0] != mover.surface:
+        return False
+    return all(
+        motion.component == 1 - line.axis
+        or (motion.prescribed is not None and not (stages @ motion.prescribed).any())
+        for motion in mover.motions
+    )
+
+
+def _even_loads(acting: Acting, mirrors: Mapping[str, Mirror], stages: FloatArray) -> bool:
+    """Whether the loads of each kind on each body add up to their own image, with all factors ``stages``."""
+    for name, mirror in mirrors.items():
+        forces = [(force.number, force.values) for force in acting.body_forces if force.body == name]
+        if not _even_sum(forces, forces, mirror.image, mirror, stages):
+            return False
+        for surface, (image, places) in mirror.surfaces.items():
+            for held in (False, True):
+                one, other = (
+                    [
+                        (load.number, load.values)
+                        for load in acting.surface_loads
+                        if (load.body, load.surface, load.held) == (name, where, held)
+                    ]
+                    for where in (surface, image)
+                )
+                if not _even_sum(one, other, places, mirror, stages):
+                    return False
+    return True
+
+
+def _even_sum(
+    loads: list[tuple[int, FloatArray]],
+    images: list[tuple[int, FloatArray]],
+    places: IntArray,
+    mirror: Mirror,
+    stages: FloatArray,
+) -> bool:
+    """Whether ``loads`` are what the mirror makes of the ``images``, whose node for each is at ``places``."""
+    for factors in stages:
+        lack = np.zeros((len(places), 2))
+        for number, values in loads:
+            lack += factors[number] * values
+        for number, values in images:
+            lack -= factors[number] * values[places] * mirror.line.signs
+        sizes = [np.abs(factors[number] * values).max(initial=0.0) for number, values in loads + images]
+        if np.abs(lack).max(initial=0.0) > EVEN * max(sizes, default=0.0):
+            return False
+    return True
+
+
+def _images(pairing: Pairing, mirrors: Mapping[str, Mirror]) -> IntArray | None:
+    """Where (w,) the image of every paired node stands among them; None where a contact is not its own."""
+    mirror = mirrors[pairing.slave_body]
+    name, places = mirror.surfaces[pairing.slave.name]
+    if name != pairing.slave.name:
+        return None
+    where = np.full(len(pairing.slave.index), -1)
+    where[pairing.position] = np.arange(len(pairing.position))
+    image = where[places[pairing.position]]
+    if (image < 0).any():
+        return None
+    slack = EVEN * pairing.spacing
+    gaps = np.abs(pairing.gap[image] - pairing.gap) <= slack
+    normals = np.abs(pairing.normal[image] * mirror.line.signs - pairing.normal).max(axis=1) <= EVEN
+    partners = np.abs(mirror.line.reflect(pairing.partner[image]) - pairing.partner).max(axis=1) <= slack
+    return image if (gaps & normals & partners).all() else None

@@ -1,0 +1,206 @@
+"""Equations of a mirror-symmetric body for symmetric loads: half of its unknowns, half of its rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
+from mlsanm_cli.cloud.mirror import Mirror
+from mlsanm_cli.operators.refinement import PRECISE, relative
+from mlsanm_cli.operators.rows import nodal_pairs
+from mlsanm_cli.operators.stencils import Stencils
+from mlsanm_cli.operators.system import Equations, LinearSystem
+from mlsanm_cli.values import dataclass
+
+NOTHING = 1e-6
+"""Sums of rows with less than this part of their factors left are zero by symmetry."""
+
+
+def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
+    """Stencils of all nodes (n) from those of the mirror's own nodes (h)."""
+    whole = stencils.take(mirror.place)
+    beyond = np.repeat(mirror.side < 0, np.diff(whole.indptr))
+    signs = mirror.derivative_signs(whole.weights.shape[1])
+    return replace(
+        whole,
+        indices=np.where(beyond, mirror.image[whole.indices], whole.indices),
+        weights=np.where(beyond[:, None], whole.weights * signs, whole.weights),
+    )
+
+
+def reflected_numbers(numbers: IndexArray, mirror: Mirror) -> IndexArray:
+    """Numbers (n, k) of nodes that belong to all nodes from those (h, k) that belong to the own ones."""
+    whole, beyond = numbers[mirror.place], mirror.side < 0
+    whole[beyond] = mirror.image[whole[beyond]]
+    return whole
+
+
+@dataclass(frozen=True)
+class Fold:
+    """How symmetric displacements of n nodes follow from those of the ``own`` ones (h,) on one side of the
+    mirror, and which rows (r) then say the same.
+
+    Component by component, node ``place`` (2n,) times ``sign`` (2n,) is what a displacement is, 0 for what is
+    across the mirror on it. Of the rows, ``kept`` (e,) stand for themselves and their ``image`` (e,), which
+    says the same times ``row_sign`` (e,); one that is its own image counts half. ``still`` (s,) are unknowns
+    across the mirror on it, which further rows hold at zero.
+    """
+
+    own: IntArray
+    place: IntArray
+    sign: FloatArray
+    kept: IntArray
+    image: IntArray
+    row_sign: FloatArray
+    rows: int
+    still: IntArray
+
+    @property
+    def unknowns(self) -> int:
+        """How many are left (2h)."""
+        return 2 * len(self.own)
+
+    def kept_within(self, first: int, count: int) -> IntArray:
+        """Which of ``count`` rows from ``first`` on are kept, by their places in that range."""
+        start, end = np.searchsorted(self.kept, (first, first + count))
+        return np.asarray(self.kept[start:end] - first)
+
+    def columns(self, rows: sparse.csr_array) -> sparse.csr_array:
+        """What ``rows`` (g, 2n) make of symmetric displacements: rows (g, 2h), unknowns twice in some."""
+        data = rows.data * self.sign[rows.indices]
+        indices = self.place.astype(rows.indices.dtype)[rows.indices]
+        return sparse.csr_array((data, indices, rows.indptr), shape=(rows.shape[0], self.unknowns))
+
+    def halved(self, kept: sparse.csr_array) -> sparse.csr_array:
+        """The ``kept`` rows (e, 2n) in the unknowns that are left, and those that hold some still:
+        (e + s, 2h)."""
+        # In pairs of a node's unknowns, as all rows are.
+        factors = np.zeros((len(self.still), 2))
+        factors[np.arange(len(self.still)), self.still % 2] = 1.0
+        held = nodal_pairs(self.still // 2, factors, len(self.own))
+        return sparse.csr_array(sparse.vstack([self.columns(kept), held], format="csr"))
+
+    def weights(self, weight: FloatArray, hold: FloatArray) -> FloatArray:
+        """Weights (e + s,) of the rows from those of all rows (r,), and those (n,) that would ``hold`` a
+        node. A row that is its own image counts half of two."""
+        share = np.where(self.kept == self.image, np.sqrt(0.5), 1.0)
+        return np.concatenate([share * weight[self.kept], hold[self.own[self.still // 2]]])
+
+    def sums(self, sums: FloatArray) -> FloatArray:
+        """Sums (k, r) of rows by the kept ones (k, e + s), but for those that symmetry makes zero."""
+        other = np.where(self.kept == self.image, 0.0, self.row_sign)
+        folded = sums[:, self.kept] + other * sums[:, self.image]
+        size = np.linalg.norm(sums, axis=1)
+        left = folded[np.linalg.norm(folded, axis=1) > NOTHING * size]
+        return np.hstack([left, np.zeros((len(left), len(self.still)))])
+
+    def sources(self, sources: sparse.csc_array) -> sparse.csc_array:
+        """The symmetric part of right-hand sides (r, c), by kept rows (e + s, c)."""
+        count = len(self.kept)
+        at = np.tile(np.arange(count), 2)
+        entries = (
+            0.5 * np.concatenate([np.ones(count), self.row_sign]),
+            (at, np.append(self.kept, self.image)),
+        )
+        fold = sparse.csr_array(entries, shape=(count + len(self.still), self.rows))
+        return sparse.csc_array(fold @ sources)
+
+    def lost(self, sources: sparse.csc_array) -> FloatArray:
+        """What of right-hand sides (r, c) is not symmetric (c,), relatively."""
+        dense = sources.toarray()
+        odd = 0.5 * (dense[self.kept] - self.row_sign[:, None] * dense[self.image])
+        return relative(np.asarray(np.linalg.norm(odd, axis=0)), dense)
+
+    def spread(self, solutions: FloatArray) -> FloatArray:
+        """Displacements (2n, c) of all nodes from those (2h, c) of the own ones."""
+        spread: FloatArray = self.sign[:, None] * solutions[self.place]
+        return spread
+
+    def gathered(self, vectors: FloatArray) -> FloatArray:
+        """The transpose of :meth:`spread`, of ``vectors`` (2n, c)."""
+        gathered = np.zeros((self.unknowns, vectors.shape[1]))
+        np.add.at(gathered, self.place, self.sign[:, None] * vectors)
+        return gathered
+
+    def taken(self, displacements: FloatArray) -> FloatArray:
+        """Those of the own nodes (2h, c) of symmetric ``displacements`` (2n, c)."""
+        taken = np.zeros((self.unknowns, displacements.shape[1]))
+        own = self.sign > 0.0
+        taken[self.place[own]] = displacements[own]
+        return taken
+
+
+@dataclass(frozen=True)
+class Folded:
+    """The ``system`` of a body's half, as one of the whole body whose loads are symmetric.
+
+    Of unit loads it answers to the symmetric part. Sums of squares are half of the whole body's.
+    """
+
+    system: LinearSystem
+    fold: Fold
+
+    def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
+        """Solutions (n, c) for the symmetric part of ``sources`` (r, c)."""
+        return self.fold.spread(self.system.solve(self.fold.sources(sources), tolerance))
+
+    def checked(
+        self, sources: sparse.csc_array, start: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Solutions (n, c) for ``sources`` (r, c), and what the last update changed of each, or what of the
+        sources was not symmetric: (c,)."""
+        begun = None if start is None else self.fold.taken(start)
+        solutions, worth = self.system.checked(self.fold.sources(sources), begun)
+        return self.fold.spread(solutions), np.maximum(worth, self.fold.lost(sources))
+
+    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+        """Solutions (n, c) by the factor alone, for the symmetric part of ``sources`` (r, c)."""
+        return self.fold.spread(self.system.roughly(self.fold.sources(sources)))
+
+    def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
+        """A step of refinement of a ``solution`` (n, 1), and solutions for ``more`` (r, 1), (n, 3)."""
+        fold = self.fold
+        return fold.spread(self.system.step(fold.sources(source), fold.taken(solution), fold.sources(more)))
+
+    def functionals(
+        self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
+    ) -> FloatArray:
+        """What the rows ``observed`` (g, n) make of the solutions for the symmetric part of ``sources``
+        (r, s), times the ``mixture`` (s, c) if there is one."""
+        return self.system.functionals(self.fold.columns(observed), self.fold.sources(sources), mixture)
+
+    def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
+        """What one more refinement would change of each of the ``solutions`` (n, c), or what of the
+        ``sources`` (r, c) is not symmetric: (c,)."""
+        worth = self.system.residual(self.fold.sources(sources), self.fold.taken(solutions))
+        return np.maximum(worth, self.fold.lost(sources))
+
+    @property
+    def note(self) -> str:
+        """What users should know of how the equations were factorised, usually nothing."""
+        return self.system.note
+
+    @property
+    def plain(self) -> Folded:
+        """The same without sums of the rows."""
+        return replace(self, system=self.system.plain)
+
+    def inverse_normal(self, vectors: FloatArray) -> FloatArray:
+        """The inverse of the whole body's normal equations times the symmetric part of ``vectors`` (n, c)."""
+        return 0.5 * self.fold.spread(self.system.inverse_normal(self.fold.gathered(vectors)))
+
+    def scaled(self, sources: sparse.csc_array) -> FloatArray:
+        """Right-hand sides (r, c) as the half's equations are scaled, as large as the whole body's."""
+        scaled: FloatArray = np.sqrt(2.0) * self.system.scaled(self.fold.sources(sources))
+        return scaled
+
+    def equations(self, sources: sparse.csc_array) -> Equations:
+        """No system of several bodies has been made of halves: TypeError."""
+        raise TypeError("equations of all bodies together need whole ones")
+
+    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+        """As :meth:`equations`: TypeError."""
+        raise TypeError("equations of all bodies together need whole ones")
