@@ -130,14 +130,14 @@ def build_cloud(
             raise RunError(f"more than {limit} nodes in one body", hint)
         if half is None:
             return {"points": relax(points, len(boundary), spacing)}
-        inner = points[len(start) - half.upon :]
-        return {"points": relax(np.concatenate([boundary, inner]), len(boundary), spacing, line, half.upon)}
+        inner, upon = half.settled(points[len(start) :], spacing)
+        return {"points": relax(np.concatenate([boundary, inner]), len(boundary), spacing, line, upon)}
 
     key = digest(boundary, start, chords, far, zones, seed, limit)
 
     def made() -> Cloud:
         points = memo.arrays("clouds", key, fill)["points"]
-        return Cloud(points, spacing.at(points), surfaces, half.mirror(len(points)) if half else None)
+        return Cloud(points, spacing.at(points), surfaces, half.mirror(points) if half else None)
 
     # Names of surfaces are no part of what is kept on disk.
     return memo.value("cloud", digest(key, list(surfaces)), made)

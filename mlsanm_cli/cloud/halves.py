@@ -2,44 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
-APART = 0.7
-"""Nodes on the line are farther than this part of the spacing from those of the boundary."""
-HEIGHT = 0.5 * np.sqrt(3.0)
-"""Height of a triangle of three nodes equally far from each other, in spacings."""
+ONTO = 0.3
+"""Nodes nearer to the line than this part of the spacing are put on it."""
+HOLE = 0.85
+"""Farther than this from all nodes, in spacings, the line gets one of its own.
+
+Nodes at equal steps along the line were tried as well: more clouds of degree 4 failed their certificate."""
+FINE = 0.1
+"""Part of the spacing by which holes are looked for."""
 
 
 @dataclass(frozen=True)
 class Half:
-    """What lies on one side of the ``line``: boundary nodes there and then ``upon`` nodes on it, ``start``
-    (s, 2), and ``chords`` (c, 4) around it. ``image`` (b,) and ``side`` (b,) are those of all boundary nodes,
-    ``surfaces`` their images."""
+    """What lies on one side of the ``line``: boundary nodes there, ``start`` (s, 2), and ``chords`` (c, 4)
+    around it, the last ones the ``cuts`` (k, 2, 2) along the line. ``image`` (b,) and ``side`` (b,) are those
+    of all ``boundary`` nodes (b, 2), ``surfaces`` their images."""
 
     line: Line
+    boundary: FloatArray
     start: FloatArray
     chords: FloatArray
-    upon: int
+    cuts: FloatArray
     image: IntArray
     side: IntArray
     surfaces: Mapping[str, tuple[str, IntArray]]
 
-    def mirror(self, count: int) -> Mirror:
-        """The symmetry of ``count`` nodes: the boundary's, those on the line, those beside it, their
+    def settled(self, inner: FloatArray, spacing: Spacing) -> tuple[FloatArray, int]:
+        """The nodes ``inner`` (n, 2) of the half without holes along the line, nodes on it first, and the
+        number of these."""
+        line = self.line
+        inner = inner.copy()
+        upon = np.abs(inner[:, line.axis] - line.at) < ONTO * spacing.at(inner)
+        inner[upon, line.axis] = line.at
+        tree = cKDTree(np.concatenate([self.boundary, inner]))
+        filled = [node for cut in self.cuts for node in _fillings(line, cut, tree, spacing)]
+        added = np.array(filled).reshape(-1, 2)
+        return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
+
+    def mirror(self, points: FloatArray) -> Mirror:
+        """The symmetry of all ``points`` (n, 2): the boundary's, those on the line, those beside it, their
         images."""
-        first = len(self.image) + self.upon
-        beside, beyond = np.split(np.arange(first, count), 2)
-        on = np.arange(len(self.image), first)
+        first = len(self.boundary)
+        upon = first + int((points[first:, self.line.axis] == self.line.at).sum())
+        on = np.arange(first, upon)
+        beside, beyond = np.split(np.arange(upon, len(points)), 2)
         image = np.concatenate([self.image, on, beyond, beside])
         side = [self.side, np.zeros_like(on), np.ones_like(beside), -np.ones_like(beyond)]
         return Mirror(self.line, image, np.concatenate(side), self.surfaces)
@@ -75,43 +92,25 @@ def halved(
     outside = ends[:, :, None] < 0
     chords = np.where(outside, middle[:, None], points)[beside]
     along = 1 - line.axis
-    crossed = np.concatenate([boundary[own, along], middle[crossing, along]])
-    between = np.concatenate([np.zeros(own.sum(), dtype=bool), np.ones(crossing.sum(), dtype=bool)])
-    order = np.argsort(crossed)
-    if len(order) % 2:
+    crossed = np.sort(np.concatenate([boundary[own, along], middle[crossing, along]]))
+    if len(crossed) % 2:
         return None
-    spans = np.split(order, len(order) // 2) if len(order) else []
-    cuts = [_on(line, crossed[span]) for span in spans]
-    nodes = [_between(spacing, cut, between[span], along) for cut, span in zip(cuts, spans, strict=True)]
-    upon = np.concatenate([np.zeros((0, 2)), *nodes])
-    upon = upon[cKDTree(boundary).query(upon)[0] > APART * spacing.at(upon)]
-    start = np.concatenate([boundary[side >= 0], upon])
-    walls = np.array(cuts).reshape(-1, 2, 2)
-    chords = np.concatenate([chords, walls]).reshape(-1, 4)
-    return Half(line, start, chords, len(upon), image, side, images)
+    cuts = np.full((len(crossed) // 2, 2, 2), line.at)
+    cuts[:, :, along] = crossed.reshape(-1, 2)
+    chords = np.concatenate([chords, cuts]).reshape(-1, 4)
+    return Half(line, boundary, boundary[side >= 0], chords, cuts, image, side, images)
 
 
-def _on(line: Line, along: FloatArray) -> FloatArray:
-    """Points (n, 2) on the line, by their other coordinate (n,)."""
-    points = np.empty((len(along), 2))
-    points[:, line.axis], points[:, 1 - line.axis] = line.at, along
-    return points
-
-
-def _between(spacing: Spacing, cut: FloatArray, between: FloatArray, along: int) -> FloatArray:
-    """Nodes (n, 2) on a ``cut`` (2, 2) through the body, off its ends.
-
-    An end ``between`` (2,) two boundary nodes is not one itself: the next one makes a triangle with them.
-    """
-    first, last = cut
-    beyond = np.where(between, (1.0 - HEIGHT) * spacing.at(cut), 0.0)
-    ends = cut.copy()
-    ends[:, along] += np.array([-1.0, 1.0]) * beyond
-    segment = Segment((float(ends[0, 0]), float(ends[0, 1])), (float(ends[1, 0]), float(ends[1, 1])))
-    nodes = segment.points(spacing.steps_along(segment)[1:-1])
-    inside = (nodes[:, along] > first[along]) & (nodes[:, along] < last[along])
-    found: FloatArray = nodes[inside]
-    return found
+def _fillings(line: Line, cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[FloatArray]:
+    """Nodes (2,) that holes along a ``cut`` (2, 2) through the body need, from its lower end upwards."""
+    along = 1 - line.axis
+    node, last = cut[0].copy(), -np.inf
+    while node[along] < cut[1, along]:
+        h = float(spacing.at(node[None])[0])
+        if node[along] - last >= h and tree.query(node)[0] > HOLE * h:
+            last = node[along]
+            yield node.copy()
+        node[along] += FINE * h
 
 
 def _surface_images(
