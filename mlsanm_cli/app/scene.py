@@ -17,7 +17,7 @@ from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.movers import components, movers
 from mlsanm_cli.app.restraints import restrained
 from mlsanm_cli.app.stages import stage_factors
-from mlsanm_cli.app.symmetry import mirrored
+from mlsanm_cli.app.symmetry import even_scene
 from mlsanm_cli.case import Case, Displacement, Platen, split_boundary
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
@@ -106,18 +106,11 @@ def prepare(
     }
     free = movers(case, clouds, held, held_nodes, grips, loads.springs)
     moving, notes = restrained(case, clouds, pairings, free, loads)
-    images = mirrored(models, held, held_nodes, loads, moving, pairings, stage_factors(case))
-    return Prepared(
-        models,
-        images if images is not None else pairings,
-        held,
-        held_nodes,
-        loads,
-        _probes(case, clouds),
-        moving,
-        notes,
-        even=images is not None,
-    )
+    even = even_scene(models, held, held_nodes, loads, moving, pairings, stage_factors(case))
+    if even is not None:
+        pairings, moving = even.pairings, even.movers
+    probes = _probes(case, clouds)
+    return Prepared(models, pairings, held, held_nodes, loads, probes, moving, notes, even=even is not None)
 
 
 def equip(

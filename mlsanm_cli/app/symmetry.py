@@ -7,6 +7,7 @@ it need not be, and the condensed problem would have to know tractions across th
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from mlsanm_cli.cloud.mirror import SAME, Line, Mirror
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.scene import LooseBody, Mover, Platen
+from mlsanm_cli.mechanics.scene import Mover, Platen, RigidMotion
+from mlsanm_cli.values import dataclass
 
 SAMPLES = 33
 EVEN = 1e-9
@@ -53,7 +55,15 @@ def _box(outline: Outline) -> FloatArray:
     return np.array([points.min(axis=0), points.max(axis=0)])
 
 
-def mirrored(
+@dataclass(frozen=True)
+class Even:
+    """What symmetry makes of a scene: ``pairings`` with their images, ``movers`` that stay on the line."""
+
+    pairings: tuple[Pairing, ...]
+    movers: tuple[Mover, ...]
+
+
+def even_scene(
     models: Mapping[str, BodyModel],
     held: Mapping[str, Mapping[str, tuple[bool, bool]]],
     held_nodes: Mapping[str, tuple[tuple[int, int], ...]],
@@ -61,15 +71,17 @@ def mirrored(
     movers: tuple[Mover, ...],
     pairings: tuple[Pairing, ...],
     stages: FloatArray,
-) -> tuple[Pairing, ...] | None:
-    """The pairs with their images, if all that acts on the bodies with the load factors ``stages`` (T, L) is
+) -> Even | None:
+    """The scene as symmetry has it, if all that acts on the bodies with the load factors ``stages`` (T, L) is
     its own mirror image, and None if not."""
     mirrors: dict[str, Mirror] = {}
     for name, model in models.items():
         mirror = model.cloud.mirror
-        if mirror is None or not _aligned(model.material) or held_nodes[name]:
+        if mirror is None or not _aligned(model.material):
             return None
         if not _alike(mirror, held[name]) or not _alike(mirror, acting.springs[name]):
+            return None
+        if any(mirror.side[node] for node, _ in held_nodes[name]):
             return None
         mirrors[name] = mirror
     lines = {mirror.line for mirror in mirrors.values()}
@@ -78,13 +90,13 @@ def mirrored(
     line = lines.pop()
     if not all(_even_mover(mover, line, mirrors, stages) for mover in movers):
         return None
-    found = []
-    for pairing in pairings:
-        image = _images(pairing, mirrors)
-        if image is None:
-            return None
-        found.append(pairing.with_images(image))
-    return tuple(found)
+    images = [_images(pairing, mirrors) for pairing in pairings]
+    if any(image is None for image in images):
+        return None
+    return Even(
+        tuple(p.with_images(image) for p, image in zip(pairings, images, strict=True) if image is not None),
+        tuple(_upon(mover, line) for mover in movers),
+    )
 
 
 def _aligned(material: PlaneMaterial) -> bool:
@@ -100,16 +112,28 @@ def _alike(mirror: Mirror, conditions: Mapping[str, tuple[float, float]]) -> boo
 
 
 def _even_mover(mover: Mover, line: Line, mirrors: Mapping[str, Mirror], stages: FloatArray) -> bool:
-    """Whether a mover is its own image and moves along the line only."""
-    if isinstance(mover, LooseBody):
-        return False
+    """Whether a mover is its own image, and nothing drives it but along the line."""
     if isinstance(mover, Platen) and mirrors[mover.body].surfaces[mover.surface][0] != mover.surface:
         return False
-    return all(
-        motion.component == 1 - line.axis
-        or (motion.prescribed is not None and not (stages @ motion.prescribed).any())
+    return not any(
+        (stages @ (motion.force if motion.prescribed is None else motion.prescribed)).any()
+        for motion in mover.motions
+        if _across(motion, line)
+    )
+
+
+def _across(motion: RigidMotion, line: Line) -> bool:
+    """Whether a motion is not its own mirror image."""
+    return motion.component != 1 - line.axis
+
+
+def _upon(mover: Mover, line: Line) -> Mover:
+    """The mover without unknown motions across the line: symmetry forbids them."""
+    motions = tuple(
+        replace(motion, prescribed=np.zeros_like(motion.force)) if _across(motion, line) else motion
         for motion in mover.motions
     )
+    return replace(mover, motions=motions)
 
 
 def _even_loads(acting: Acting, mirrors: Mapping[str, Mirror], stages: FloatArray) -> bool:

@@ -15,8 +15,11 @@ ROUND_OFF = 1e-9
 class Shape(Protocol):
     """What a slave surface can be pressed on."""
 
-    def closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The obstacle's points (n, 2) closest to ``points`` (n, 2), and its unit outward normals (n, 2)."""
+    def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The obstacle's points (n, 2) closest to ``points`` (n, 2), and its unit outward normals (n, 2).
+
+        The points belong to a surface with the normals ``outward`` (n, 2).
+        """
         ...
 
 
@@ -27,7 +30,7 @@ class Plane:
     point: tuple[float, float]
     normal: tuple[float, float]
 
-    def closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         normal = np.array(self.normal)
         above = (points - np.array(self.point)) @ normal
         return points - above[:, None] * normal, np.tile(normal, (len(points), 1))
@@ -41,13 +44,13 @@ class Round:
     radius: float
     inside: bool
 
-    def closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         away = points - np.array(self.center)
         distance = np.hypot(away[:, 0], away[:, 1])
         middle = distance == 0.0
         # The centre is as far from any point of the circle.
-        outward = np.where(middle[:, None], [1.0, 0.0], away / np.where(middle, 1.0, distance)[:, None])
-        return np.array(self.center) + self.radius * outward, -outward if self.inside else outward
+        radial = np.where(middle[:, None], [1.0, 0.0], away / np.where(middle, 1.0, distance)[:, None])
+        return np.array(self.center) + self.radius * radial, -radial if self.inside else radial
 
 
 @dataclass(frozen=True)
@@ -59,17 +62,19 @@ class Chain:
 
     points: FloatArray
 
-    def closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
         start, along = self.points[:-1], np.diff(self.points, axis=0)
         length = np.hypot(along[:, 0], along[:, 1])
         tangent = along / length[:, None]
         away = points[:, None, :] - start
         s = np.clip((away * tangent).sum(axis=2), 0.0, length)
         distance = np.linalg.norm(away - s[:, :, None] * tangent, axis=2)
-        # Two sides share a corner; the one that is faced more counts.
+        # Two sides share a corner; the one that is faced more counts, of points just there by their surface.
         nearest = distance <= distance.min(axis=1, keepdims=True) + ROUND_OFF * length.max()
         across = away[:, :, 0] * tangent[:, 1] - away[:, :, 1] * tangent[:, 0]
-        side = np.argmax(np.where(nearest, across, -np.inf), axis=1)
+        facing = outward[:, :1] * tangent[:, 1] - outward[:, 1:] * tangent[:, 0]
+        faced = across - ROUND_OFF * length.max() * facing
+        side = np.argmax(np.where(nearest, faced, -np.inf), axis=1)
         every = np.arange(len(points))
         s = s[every, side]
         partner = start[side] + s[:, None] * tangent[side]

@@ -141,7 +141,7 @@ def pair_obstacle(
     name: str, slave_body: str, slave_cloud: Cloud, slave: Surface, obstacle: Shape, friction: float = 0.0
 ) -> Pairing:
     """The same with a rigid obstacle for master."""
-    partner, normal = obstacle.closest(slave_cloud.points[slave.index])
+    partner, normal = obstacle.closest(slave_cloud.points[slave.index], slave.normal)
     return _paired(name, slave_body, slave_cloud, slave, (None, None), partner, normal, friction)
 
 

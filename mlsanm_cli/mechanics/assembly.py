@@ -24,7 +24,7 @@ from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.force_sums import ForceSums
-from mlsanm_cli.mechanics.halves import fold_of
+from mlsanm_cli.mechanics.halves import even_motions, fold_of
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
 from mlsanm_cli.memo import digest
@@ -54,21 +54,25 @@ def assemble(
     Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
     where that holds it, which changes nothing but its rigid motion.
     The system is factorised within ``timed()``. If ``even``, it is that of one half of a cloud with a mirror
-    and answers to the symmetric part of loads; supports and springs must be symmetric and hold the body
-    without single nodes.
+    and answers to the symmetric part of loads; supports and springs must be symmetric, and single held nodes
+    on the mirror.
     """
     cloud = model.cloud
     free = free_motions(cloud, held, held_nodes, springs)
+    if even:
+        free = even_motions(cloud, free)
     single = [*held_nodes, *pins(cloud.points, free)]
     first_row, total = _first_rows(cloud)
-    fold = fold_of(cloud, first_row, total) if even else None
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
+    fold = fold_of(cloud, table, single) if even else None
     pulls = _pulls(cloud, table, len(model.nodes))
-    rows = _rows(model, held, single, first_row, fold)
+    rows = _rows(model, held, single, table, fold)
     if fold is not None:
-        pulls = fold.halved(pulls[fold.kept])
-        rows = fold.halved(rows)
-    rows = compact(sparse.csr_array(rows + pulls) if springs else rows)
+        pulls = pulls[fold.kept]
+    rows = sparse.csr_array(rows + pulls) if springs else rows
+    if fold is not None:
+        rows, pulls = fold.halved(rows), fold.halved(pulls)
+    rows = compact(rows)
     factorise: Callable[[], LinearSystem]
     weight = np.zeros(0)
     if model.settings.square:
@@ -113,7 +117,7 @@ def _rows(
     model: BodyModel,
     held: Mapping[str, tuple[bool, bool]],
     single: Sequence[tuple[int, int]],
-    first_row: Mapping[str, int],
+    table: RowTable,
     fold: Fold | None,
 ) -> sparse.csr_array:
     """All rows, or those that the ``fold`` keeps, (r, 2N), springs left out."""
@@ -127,7 +131,7 @@ def _rows(
     for name, surface in cloud.surfaces.items():
         size = len(surface.index)
         for component in (0, 1):
-            at = some(first_row[name] + component * size, size)
+            at = some(table.surfaces[name] + component * size, size)
             index, normal = surface.index, surface.normal
             if at is not None:
                 index, normal = index[at], normal[at]
@@ -135,7 +139,8 @@ def _rows(
                 blocks.append(nodal_rows(index, component, count))
             else:
                 blocks.append(traction_rows(model.stencils.take(index), c, normal, component))
-    for node, component in single:
+    at = some(table.nodes, len(single))
+    for node, component in single if at is None else [single[number] for number in at]:
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 
