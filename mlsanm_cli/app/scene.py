@@ -16,7 +16,6 @@ from mlsanm_cli.app.loads import Acting, acting
 from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.movers import components, movers
 from mlsanm_cli.app.restraints import restrained
-from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.app.symmetry import even_scene
 from mlsanm_cli.case import Case, Displacement, Platen, split_boundary
 from mlsanm_cli.cloud.cloud import Cloud
@@ -106,7 +105,7 @@ def prepare(
     }
     free = movers(case, clouds, held, held_nodes, grips, loads.springs)
     moving, notes = restrained(case, clouds, pairings, free, loads)
-    even = even_scene(models, held, held_nodes, loads, moving, pairings, stage_factors(case))
+    even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
     if even is not None:
         pairings, moving = even.pairings, even.movers
     probes = _probes(case, clouds)

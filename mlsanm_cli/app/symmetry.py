@@ -13,6 +13,7 @@ import numpy as np
 
 from mlsanm_cli.app.clouds import outline_of, spacing_of
 from mlsanm_cli.app.loads import Acting
+from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case, Mesh, Points
 from mlsanm_cli.cloud.curves import Outline
@@ -29,10 +30,12 @@ EVEN = 1e-9
 
 
 def line_of(case: Case) -> Line | None:
-    """The line about which nodes are placed symmetrically: the middle of all bodies, if the case may make use
-    of that."""
-    if case.solver.formulation != "condensed" or case.mls.scheme != "least-squares":
-        return None
+    """The line about which nodes are placed symmetrically: the middle of all bodies, if all are their own
+    mirror images about it.
+
+    Not so with friction: where symmetry does not save half of the work, errors that differ from side to side
+    are the better ones, as they cancel in part.
+    """
     if any(contact.friction for contact in case.contact):
         return None
     if any(isinstance(body.shape, Mesh | Points) for body in case.body):
@@ -64,16 +67,18 @@ class Even:
 
 
 def even_scene(
+    case: Case,
     models: Mapping[str, BodyModel],
     held: Mapping[str, Mapping[str, tuple[bool, bool]]],
     held_nodes: Mapping[str, tuple[tuple[int, int], ...]],
     acting: Acting,
     movers: tuple[Mover, ...],
     pairings: tuple[Pairing, ...],
-    stages: FloatArray,
 ) -> Even | None:
-    """The scene as symmetry has it, if all that acts on the bodies with the load factors ``stages`` (T, L) is
-    its own mirror image, and None if not."""
+    """The scene as symmetry has it, if all that acts on the bodies is its own mirror image all along the
+    case's stages; None if not, or if its equations are not solved body by body in least squares."""
+    if case.solver.formulation != "condensed" or case.mls.scheme != "least-squares":
+        return None
     mirrors: dict[str, Mirror] = {}
     for name, model in models.items():
         mirror = model.cloud.mirror
@@ -84,6 +89,7 @@ def even_scene(
         if any(mirror.side[node] for node, _ in held_nodes[name]):
             return None
         mirrors[name] = mirror
+    stages = stage_factors(case)
     lines = {mirror.line for mirror in mirrors.values()}
     if len(lines) != 1 or not _even_loads(acting, mirrors, stages):
         return None

@@ -16,11 +16,12 @@ from mlsanm_cli.contact.obstacles import Chain, Plane, Round
 from mlsanm_cli.contact.pairing import pair_obstacle
 
 NUMBER = st.floats(-3.0, 3.0)
+DOWN = np.array([[0.0, -1.0]])
 
 
 @given(x=NUMBER, y=NUMBER)
 def test_plane(x: float, y: float) -> None:
-    partner, normal = Plane((1.0, 0.0), (0.6, 0.8)).closest(np.array([[x, y]]))
+    partner, normal = Plane((1.0, 0.0), (0.6, 0.8)).closest(np.array([[x, y]]), DOWN)
     assert normal.tolist() == [[0.6, 0.8]]
     assert (partner[0] - [1.0, 0.0]) @ normal[0] == pytest.approx(0.0, abs=1e-14)
     away = np.array([x, y]) - partner[0]
@@ -30,7 +31,7 @@ def test_plane(x: float, y: float) -> None:
 @given(x=NUMBER, y=NUMBER, inside=st.booleans())
 def test_round(x: float, y: float, inside: bool) -> None:
     shape = Round((0.5, -0.5), 2.0, inside)
-    partner, normal = shape.closest(np.array([[x, y]]))
+    partner, normal = shape.closest(np.array([[x, y]]), DOWN)
     assert np.hypot(*(partner[0] - [0.5, -0.5])) == pytest.approx(2.0)
     gap = (np.array([x, y]) - partner[0]) @ normal[0]
     distance = np.hypot(x - 0.5, y + 0.5)
@@ -40,7 +41,7 @@ def test_round(x: float, y: float, inside: bool) -> None:
 @given(x=NUMBER, y=NUMBER)
 def test_chain_is_the_nearest_of_its_points(x: float, y: float) -> None:
     corners = np.array([[-1.0, 2.0], [-1.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
-    partner, normal = Chain(corners).closest(np.array([[x, y]]))
+    partner, normal = Chain(corners).closest(np.array([[x, y]]), DOWN)
     dense = np.concatenate([np.linspace(a, b, 2001) for a, b in pairwise(corners)])
     nearest = np.linalg.norm(dense - [x, y], axis=1).min()
     away = np.array([x, y]) - partner[0]
@@ -53,8 +54,18 @@ def test_chain_is_the_nearest_of_its_points(x: float, y: float) -> None:
 
 def test_a_corner_that_points_outward_turns_the_normal() -> None:
     chain = Chain(np.array([[-1.0, 2.0], [-1.0, 0.0], [1.0, 0.0]]))
-    _, normal = chain.closest(np.array([[-2.0, -1.0], [-2.0, 1.0], [0.0, -1.0]]))
+    _, normal = chain.closest(np.array([[-2.0, -1.0], [-2.0, 1.0], [0.0, -1.0]]), np.tile(DOWN, (3, 1)))
     assert normal == pytest.approx(np.array([[-(0.5**0.5), -(0.5**0.5)], [-1.0, 0.0], [0.0, -1.0]]))
+
+
+def test_a_node_on_a_corner_belongs_to_the_side_that_its_surface_faces() -> None:
+    chain = Chain(np.array([[-1.0, 2.0], [-1.0, 0.0], [1.0, 0.0], [1.0, 2.0]]))
+    corners = np.array([[-1.0, 0.0], [1.0, 0.0]])
+    for surface, normals in (
+        ([[0.0, 1.0], [0.0, 1.0]], [[0.0, -1.0], [0.0, -1.0]]),
+        ([[1.0, 0.0], [-1.0, 0.0]], [[-1.0, 0.0], [1.0, 0.0]]),
+    ):
+        assert chain.closest(corners, np.array(surface))[1] == pytest.approx(np.array(normals))
 
 
 def test_nodes_well_beside_a_punch_have_no_partner() -> None:
