@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
@@ -20,7 +21,7 @@ HOLE = 0.85
 
 Nodes at equal steps along the line were tried as well: more clouds of degree 4 failed their certificate."""
 FINE = 0.1
-"""Part of the spacing by which holes are looked for."""
+"""Holes are looked for in steps of this part of the spacing."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Half:
         upon = np.abs(inner[:, line.axis] - line.at) < ONTO * spacing.at(inner)
         inner[upon, line.axis] = line.at
         tree = cKDTree(np.concatenate([self.boundary, inner]))
-        filled = [node for cut in self.cuts for node in _fillings(line, cut, tree, spacing)]
+        filled = [node for cut in self.cuts for node in _fillings(cut, tree, spacing)]
         added = np.array(filled).reshape(-1, 2)
         return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
 
@@ -101,16 +102,17 @@ def halved(
     return Half(line, boundary, boundary[side >= 0], chords, cuts, image, side, images)
 
 
-def _fillings(line: Line, cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[FloatArray]:
+def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[FloatArray]:
     """Nodes (2,) that holes along a ``cut`` (2, 2) through the body need, from its lower end upwards."""
-    along = 1 - line.axis
-    node, last = cut[0].copy(), -np.inf
-    while node[along] < cut[1, along]:
-        h = float(spacing.at(node[None])[0])
-        if node[along] - last >= h and tree.query(node)[0] > HOLE * h:
-            last = node[along]
-            yield node.copy()
-        node[along] += FINE * h
+    segment = Segment((float(cut[0, 0]), float(cut[0, 1])), (float(cut[1, 0]), float(cut[1, 1])))
+    steps = spacing.steps_along(segment)
+    fine = np.interp(np.arange(0.0, len(steps) - 1.0, FINE), np.arange(len(steps)), steps)
+    places = segment.points(fine)
+    sizes, last = spacing.at(places), -np.inf
+    for k in np.flatnonzero(tree.query(places)[0] > HOLE * sizes):
+        if fine[k] - last >= sizes[k]:
+            last = fine[k]
+            yield places[k]
 
 
 def _surface_images(

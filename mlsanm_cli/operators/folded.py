@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -97,16 +98,18 @@ class Fold:
         left = folded[np.linalg.norm(folded, axis=1) > NOTHING * size]
         return np.hstack([left, np.zeros((len(left), len(self.still)))])
 
-    def sources(self, sources: sparse.csc_array) -> sparse.csc_array:
-        """The symmetric part of right-hand sides (r, c), by kept rows (e + s, c)."""
+    @cached_property
+    def _halving(self) -> sparse.csr_array:
+        """What makes the symmetric part of right-hand sides, by kept rows (e + s, r)."""
         count = len(self.kept)
         at = np.tile(np.arange(count), 2)
-        entries = (
-            0.5 * np.concatenate([np.ones(count), self.row_sign]),
-            (at, np.append(self.kept, self.image)),
-        )
-        fold = sparse.csr_array(entries, shape=(count + len(self.still), self.rows))
-        return sparse.csc_array(fold @ sources)
+        factors = 0.5 * np.concatenate([np.ones(count), self.row_sign])
+        entries = (factors, (at, np.append(self.kept, self.image)))
+        return sparse.csr_array(entries, shape=(count + len(self.still), self.rows))
+
+    def sources(self, sources: sparse.csc_array) -> sparse.csc_array:
+        """The symmetric part of right-hand sides (r, c), by kept rows (e + s, c)."""
+        return sparse.csc_array(self._halving @ sources)
 
     def lost(self, sources: sparse.csc_array) -> FloatArray:
         """What of right-hand sides (r, c) is not symmetric (c,), relatively."""
