@@ -97,7 +97,7 @@ def assemble(
     # nodes and normals do not of the curves behind them.
     content = digest(model.rows_content, weight, held, held_nodes, springs, solver.name, even)
     equations = Equations(content, factorise)
-    body = ElasticBody(model, held, springs, free, first_row, table.total, equations, timed)
+    body = ElasticBody(model, held, springs, free, first_row, table.total, equations, timed, even)
     if not free.components:
         return body
     pinned = replace(body, timed=nullcontext)

@@ -13,12 +13,14 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.mirror import Mirror
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
 from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
 DEGREES = (2, 3, 4)
@@ -112,8 +114,8 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
     model = body.model
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
-    better = _NextDegree(model)
-    derivatives = better.derivatives(model.nodes, displacement)
+    better = _NextDegree(model, model.cloud.mirror if body.even else None)
+    derivatives = better.of_displacement(displacement)
     stress = stress_of(derivatives, model.material.stiffness) - model.stress(displacement)
     source = np.zeros(body.rows)
     divergence = model.divergence_by(derivatives, better.of_stress)
@@ -126,20 +128,34 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
 
 @dataclass(frozen=True)
 class _NextDegree:
-    """Fits one degree higher than a body's, with that degree's own number of neighbours; none is kept."""
+    """Fits one degree higher than a body's, with that degree's own number of neighbours; none is kept.
+
+    Fields are their own images in the ``mirror``, if there is one.
+    """
 
     model: BodyModel
+    mirror: Mirror | None
+
+    def of_displacement(self, displacement: FloatArray) -> FloatArray:
+        """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
+        model, signs = self.model, np.ones(2) if self.mirror is None else self.mirror.line.signs
+        return self._derivatives(model.nodes, model.tree, displacement, signs)
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, ghosts left out."""
-        return self.derivatives(self.model.cloud.points, stress)
+        cloud = self.model.cloud
+        return self._derivatives(cloud.points, cloud.tree, stress, np.array([1.0, 1.0, -1.0]))
 
-    def derivatives(self, nodes: FloatArray, field: FloatArray) -> FloatArray:
-        """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2)."""
+    def _derivatives(
+        self, nodes: FloatArray, tree: cKDTree, field: FloatArray, signs: FloatArray
+    ) -> FloatArray:
+        """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2),
+        whose components the mirror multiplies by ``signs`` (c,)."""
         model, cloud = self.model, self.model.cloud
+        near = model.near if len(nodes) == len(model.nodes) else None
+        points = cloud.points
+        if self.mirror is not None:
+            points, near = points[self.mirror.own], None if near is None else near[self.mirror.own]
         settings = next_degree(model.settings)
-        if len(nodes) == len(model.nodes):
-            return fitted_derivatives(
-                nodes, model.tree, cloud.points, settings, field, cloud.sight, model.near
-            )
-        return fitted_derivatives(nodes, cloud.tree, cloud.points, settings, field, cloud.sight)
+        found = fitted_derivatives(nodes, tree, points, settings, field, cloud.sight, near)
+        return found if self.mirror is None else self.mirror.reflected(found, signs)

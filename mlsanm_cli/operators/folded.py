@@ -24,12 +24,10 @@ def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
     """Stencils of all nodes (n) from those of the mirror's own nodes (h)."""
     whole = stencils.take(mirror.place)
     beyond = np.repeat(mirror.side < 0, np.diff(whole.indptr))
-    signs = mirror.derivative_signs(whole.weights.shape[1])
-    return replace(
-        whole,
-        indices=np.where(beyond, mirror.image[whole.indices], whole.indices),
-        weights=np.where(beyond[:, None], whole.weights * signs, whole.weights),
-    )
+    # In place, kind by kind, as the weights are many.
+    for kind in np.flatnonzero(mirror.derivative_signs(whole.weights.shape[1]) < 0.0):
+        whole.weights[:, kind] *= np.where(beyond, -1.0, 1.0)
+    return replace(whole, indices=np.where(beyond, mirror.image[whole.indices], whole.indices))
 
 
 def reflected_numbers(numbers: IndexArray, mirror: Mirror) -> IndexArray:
