@@ -19,6 +19,7 @@ from mlsanm_cli.app.restraints import restrained
 from mlsanm_cli.app.symmetry import even_scene
 from mlsanm_cli.case import Case, Displacement, Platen, split_boundary
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
@@ -43,7 +44,7 @@ class Prepared:
 
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
     by one, ``acting`` the loads' values, ``movers`` all that moves rigidly, ``probes`` the points to observe,
-    ``notes`` what a person should know, ``even`` whether the scene is its own mirror image.
+    ``notes`` what a person should know, ``line`` about what the scene is its own mirror image.
     """
 
     models: Mapping[str, BodyModel]
@@ -54,7 +55,7 @@ class Prepared:
     probes: tuple[Probe, ...]
     movers: tuple[mechanics.Mover, ...]
     notes: tuple[str, ...]
-    even: bool
+    line: Line | None = None
 
 
 def mls_settings(case: Case) -> MlsSettings:
@@ -105,11 +106,14 @@ def prepare(
     }
     free = movers(case, clouds, held, held_nodes, grips, loads.springs)
     moving, notes = restrained(case, clouds, pairings, free, loads)
-    even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
-    if even is not None:
-        pairings, moving = even.pairings, even.movers
     probes = _probes(case, clouds)
-    return Prepared(models, pairings, held, held_nodes, loads, probes, moving, notes, even=even is not None)
+    prepared = Prepared(models, pairings, held, held_nodes, loads, probes, moving, notes)
+    even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
+    if even is None:
+        return prepared
+    half = f"the scene is its own mirror image about {even.line}: half of it is solved"
+    notes = (*notes, half)
+    return replace(prepared, pairings=even.pairings, movers=even.movers, notes=notes, line=even.line)
 
 
 def equip(
@@ -123,6 +127,7 @@ def equip(
     """Set up every body's system, once for bodies that are alike; it is factorised within ``timed()`` when it
     is first used. Of the bodies ``before``, of the same case, those stay whose models did."""
     bodies: dict[str, ElasticBody] = {}
+    halved = prepared.line is not None
     conditions = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name])
         for name in prepared.models
@@ -144,8 +149,8 @@ def equip(
             continue
         body = memo.value(
             "body",
-            digest(model.content, *conditions[name], solver.name, prepared.even),
-            partial(assemble, model, held, held_nodes, solver, springs, even=prepared.even),
+            digest(model.content, *conditions[name], solver.name, halved),
+            partial(assemble, model, held, held_nodes, solver, springs, halved=halved),
         )
         bodies[name] = replace(body, timed=timed)
     supports = {s.boundary: split_boundary(s.boundary) for s in case.support if s.boundary is not None}

@@ -52,6 +52,7 @@ def summarise(
         summary |= {
             "nodes": nodes,
             "unknowns": 2 * nodes,
+            "symmetry": str(adapted.prepared.line) if adapted and adapted.prepared.line else None,
             "contact_unknowns": len(built.condensed.weight) + len(built.condensed.rubbing),
             "elastic_factorizations": len({id(body.system) for body in bodies.values()}),
             "condensation_solves": built.condensed.solves,

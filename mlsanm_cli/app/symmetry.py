@@ -60,8 +60,10 @@ def _box(outline: Outline) -> FloatArray:
 
 @dataclass(frozen=True)
 class Even:
-    """What symmetry makes of a scene: ``pairings`` with their images, ``movers`` that stay on the line."""
+    """What symmetry about a ``line`` makes of a scene: ``pairings`` with their images, ``movers`` that stay
+    on it."""
 
+    line: Line
     pairings: tuple[Pairing, ...]
     movers: tuple[Mover, ...]
 
@@ -100,6 +102,7 @@ def even_scene(
     if any(image is None for image in images):
         return None
     return Even(
+        line,
         tuple(p.with_images(image) for p, image in zip(pairings, images, strict=True) if image is not None),
         tuple(_upon(mover, line) for mover in movers),
     )

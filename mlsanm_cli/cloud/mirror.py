@@ -22,6 +22,9 @@ class Line:
     axis: int
     at: float
 
+    def __str__(self) -> str:
+        return f"{'xy'[self.axis]} = {self.at:g}"
+
     def reflect(self, points: FloatArray) -> FloatArray:
         """The mirror images (n, 2) of ``points`` (n, 2)."""
         reflected = points.copy()

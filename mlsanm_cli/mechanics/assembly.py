@@ -46,25 +46,25 @@ def assemble(
     solver: DirectSolver,
     springs: Springs = MappingProxyType({}),
     timed: Timed = nullcontext,
-    even: bool = False,
+    halved: bool = False,
 ) -> ElasticBody:
     """Choose the conditions of every surface and set up the rows.
 
     ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
     Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
     where that holds it, which changes nothing but its rigid motion.
-    The system is factorised within ``timed()``. If ``even``, it is that of one half of a cloud with a mirror
-    and answers to the symmetric part of loads; supports and springs must be symmetric, and single held nodes
-    on the mirror.
+    The system is factorised within ``timed()``. If ``halved``, it is that of one half of a cloud with a
+    mirror and answers to the symmetric part of loads; supports and springs must be symmetric, and single held
+    nodes on the mirror.
     """
     cloud = model.cloud
     free = free_motions(cloud, held, held_nodes, springs)
-    if even:
+    if halved:
         free = even_motions(cloud, free)
     single = [*held_nodes, *pins(cloud.points, free)]
     first_row, total = _first_rows(cloud)
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
-    fold = fold_of(cloud, table, single) if even else None
+    fold = fold_of(cloud, table, single) if halved else None
     pulls = _pulls(cloud, table, len(model.nodes))
     rows = _rows(model, held, single, table, fold)
     if fold is not None:
@@ -95,9 +95,9 @@ def assemble(
             factorise = partial(_folded, fold, factorise)
     # What rows and sums are made from, in place of them: they are many times as large. The weights tell what
     # nodes and normals do not of the curves behind them.
-    content = digest(model.rows_content, weight, held, held_nodes, springs, solver.name, even)
+    content = digest(model.rows_content, weight, held, held_nodes, springs, solver.name, halved)
     equations = Equations(content, factorise)
-    body = ElasticBody(model, held, springs, free, first_row, table.total, equations, timed, even)
+    body = ElasticBody(model, held, springs, free, first_row, table.total, equations, timed, halved)
     if not free.components:
         return body
     pinned = replace(body, timed=nullcontext)

@@ -239,7 +239,7 @@ class ElasticBody:
     ``held[surface]`` says for x and y whether these rows hold a displacement, ``springs[surface]`` what
     traction per displacement springs there pull back with, ``free`` which rigid motions nothing holds:
     ``system`` then answers to balanced loads, by displacements without mean motion. ``rows`` counts all rows.
-    ``equations`` are factorised within ``timed()``. If ``even``, they are half of them, for symmetric loads.
+    ``equations`` are factorised within ``timed()``. If ``halved``, they are one half's, for symmetric loads.
     """
 
     model: BodyModel
@@ -250,7 +250,7 @@ class ElasticBody:
     rows: int
     equations: Equations
     timed: Timed = nullcontext
-    even: bool = False
+    halved: bool = False
 
     @property
     def system(self) -> LinearSystem:

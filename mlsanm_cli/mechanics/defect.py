@@ -114,7 +114,7 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
     model = body.model
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
-    better = _NextDegree(model, model.cloud.mirror if body.even else None)
+    better = _NextDegree(model, model.cloud.mirror if body.halved else None)
     derivatives = better.of_displacement(displacement)
     stress = stress_of(derivatives, model.material.stiffness) - model.stress(displacement)
     source = np.zeros(body.rows)
