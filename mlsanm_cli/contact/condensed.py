@@ -199,6 +199,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
     normal, tangential = _places(pairings), _places(rough)
     columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
     sources = {name: body_sources(scene, name, pairings, columns) for name in scene.bodies}
+    like = columns.like(observation.images[1])
     observed, solutions = observe(observation, sources, columns, memo)
     seen = observation.parted(observed)
 
@@ -242,7 +243,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
         imbalance=body_imbalance(forces),
         sources=sources,
         solutions=solutions,
-        solves=sum(len(used_columns(source)) for source in sources.values()),
+        solves=sum(len(np.unique(like[used_columns(source)])) for source in sources.values()),
         content=content,
         probes={
             probe.name: _seen(scene, probe, columns, rows)
