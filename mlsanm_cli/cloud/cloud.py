@@ -131,13 +131,16 @@ def build_cloud(
         if half is None:
             return {"points": relax(points, len(boundary), spacing)}
         inner, upon = half.settled(points[len(start) :], spacing)
-        return {"points": relax(np.concatenate([boundary, inner]), len(boundary), spacing, line, upon)}
+        points = relax(np.concatenate([boundary, inner]), len(boundary), spacing, line, upon)
+        return {"points": points, "upon": np.array(upon)}
 
     key = digest(boundary, start, chords, far, zones, seed, limit)
 
     def made() -> Cloud:
-        points = memo.arrays("clouds", key, fill)["points"]
-        return Cloud(points, spacing.at(points), surfaces, half.mirror(points) if half else None)
+        filled = memo.arrays("clouds", key, fill)
+        points = filled["points"]
+        mirror = None if half is None else half.mirror(len(points), int(filled["upon"]))
+        return Cloud(points, spacing.at(points), surfaces, mirror)
 
     # Names of surfaces are no part of what is kept on disk.
     return memo.value("cloud", digest(key, list(surfaces)), made)

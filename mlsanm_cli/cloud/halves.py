@@ -51,13 +51,12 @@ class Half:
         added = np.array(filled).reshape(-1, 2)
         return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
 
-    def mirror(self, points: FloatArray) -> Mirror:
-        """The symmetry of all ``points`` (n, 2): the boundary's, those on the line, those beside it, their
+    def mirror(self, count: int, upon: int) -> Mirror:
+        """The symmetry of ``count`` nodes: the boundary's, ``upon`` on the line, those beside it, their
         images."""
         first = len(self.boundary)
-        upon = first + int((points[first:, self.line.axis] == self.line.at).sum())
-        on = np.arange(first, upon)
-        beside, beyond = np.split(np.arange(upon, len(points)), 2)
+        on = np.arange(first, first + upon)
+        beside, beyond = np.split(np.arange(first + upon, count), 2)
         image = np.concatenate([self.image, on, beyond, beside])
         side = [self.side, np.zeros_like(on), np.ones_like(beside), -np.ones_like(beyond)]
         return Mirror(self.line, image, np.concatenate(side), self.surfaces)

@@ -111,9 +111,11 @@ class Fold:
 
     def lost(self, sources: sparse.csc_array) -> FloatArray:
         """What of right-hand sides (r, c) is not symmetric (c,), relatively."""
-        dense = sources.toarray()
-        odd = 0.5 * (dense[self.kept] - self.row_sign[:, None] * dense[self.image])
-        return relative(np.asarray(np.linalg.norm(odd, axis=0)), dense)
+        dense, even = sources.toarray(), np.zeros(sources.shape)
+        folded = self.sources(sources)[: len(self.kept)].toarray()
+        even[self.image] = self.row_sign[:, None] * folded
+        even[self.kept] = folded
+        return relative(np.asarray(np.linalg.norm(dense - even, axis=0)), dense)
 
     def spread(self, solutions: FloatArray) -> FloatArray:
         """Displacements (2n, c) of all nodes from those (2h, c) of the own ones."""
