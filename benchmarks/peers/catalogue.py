@@ -64,15 +64,15 @@ def stages(*factors: str) -> str:
 
 
 CLOUDS = {
-    "1.6k": fitted(2, 20, cloud(0.29, (0.0087, 0.061, 0.26), (0.00093, 0.0025, 0.18))),
-    "degree 4, 1.7k": fitted(
+    "1.7k": fitted(2, 17, cloud(0.335, (0.01255, 0.0586, 0.274), (0.001147, 0.002065, 0.157))),
+    "degree 4, 2.1k": fitted(
         4,
-        37,
+        32,
         cloud(
-            0.282,
-            (0.00622, 0.0332, 0.242),
-            (0.000264, 0.000763, 0.209),
-            beside=((0.00849, 0.00912, 0.222),),
+            0.332,
+            (0.00498, 0.0223, 0.246),
+            (0.000285, 0.000739, 0.175),
+            beside=((0.00946, 0.014, 0.171),),
         ),
     ),
     "degree 4, 2.7k": fitted(
@@ -113,7 +113,7 @@ PARTS: dict[str, list[Entry]] = {
         *PEERS["hertz"],
     ],
     "levels": [
-        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.6k", "degree 4, 1.7k")),
+        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.7k", "degree 4, 2.1k")),
         *PEERS["levels"],
     ],
     "slip": [
