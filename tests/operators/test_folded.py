@@ -16,6 +16,7 @@ from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.force_sums import ForceSums
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic, orthotropic
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.folded import Folded
@@ -142,6 +143,36 @@ def plain(setting: Setting) -> tuple[Folded, LeastSquares]:
     assert isinstance(half, Folded)
     assert isinstance(whole, LeastSquares)
     return half.plain, whole.plain
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4])
+@pytest.mark.parametrize("line", [UPRIGHT, LEVEL])
+def test_stencils_are_their_own_images_and_reproduce_polynomials(line: Line, degree: int) -> None:
+    setting = Setting(line=line, degree=degree)
+    points, mirror, stencils = setting.cloud.points, setting.mirror, setting.model.stencils
+    field = np.random.default_rng(0).normal(size=(len(points), 2))
+    found = stencils.derivatives(field)
+    image = stencils.derivatives(field[mirror.image]) * mirror.derivative_signs(6)[:, None]
+    assert apart(image[mirror.image], found) <= 1e-11
+    x, y = points.T
+    for p, q in ((p, q) for p in range(degree + 1) for q in range(degree + 1 - p)):
+        found = stencils.derivatives((x**p * y**q)[:, None])[:, :3, 0]
+        dx, dy = p * x ** max(p - 1, 0) * y**q, q * x**p * y ** max(q - 1, 0)
+        assert np.abs(found - np.stack([x**p * y**q, dx, dy], axis=1)).max() <= 1e-9
+
+
+@pytest.mark.parametrize(
+    "name", ["clamped", "zone", "two surfaces meet", "ring", "hanging at a node", "level"]
+)
+def test_sums_of_rows_are_their_own_images(name: str) -> None:
+    setting = SETTINGS[name]
+    body, mirror, count = setting.whole, setting.mirror, len(setting.cloud.points)
+    lowest = int(np.flatnonzero(mirror.side == 0)[0])
+    nodes = [(lowest, component) for component in setting.on_the_line]
+    sums = ForceSums(setting.cloud, body.held, nodes, body.first_row, body.rows).through_cuts()
+    along = 1 - mirror.line.axis
+    even = sums[along::3, along * count : (along + 1) * count]
+    assert apart(even[:, mirror.image], even) <= 1e-12
 
 
 @pytest.mark.parametrize("name", SETTINGS)
