@@ -222,8 +222,8 @@ ux = 0.0
 def hertz(length: float = 1.0, stress: float = 1.0, growth: float = 0.12) -> str:
     """The coarse half-disk on a block, in units in which lengths and stresses have these factors.
 
-    Its forces balance to 2.3 % or better on clouds of twelve seeds, symmetric or not. With a ``growth`` of 0.2
-    it were 5 % on ordinary clouds and 12 % on symmetric ones, where runs fail.
+    Its forces balance to 2.3 % or better on clouds of twelve seeds, symmetric or not. With a ``growth`` of
+    0.2 it were 5 % on ordinary clouds and 11 % on symmetric ones, where runs fail.
     """
     return HERTZ.format(
         E=210e3 * stress,
