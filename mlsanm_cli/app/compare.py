@@ -6,7 +6,7 @@ The rules that make it fair are in docs/methods-compared.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from mlsanm_cli.values import dataclass
 SHARED = ("cloud", "operators")
 CONDENSED = ("factorization", "condensation")
 """Phases of the set-up that all methods need, and those that only condensed ones do."""
+WHOLE = 'solver.formulation="monolithic"'
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,13 @@ def compare(
     cases = [case_of(method) for method in methods]
     directory = out or RESULTS / case_path.stem
     run_dir.check_comparison(directory, force)
-    built, warnings = _set_up(loaded, clock, console)
+    if any(method.is_monolithic for method in methods):
+        # Equations of all bodies together need whole bodies, and all methods the same ones.
+        whole = load_with_files(case_path, (*overrides, WHOLE))
+        built, warnings = _set_up(whole, clock, console)
+        built = replace(built, case=loaded.case)
+    else:
+        built, warnings = _set_up(loaded, clock, console)
     rows = []
     for method, case in zip(methods, cases, strict=True):
         console.phase(f"following the path: {method.name}")

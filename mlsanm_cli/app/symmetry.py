@@ -33,10 +33,10 @@ def line_of(case: Case) -> Line | None:
     """The line about which nodes are placed symmetrically: the middle of all bodies, if all are their own
     mirror images about it.
 
-    Not so with friction: where symmetry does not save half of the work, errors that differ from side to side
-    are the better ones, as they cancel in part.
+    Not so with friction, or other schemes than least squares: where symmetry does not save half of the work,
+    errors that differ from side to side are the better ones, as they cancel in part.
     """
-    if any(contact.friction for contact in case.contact):
+    if case.mls.scheme != "least-squares" or any(contact.friction for contact in case.contact):
         return None
     if any(isinstance(body.shape, Mesh | Points) for body in case.body):
         return None
@@ -78,8 +78,8 @@ def even_scene(
     pairings: tuple[Pairing, ...],
 ) -> Even | None:
     """The scene as symmetry has it, if all that acts on the bodies is its own mirror image all along the
-    case's stages; None if not, or if its equations are not solved body by body in least squares."""
-    if case.solver.formulation != "condensed" or case.mls.scheme != "least-squares":
+    case's stages; None if not, or if its equations are not solved body by body."""
+    if case.solver.formulation != "condensed":
         return None
     mirrors: dict[str, Mirror] = {}
     for name, model in models.items():

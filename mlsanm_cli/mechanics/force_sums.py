@@ -126,4 +126,8 @@ def _distance(cloud: Cloud, nodes: IntArray) -> FloatArray:
     distance: FloatArray = np.asarray(found, dtype=np.float64)
     reached = np.isfinite(distance)
     distance[~reached] = distance[reached].max()
-    return distance if cloud.mirror is None else np.minimum(distance, distance[cloud.mirror.image])
+    mirror = cloud.mirror
+    if mirror is None or not np.isin(mirror.image[nodes], nodes).all():
+        return distance
+    # Of what is its own mirror image: the triangles need not be.
+    return np.minimum(distance, distance[mirror.image])

@@ -21,13 +21,24 @@ NOTHING = 1e-6
 
 
 def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
-    """Stencils of all nodes (n) from those of the mirror's own nodes (h)."""
-    whole = stencils.take(mirror.place)
-    beyond = np.repeat(mirror.side < 0, np.diff(whole.indptr))
+    """Stencils of all nodes (n) from those of the mirror's own nodes (h).
+
+    On the mirror they become their own images, by the mean of both: of two nodes equally far one may have
+    been taken alone.
+    """
+    times = np.where(mirror.side == 0, 2, 1)
+    whole = stencils.take(np.repeat(mirror.place, times))
+    first = np.concatenate([[0], np.cumsum(times)])
+    imaged = np.repeat(mirror.side < 0, times)
+    imaged[first[1:][mirror.side == 0] - 1] = True
+    length = np.diff(whole.indptr)
+    beyond = np.repeat(imaged, length)
     # In place, kind by kind, as the weights are many.
-    for kind in np.flatnonzero(mirror.derivative_signs(whole.weights.shape[1]) < 0.0):
-        whole.weights[:, kind] *= np.where(beyond, -1.0, 1.0)
-    return replace(whole, indices=np.where(beyond, mirror.image[whole.indices], whole.indices))
+    share = np.repeat(np.repeat(1.0 / times, times), length)
+    for kind, sign in enumerate(mirror.derivative_signs(whole.weights.shape[1])):
+        whole.weights[:, kind] *= np.where(beyond, sign, 1.0) * share
+    indices = np.where(beyond, mirror.image[whole.indices], whole.indices)
+    return replace(whole, indptr=whole.indptr[first], indices=indices)
 
 
 def reflected_numbers(numbers: IndexArray, mirror: Mirror) -> IndexArray:

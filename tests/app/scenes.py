@@ -219,15 +219,19 @@ ux = 0.0
 )
 
 
-def hertz(length: float = 1.0, stress: float = 1.0) -> str:
-    """The coarse half-disk on a block, in units in which lengths and stresses have these factors."""
+def hertz(length: float = 1.0, stress: float = 1.0, growth: float = 0.12) -> str:
+    """The coarse half-disk on a block, in units in which lengths and stresses have these factors.
+
+    Its forces balance to 2.3 % or better on clouds of twelve seeds, symmetric or not. With a ``growth`` of
+    0.2 it were 5 % on ordinary clouds and 11 % on symmetric ones, where runs fail.
+    """
     return HERTZ.format(
         E=210e3 * stress,
         R=1.0 * length,
         far=0.35 * length,
         fine=0.012 * length,
         zone=0.06 * length,
-        growth=0.2,
+        growth=growth,
         left=-2.0 * length,
         right=2.0 * length,
         fy=-226.0 * stress * length,

@@ -221,9 +221,9 @@ def test_a_body_that_no_pass_changes_keeps_its_operators(
 ) -> None:
     made: list[str] = []
 
-    def counted(model: BodyModel, *rest: Any) -> ElasticBody:
+    def counted(model: BodyModel, *rest: Any, **named: Any) -> ElasticBody:
         made.append(model.name)
-        return assemble(model, *rest)
+        return assemble(model, *rest, **named)
 
     monkeypatch.setattr(scene, "assemble", counted)
     text = hertz() + FAR
