@@ -123,8 +123,17 @@ def refine_again(case: Case, found: Refinement, clock: Clock, console: Console, 
     return Adapted(prepared, *_solved(case, prepared, clock, console, memo), found)
 
 
-def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: Memo = AFRESH) -> Adapted:
+def adapt(
+    case: Case,
+    prepared: Prepared,
+    clock: Clock,
+    console: Console,
+    memo: Memo = AFRESH,
+    whole: bool = False,
+) -> Adapted:
     """Complete the scene, and refine it as often as the case asks or until nothing changes any more.
+
+    Symmetric scenes have ``whole`` equations if asked for.
 
     Where a refined scene cannot be solved, as its contact is not stable, the one before it stands.
     """
@@ -140,14 +149,16 @@ def adapt(case: Case, prepared: Prepared, clock: Clock, console: Console, memo: 
         # Nodes in the bulk are wasted as long as it is the contact's own zones that are too coarse.
         more: tuple[Zone, ...] = ()
         if accuracy.bulk_leads:
-            more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk))
+            more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk), prepared.line)
         if not more and not any(_is_coarse(patch, rule) for patch in patches):
             console.note(f"refinement ends before pass {number}: the clouds are fine enough everywhere")
             break
         wanted = (*zones, *bulk, *more)
         try:
-            refined = place(case, clock, console, wanted, memo, prepared)
-            built, accuracy = _solved(case, refined, clock, console, memo, built.scene)
+            refined = place(case, clock, console, wanted, memo, prepared, whole)
+            # Systems of halves are no use to a scene that is no longer symmetric.
+            known = built.scene if refined.line == prepared.line else None
+            built, accuracy = _solved(case, refined, clock, console, memo, known)
         except NumericalError as error:
             failed = f"pass {number} of [adapt] failed, the clouds before it are taken: {error.message}"
             break

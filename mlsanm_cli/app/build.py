@@ -80,8 +80,10 @@ def load_kernels(clock: Clock, console: Console) -> Loaded:
     return loaded
 
 
-def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo = AFRESH) -> Prepared:
-    """All that can show that a case cannot be run as written, on its own clouds.
+def build_scene(
+    loaded: LoadedCase, clock: Clock, console: Console, memo: Memo = AFRESH, whole: bool = False
+) -> Prepared:
+    """All that can show that a case cannot be run as written, on its own clouds; with ``whole`` equations.
 
     Raises CaseError for a scene that memory cannot hold, a solver that is not installed, and contacts and
     platens without sense.
@@ -94,7 +96,7 @@ def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo =
         if sum(size.nodes.values()) > MANY:
             nodes, memory = sum(size.nodes.values()), size.memory_mb / 1024
             console.note(f"about {nodes:.2g} nodes, which need about {memory:.2g} GB of memory")
-        prepared = place(loaded.case, clock, console, memo=memo)
+        prepared = place(loaded.case, clock, console, memo=memo, whole=whole)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(prepared.pairings)
     except CaseError as error:
@@ -119,15 +121,16 @@ def place(
     zones: tuple[Zone, ...] = (),
     memo: Memo = AFRESH,
     before: Prepared | None = None,
+    whole: bool = False,
 ) -> Prepared:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body beyond what the case says, and
-    bodies that come out as ``before`` stay."""
+    bodies that come out as ``before`` stay. Symmetric scenes have ``whole`` equations if asked for."""
     with clock.phase("cloud"):
         console.phase("placing nodes")
         placed = clouds(case, zones, memo, line_of(case))
     with clock.phase("operators"):
         console.phase("building operators")
-        return prepare(case, placed, memo, before.models if before is not None else NOTHING)
+        return prepare(case, placed, memo, before.models if before is not None else NOTHING, whole)
 
 
 def complete(

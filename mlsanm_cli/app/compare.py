@@ -82,7 +82,7 @@ def compare(
     cases = [case_of(method) for method in methods]
     directory = out or RESULTS / case_path.stem
     run_dir.check_comparison(directory, force)
-    built, warnings = _set_up(loaded, clock, console)
+    built, warnings = _set_up(loaded, any(method.is_monolithic for method in methods), clock, console)
     rows = []
     for method, case in zip(methods, cases, strict=True):
         console.phase(f"following the path: {method.name}")
@@ -130,15 +130,15 @@ def _levels(case: Case, count: int) -> list[float]:
     return sorted(even | {position for position in case.output.at if position > 0.0})
 
 
-def _set_up(loaded: LoadedCase, clock: Clock, console: Console) -> tuple[Built, list[str]]:
-    """The scene that all methods share, and what to warn of."""
-    prepared = build_scene(loaded, clock, console)
+def _set_up(loaded: LoadedCase, whole: bool, clock: Clock, console: Console) -> tuple[Built, list[str]]:
+    """The scene that all methods share, with ``whole`` equations if one needs them, and what to warn of."""
+    prepared = build_scene(loaded, clock, console, whole=whole)
     with clock.phase("cloud"):
         warnings = [*assess(loaded.case, prepared).warnings, *case_warnings(loaded.case)]
     for note in prepared.notes:
         console.note(note)
     if loaded.case.adapt.passes:
-        adapted = adapt(loaded.case, prepared, clock, console)
+        adapted = adapt(loaded.case, prepared, clock, console, whole=whole)
         return adapted.built, [*warnings, *adapted.warnings]
     return complete(loaded.case, prepared, clock, console), warnings
 

@@ -74,8 +74,10 @@ def prepare(
     clouds: Mapping[str, Cloud],
     memo: Memo = AFRESH,
     before: Mapping[str, BodyModel] = NOTHING,
+    whole: bool = False,
 ) -> Prepared:
-    """Stencils, pairs and conditions; of the models ``before`` those stay whose clouds did.
+    """Stencils, pairs and conditions; of the models ``before`` those stay whose clouds did. What is symmetric
+    need not be seen, for methods that take ``whole`` equations.
 
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
     value at some node, and for probes outside their body.
@@ -108,7 +110,7 @@ def prepare(
     moving, notes = restrained(case, clouds, pairings, free, loads)
     probes = _probes(case, clouds)
     prepared = Prepared(models, pairings, held, held_nodes, loads, probes, moving, notes)
-    even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
+    even = None if whole else even_scene(case, models, held, held_nodes, loads, moving, pairings)
     if even is None:
         return prepared
     half = f"the scene is its own mirror image about {even.line}: half of it is solved"
