@@ -18,6 +18,7 @@ from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.clouds import spacing_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cover import cover
+from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.patches import Patch
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
@@ -33,9 +34,14 @@ WORTH = 1.15
 
 
 def residual_zones(
-    built: Built, defects: Mapping[str, Defect], patches: tuple[Patch, ...], planned: tuple[Zone, ...]
+    built: Built,
+    defects: Mapping[str, Defect],
+    patches: tuple[Patch, ...],
+    planned: tuple[Zone, ...],
+    line: Line | None = None,
 ) -> tuple[Zone, ...]:
-    """Zones beyond the ``planned`` ones; none without defects, or where no residual stands out."""
+    """Zones beyond the ``planned`` ones; none without defects, or where no residual stands out. They are
+    their own mirror images about the ``line`` of a symmetric scene."""
     if not defects:
         return ()
     levels, ruled = {}, {}
@@ -50,7 +56,7 @@ def residual_zones(
         finer = np.where(ruled[body.name], 1.0, _finer(levels[body.name], level, degree))
         wanted = np.where(finer >= WORTH, cloud.spacing / finer, np.inf)
         spacing = spacing_of(body).with_zones((*planned, *zones))
-        zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH)
+        zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
     return tuple(zones)
 
 

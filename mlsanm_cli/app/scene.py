@@ -134,7 +134,8 @@ def equip(
     }
     for name, model in prepared.models.items():
         known = before.get(name)
-        if known is not None and known.model is model:
+        # Halves are of no use to a scene that is no longer symmetric.
+        if known is not None and known.model is model and known.halved == halved:
             bodies[name] = known
             continue
         held, held_nodes, springs = conditions[name]
