@@ -23,6 +23,11 @@ BULK_LIMIT = 0.1
 """Smallest certificate of a body that passes. In 300 random scenes least squares stayed above 0.13; of square
 schemes with errors more than ten times the usual, most are below."""
 
+HALF_LIMIT = 0.05
+"""The same of a body of which half is solved: symmetric smooth forces, which it is compared with, may move it
+less than one-sided ones. Four of 63 random bodies came out between the limits; solved whole, two of them had
+0.14 and 0.17, and all had the same errors, 3 to 16 %, against clouds three times as fine."""
+
 CONTACT_LIMIT = 0.15
 """Smallest certificate of a contact that passes. In 100 random Hertz scenes, results with 2.4 to 16 times the
 usual error had -0.003 to 0.14, good ones 0.15 to 1.6 but for six below the limit."""
@@ -33,11 +38,19 @@ COARSER = "larger spacings where it touches, as bodies that bend easily do not b
 """A fine surface resists short waves little, and what of them the cloud takes for bending grows past that."""
 
 
-def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo) -> float:
+def certify(
+    case: Case,
+    scene: Scene,
+    condensed: Condensed,
+    ends: Sequence[ExactState],
+    memo: Memo,
+    halves: bool = False,
+) -> float:
     """The smallest certificate; UnstableError where one fails, for the results would mean nothing.
 
     Contacts are judged on the nodes that touch in one of the states ``ends``. Bodies that no such contact
-    speaks for are judged by themselves, and all bodies where the scheme is square.
+    speaks for are judged by themselves, and all bodies where the scheme is square. ``halves`` of them are
+    solved in symmetric scenes.
     """
     closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
     judged = _judged(case, scene, condensed, closed, memo)
@@ -47,11 +60,12 @@ def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[Exact
         for name, body in scene.bodies.items()
         if name not in spoken_for or body.model.settings.square
     }
+    limit = HALF_LIMIT if halves else BULK_LIMIT
     for name, value in bulk.items():
-        if not value >= BULK_LIMIT:
+        if not value >= limit:
             raise UnstableError(
                 f"the discrete equations of body {name} amplify errors "
-                f"(stability {value:.2g}, below {BULK_LIMIT:g})",
+                f"(stability {value:.2g}, below {limit:g})",
                 _bulk_hint(case, name),
                 value,
             )

@@ -10,6 +10,7 @@ import pytest
 
 from mlsanm_cli.app import adapt, scene
 from mlsanm_cli.app.build import build_scene, place
+from mlsanm_cli.app.certificate import BULK_LIMIT
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.compare import Wishes, compare
 from mlsanm_cli.app.scene import Prepared
@@ -95,6 +96,37 @@ pressure = 6.5
 [mls]
 degree = 4
 """
+# One-sided forces shift the outside, which symmetric ones only squeeze.
+RING = """
+format = 1
+[model]
+plane = "stress"
+[material.steel]
+E = 1000.0
+nu = 0.3
+[[body]]
+name = "ring"
+material = "steel"
+spacing = 0.08
+seed = 1
+shape = { kind = "annulus", center = [0.0, 0.54], radii = [0.22, 0.54] }
+[[body.refine]]
+along = "outer"
+spacing = 0.032
+radius = 0.0
+growth = 0.25
+[[support]]
+boundary = "ring.inner"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+boundary = "ring.outer"
+kind = "displacement"
+uy = -1e-3
+[mls]
+degree = 4
+"""
 
 
 def pressed(**sizes: float) -> str:
@@ -173,3 +205,12 @@ def test_smooth_answers_of_halves_are_enough_for_the_certificate(
     even = solve(PLATE, tmp_path / "even")["stability"]
     monkeypatch.setattr(scene, "even_scene", whole)
     assert even == pytest.approx(solve(PLATE, tmp_path / "whole")["stability"], rel=0.3)
+
+
+def test_halves_pass_where_whole_bodies_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    even = solve(RING, tmp_path / "even")
+    monkeypatch.setattr(scene, "even_scene", whole)
+    other = solve(RING, tmp_path / "whole")
+    assert even["status"] == other["status"] == "done"
+    assert even["stability"] < BULK_LIMIT < other["stability"]
+    assert even["forces"]["press"][1] == pytest.approx(other["forces"]["press"][1], rel=1e-3)
