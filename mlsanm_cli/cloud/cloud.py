@@ -113,13 +113,12 @@ def build_cloud(
     run along the outline.
     Raises RunError when more than ``limit`` nodes would be needed.
     """
-    steps = [spacing.steps_along(curve) for curve in outline.curves]
-    boundary = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
-    surfaces = _surfaces(outline, steps)
-    edges = _edges(surfaces.values())
     half = None
     if line is not None and spacing.symmetric(line):
+        boundary, surfaces, edges = _bounded(outline, spacing, line)
         half = halved(line, boundary, edges, surfaces, spacing)
+    if half is None:
+        boundary, surfaces, edges = _bounded(outline, spacing)
     start, chords = (boundary, boundary[edges].reshape(-1, 4)) if half is None else (half.start, half.chords)
     far, zones = spacing.far, spacing.table()
 
@@ -144,6 +143,16 @@ def build_cloud(
 
     # Names of surfaces are no part of what is kept on disk.
     return memo.value("cloud", digest(key, list(surfaces)), made)
+
+
+def _bounded(
+    outline: Outline, spacing: Spacing, line: Line | None = None
+) -> tuple[FloatArray, dict[str, Surface], IntArray]:
+    """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes where curves cross a ``line`` halfway."""
+    steps = [spacing.steps_along(curve, line) for curve in outline.curves]
+    points = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
+    surfaces = _surfaces(outline, steps)
+    return points, surfaces, _edges(surfaces.values())
 
 
 def _surfaces(outline: Outline, steps: list[FloatArray]) -> dict[str, Surface]:

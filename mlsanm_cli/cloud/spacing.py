@@ -73,8 +73,9 @@ class Spacing:
         """Smallest spacing anywhere."""
         return min([self.far, *(zone.spacing for zone in self.zones)])
 
-    def steps_along(self, curve: Curve) -> FloatArray:
-        """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h.
+    def steps_along(self, curve: Curve, line: Line | None = None) -> FloatArray:
+        """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h;
+        an even number of them if its middle is on the ``line``, so that a node is there.
 
         Equal increments of the integral, and not steps of h rescaled at the end, keep a fine zone where it
         was asked for; two bodies' fine zones would otherwise no longer face each other. Raises RunError for
@@ -99,10 +100,17 @@ class Spacing:
         if not integral[-1] <= MOST_STEPS:
             raise _too_many()
         # The small shift decides ties the same way in every system of units.
-        count = max(8 if curve.closed else 2, int(np.floor(integral[-1] + 0.5 - 1e-6)))
+        part = 1 if line is None or not _halved(curve, line) else 2
+        count = max(8 if curve.closed else 2, part * int(np.floor(integral[-1] / part + 0.5 - 1e-6)))
         steps = np.interp(np.linspace(0.0, integral[-1], count + 1), integral, s)
         steps[0], steps[-1] = 0.0, curve.length
         return steps
+
+
+def _halved(curve: Curve, line: Line) -> bool:
+    """Whether the middle of a curve is on the ``line``."""
+    middle = curve.points(np.array([0.5 * curve.length]))[0, line.axis]
+    return bool(abs(middle - line.at) <= SAME * curve.length)
 
 
 def _marks(table: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -76,7 +76,7 @@ def test_what_polishing_changed_is_told(tmp_path: Path) -> None:
 
 def test_a_large_change_is_warned_of(tmp_path: Path) -> None:
     console = Quiet()
-    eta = "contact.interface.regularization.eta=0.02"
+    eta = "contact.interface.regularization.eta=0.03"
     summary = solve(hertz(), tmp_path / "soft", eta, POLISH, console=console)
     assert summary["polish"]["pressure"] > POLISH_WARNING
     assert any("lower contact.regularization.eta" in warning for warning in console.warnings)

@@ -76,6 +76,19 @@ def test_nodes_and_surfaces_are_their_own_images(name: str) -> None:
         assert mirror.surfaces[other][0] == surface.name
 
 
+@pytest.mark.parametrize("spacing", [0.05, 0.06, 0.07, 0.08])
+@pytest.mark.parametrize("name", SCENES)
+def test_the_boundary_has_nodes_where_the_line_crosses_it(name: str, spacing: float) -> None:
+    """A support `near` such a place finds one on the line, and leaves the scene symmetric."""
+    outline, _, line = SCENES[name]
+    cloud = build_cloud(outline, Spacing(spacing), 0, line=line)
+    assert cloud.mirror is not None
+    ends = cloud.mirror.side[cloud.edges]
+    assert (ends.prod(axis=1) >= 0).all()
+    crossings = 4 if name == "ring" else 2
+    assert (cloud.mirror.side[cloud.boundary_nodes] == 0).sum() == crossings
+
+
 def test_images_of_surfaces() -> None:
     names = {name: image for name, (image, _) in mirrored("block")[1].surfaces.items()}
     assert names == {"bottom": "bottom", "right": "left", "top": "top", "left": "right"}
