@@ -65,20 +65,25 @@ def stages(*factors: str) -> str:
 
 CLOUDS = {
     "1.7k": fitted(2, 17, cloud(0.335, (0.01255, 0.0586, 0.274), (0.001147, 0.002065, 0.157))),
-    "degree 4, 2.1k": fitted(
+    "degree 4, 2k": fitted(
         4,
-        32,
+        35,
         cloud(
-            0.332,
-            (0.00498, 0.0223, 0.246),
-            (0.000285, 0.000739, 0.175),
-            beside=((0.00946, 0.014, 0.171),),
+            0.6607,
+            (0.007169, 0.02233, 0.2389),
+            (0.0003245, 0.0007424, 0.1744),
+            beside=((0.01726, 0.01275, 0.2452),),
         ),
     ),
-    "degree 4, 2.7k": fitted(
+    "degree 4, 2.9k": fitted(
         4,
-        39,
-        cloud(0.349, (0.00545, 0.0446, 0.272), (7.1e-5, 0.000256, 0.179), beside=((0.00336, 0.00607, 0.17),)),
+        35,
+        cloud(
+            0.503,
+            (0.00545, 0.05115, 0.1587),
+            (6.667e-5, 0.0002569, 0.179),
+            beside=((0.002976, 0.00569, 0.1823),),
+        ),
     ),
     "as in cases/": ["mls.degree=2"],
 }
@@ -113,7 +118,7 @@ PARTS: dict[str, list[Entry]] = {
         *PEERS["hertz"],
     ],
     "levels": [
-        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.7k", "degree 4, 2.1k")),
+        *(mlsanm(label, "hertz", LEVELS, *CLOUDS[label]) for label in ("1.7k", "degree 4, 2k")),
         *PEERS["levels"],
     ],
     "slip": [
