@@ -155,7 +155,7 @@ def complete(
     stages = stage_factors(case)
     condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console, memo)
     with clock.phase("condensation"):
-        stability = certify(case, scene, condensed, ends, memo, prepared.line is not None)
+        stability = certify(case, scene, condensed, ends, memo)
     return Built(case, scene, condensed, stages, ends, stability)
 
 

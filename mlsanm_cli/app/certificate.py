@@ -38,19 +38,11 @@ COARSER = "larger spacings where it touches, as bodies that bend easily do not b
 """A fine surface resists short waves little, and what of them the cloud takes for bending grows past that."""
 
 
-def certify(
-    case: Case,
-    scene: Scene,
-    condensed: Condensed,
-    ends: Sequence[ExactState],
-    memo: Memo,
-    halves: bool = False,
-) -> float:
+def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo) -> float:
     """The smallest certificate; UnstableError where one fails, for the results would mean nothing.
 
     Contacts are judged on the nodes that touch in one of the states ``ends``. Bodies that no such contact
-    speaks for are judged by themselves, and all bodies where the scheme is square. ``halves`` of them are
-    solved in symmetric scenes.
+    speaks for are judged by themselves, and all bodies where the scheme is square.
     """
     closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
     judged = _judged(case, scene, condensed, closed, memo)
@@ -60,8 +52,8 @@ def certify(
         for name, body in scene.bodies.items()
         if name not in spoken_for or body.model.settings.square
     }
-    limit = HALF_LIMIT if halves else BULK_LIMIT
     for name, value in bulk.items():
+        limit = HALF_LIMIT if scene.bodies[name].halved else BULK_LIMIT
         if not value >= limit:
             raise UnstableError(
                 f"the discrete equations of body {name} amplify errors "

@@ -129,16 +129,14 @@ def _rows(
     points = len(cloud.points)
     blocks = [model.equilibrium(component, some(component * points, points)) for component in (0, 1)]
     for name, surface in cloud.surfaces.items():
-        size = len(surface.index)
+        size, stencils = len(surface.index), model.stencils.take(surface.index)
         for component in (0, 1):
-            at = some(table.surfaces[name] + component * size, size)
-            index, normal = surface.index, surface.normal
-            if at is not None:
-                index, normal = index[at], normal[at]
             if held.get(name, (False, False))[component]:
-                blocks.append(nodal_rows(index, component, count))
+                block = nodal_rows(surface.index, component, count)
             else:
-                blocks.append(traction_rows(model.stencils.take(index), c, normal, component))
+                block = traction_rows(stencils, c, surface.normal, component)
+            at = some(table.surfaces[name] + component * size, size)
+            blocks.append(block if at is None else block[at])
     at = some(table.nodes, len(single))
     for node, component in single if at is None else [single[number] for number in at]:
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
