@@ -33,19 +33,13 @@ def relax(
     symmetry the nodes behind the first ``fixed`` are ``upon`` nodes on it and others on one side of it only;
     the images of these follow them in what is returned.
     """
-    points, end = points.copy(), len(points)
-    images = slice(fixed + upon, end if line is not None else fixed + upon)
-    points = np.concatenate([points, points[images]])
+    end = len(points)
+    on, beside, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
+    points = points.copy() if line is None else np.concatenate([points, line.reflect(points[beside])])
     count = min(NEIGHBORS, len(points) - 1)
     if end == fixed or count < 1:
         return points
-    moving = slice(fixed, end)
-    for sweep in range(SWEEPS + 1):
-        if line is not None:
-            points[fixed : fixed + upon, line.axis] = line.at
-            points[end:] = line.reflect(points[images])
-        if sweep == SWEEPS:
-            break
+    for sweep in range(SWEEPS):
         if sweep % LOOK == 0:
             nearest = cKDTree(points).query(points[moving], k=np.arange(2, count + 2))
             neighbour = np.ascontiguousarray(nearest[1].T)
@@ -59,4 +53,7 @@ def relax(
         size = np.sqrt((force**2).sum(axis=1))
         length = np.minimum(STEP * size / (1.0 + 0.25 * size), LONGEST)
         points[moving] += (h * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
+        if line is not None:
+            points[on, line.axis] = line.at
+            points[end:] = line.reflect(points[beside])
     return points

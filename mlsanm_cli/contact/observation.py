@@ -69,7 +69,7 @@ class Observation:
     @cached_property
     def images(self) -> tuple[IntArray, IntArray]:
         """Which row (sum of counts,) says the same as each, and which pressure (m,) does: in scenes that are
-        their own mirror images those of a node's image, of both the one on side 1; elsewhere itself."""
+        their own mirror images, of a node and its image those of the one farther along; elsewhere itself."""
         rows, first = np.arange(sum(self.counts)), 0
         pressures = [np.zeros(0, dtype=np.int64)]
         for pairing in self.pairings:
