@@ -19,15 +19,18 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.operators.folded import Folded
 from tests.app.scenes import Quiet, hertz, solve
 
-# Nodes on concentric circles: many are equally far from the virtual ones on the other ring.
-RINGS = """
+SOFT = """
 format = 1
 [model]
 plane = "stress"
 [material.steel]
 E = 1000.0
 nu = 0.3
-[[body]]
+"""
+# Nodes on concentric circles: many are equally far from the virtual ones on the other ring.
+RINGS = (
+    SOFT
+    + """[[body]]
 name = "out"
 material = "steel"
 spacing = 0.1
@@ -43,6 +46,7 @@ slave = "in.outer"
 master = "out.inner"
 interference = 1e-3
 """
+)
 COLUMN = """
 [[body]]
 name = "column"
@@ -97,14 +101,9 @@ pressure = 6.5
 degree = 4
 """
 # One-sided forces shift the outside, which symmetric ones only squeeze.
-RING = """
-format = 1
-[model]
-plane = "stress"
-[material.steel]
-E = 1000.0
-nu = 0.3
-[[body]]
+RING = (
+    SOFT
+    + """[[body]]
 name = "ring"
 material = "steel"
 spacing = 0.08
@@ -127,6 +126,7 @@ uy = -1e-3
 [mls]
 degree = 4
 """
+)
 
 
 def pressed(**sizes: float) -> str:
