@@ -18,7 +18,8 @@ from mlsanm_cli.io.summary import read_json
 
 FIGURES = (
     *("position", "steps", "factorizations", "solves", "nodes", "contact_unknowns"),
-    *("contacts", "forces", "residual", "linear_residual", "force_balance", "stability"),
+    *("contacts", "forces", "residual", "linear_residual", "force_balance"),
+    *("energy_error", "stability"),
     *("error_estimate", "warnings", "seconds", "peak_memory_mb"),
 )
 """What of a summary becomes columns."""

@@ -15,8 +15,9 @@ from mlsanm_cli.app.build import Built, build_scene, complete
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.differences import Difference, difference, other_law_limit, same_law_limit
+from mlsanm_cli.app.energy import energy_error
 from mlsanm_cli.app.foreign import load_with_files
-from mlsanm_cli.app.judge import force_balance, judge_balance, judge_spacing
+from mlsanm_cli.app.judge import force_balance, judge_balance, judge_energy, judge_spacing
 from mlsanm_cli.app.measure import Measured, measure
 from mlsanm_cli.app.methods import Method, chosen_methods
 from mlsanm_cli.app.precision import draw_precision, precision_curves
@@ -156,7 +157,8 @@ def _judged(built: Built, base: Measured) -> list[str]:
         return []
     last = base.states[max(base.states)]
     judge_spacing(built, last)
-    return [text for text in [judge_balance(force_balance(built, last))] if text]
+    texts = [judge_balance(force_balance(built, last)), judge_energy(energy_error(built, last))]
+    return [text for text in texts if text]
 
 
 def _result(

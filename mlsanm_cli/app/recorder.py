@@ -18,6 +18,7 @@ from mlsanm_cli.app.check import model_bodies
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.diagnosis import diagnose, node_fields, worst_nodes
+from mlsanm_cli.app.judge import EnergyVerdict
 from mlsanm_cli.app.marks import BEGINNING, Start
 from mlsanm_cli.app.recorded import CLOUDS, PATH, Earlier, Recorded
 from mlsanm_cli.app.scene import Prepared
@@ -90,6 +91,8 @@ class Recorder:
         self._mapped = False
         self._starts: Mapping[str, FloatArray] = {}
         self.judged: State | None = None
+        self.energies: EnergyVerdict | None = None
+        self.stressed: tuple[State, Mapping[str, recording.Fields]] | None = None
         self.failed_at: dict[str, Any] = {}
 
     @property
@@ -209,6 +212,8 @@ class Recorder:
         saved: list[Saved] = []
         found = recording.fields_of(built, states, stress, self._starts)
         for state, (fields, residual) in zip(states, found, strict=True):
+            if stress:
+                self.stressed = state, fields
             # Unlike max of Python, that of numpy loses no nan.
             self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
             if self._case.output.vtu:

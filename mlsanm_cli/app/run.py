@@ -11,11 +11,13 @@ from mlsanm_cli.app.build import Built, build_scene
 from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.energy import energy_error
 from mlsanm_cli.app.finished import finished
 from mlsanm_cli.app.foreign import load_with_files
 from mlsanm_cli.app.judge import (
     force_balance,
     judge_balance,
+    judge_energy,
     judge_linear,
     judge_polish,
     judge_spacing,
@@ -157,6 +159,12 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
         linear = recorder.check_linear(built)
     judge_linear(linear)
     judge_spacing(built, recorder.last)
-    for warning in (judge_balance(force_balance(built, recorder.last)), judge_polish(recorder.polished)):
+    with clock.phase("output"):
+        recorder.energies = energy_error(built, recorder.last, recorder.stressed)
+    for warning in (
+        judge_balance(force_balance(built, recorder.last)),
+        judge_energy(recorder.energies),
+        judge_polish(recorder.polished),
+    ):
         if warning:
             recorder.warn(warning)

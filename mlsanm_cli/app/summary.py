@@ -73,6 +73,9 @@ def summarise(
             summary["probes"] = {name: _probe(built, name, state) for name in built.condensed.probes}
         summary["force_balance"] = verdict.force_balance
         summary["force_balance_bodies"] = dict(verdict.bodies)
+        energies = recorder.energies
+        summary["energy_error"] = energies.energy_error if energies else None
+        summary["energy_error_bodies"] = dict(energies.bodies) if energies else {}
     if recorder.polished:
         summary["polish"] = polish_figures(recorder.polished)
     summary["stability"] = built.stability if built is not None else ending.stability

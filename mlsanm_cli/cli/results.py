@@ -8,7 +8,7 @@ from typing import Any
 from mlsanm_cli.cli.text import grid, label, number, table
 
 _CONTACT = ("peak_pressure", "half_width", "force", "min_gap", "stick_nodes", "slip_nodes")
-_QUALITY = ("residual", "force_balance", "stability", "peak_memory_mb")
+_QUALITY = ("residual", "force_balance", "energy_error", "stability", "peak_memory_mb")
 
 
 def run_text(summary: Mapping[str, Any], color: bool) -> str:

@@ -1,0 +1,131 @@
+"""Strain energy of a body, and integrals of products over its triangles and along its surfaces.
+
+The solution comes from equations node by node and knows of no energy. That twice the strain energy is the
+work of all that acts on a body is therefore a check of its own. The products integrated here are those of two
+fields that are linear between the nodes, and integrated exactly: sums over nodal areas were 14 % off on a
+thin beam with five nodes across.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.rigid import rigid_pattern
+
+UNDECIDED = 1e-13
+"""Rigid motions with less of a mean square than this part of a unit motion's are not seen, but round-off."""
+
+STEPS = 500
+SMOOTH = 1e-6
+"""Extensions of boundary values are as smooth as that, or as so many steps make them: any serves."""
+
+
+def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
+    """Integral of the product of two nodal fields (n, c), summed over their components c.
+
+    On a triangle of area A it is A / 12 (sum_i a_i b_i + (sum_i a_i) (sum_i b_i)).
+    """
+    a, b = first[cloud.triangles], second[cloud.triangles]
+    corners = cloud.points[cloud.triangles]
+    (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    products = (a * b).sum(axis=(1, 2)) + (a.sum(axis=1) * b.sum(axis=1)).sum(axis=1)
+    return float((ux * vy - uy * vx) @ products) / 24.0
+
+
+def along_surface(surface: Surface, first: FloatArray, second: FloatArray) -> float:
+    """Integral of the product of two fields (b, c) at a surface's nodes, summed over their components c.
+
+    Between two nodes L apart it is L / 6 (2 a_0 b_0 + a_0 b_1 + a_1 b_0 + 2 a_1 b_1), as two Gauss points
+    give it.
+    """
+    arc, a, b = surface.arc_length, first, second
+    if surface.curve.closed:
+        arc = np.append(arc, surface.curve.length)
+        a, b = np.concatenate([a, a[:1]]), np.concatenate([b, b[:1]])
+    same = (a * b).sum(axis=1)
+    across = (a[:-1] * b[1:] + a[1:] * b[:-1]).sum(axis=1)
+    return float(np.diff(arc) @ (2.0 * same[:-1] + across + 2.0 * same[1:])) / 6.0
+
+
+def gradients(cloud: Cloud) -> tuple[FloatArray, FloatArray]:
+    """Areas (t,) of the triangles, and gradients (t, 3, 2) of the linear functions of their corners."""
+    a, b, c = (cloud.points[cloud.triangles[:, corner]] for corner in range(3))
+    opposite = np.stack([c - b, a - c, b - a], axis=1)
+    twice = opposite[:, 2, 0] * opposite[:, 0, 1] - opposite[:, 2, 1] * opposite[:, 0, 0]
+    slopes = np.stack([-opposite[:, :, 1], opposite[:, :, 0]], axis=2) / twice[:, None, None]
+    return 0.5 * twice, slopes
+
+
+def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
+    """Integral of nodal ``stress`` (n, 3) times the strain of a ``virtual`` displacement (n, 2), both linear
+    on the triangles."""
+    areas, slopes = gradients(cloud)
+    by = np.einsum("tki,tkc->tic", slopes, virtual[cloud.triangles])
+    strain = np.stack([by[:, 0, 0], by[:, 1, 1], by[:, 0, 1] + by[:, 1, 0]], axis=1)
+    return float(areas @ (stress[cloud.triangles].mean(axis=1) * strain).sum(axis=1))
+
+
+def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
+    """A smooth nodal field (n, 2) with the ``known`` (n, 2) of the ``values`` (n, 2).
+
+    It is nearly harmonic, by conjugate gradients on the triangles, and 0 in a component with nothing known.
+    """
+    areas, slopes = gradients(cloud)
+    entries = areas[:, None, None] * np.einsum("tki,tli->tkl", slopes, slopes)
+    rows, columns = np.repeat(cloud.triangles, 3, axis=1).ravel(), np.tile(cloud.triangles, 3).ravel()
+    count = len(cloud.points)
+    matrix = sparse.csr_array((entries.ravel(), (rows, columns)), shape=(count, count))
+    result = np.where(known, values, 0.0)
+    for component in (0, 1):
+        free = ~known[:, component]
+        if free.all():
+            continue
+        field = result[:, component]
+        rest = -np.where(free, matrix @ field, 0.0)
+        way, size = rest.copy(), float(rest @ rest)
+        enough = SMOOTH**2 * size
+        for _ in range(STEPS):
+            if size <= enough:
+                break
+            image = np.where(free, matrix @ way, 0.0)
+            step = size / float(way @ image)
+            field += step * way
+            rest -= step * image
+            before, size = size, float(rest @ rest)
+            way = rest + size / before * way
+    return result
+
+
+def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArray) -> float:
+    """Integral of stress times elastic strain, per unit thickness, for nodal ``stress`` (n, 3)."""
+    return over_body(cloud, stress, stress @ np.linalg.inv(material.stiffness))
+
+
+def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArray]) -> FloatArray:
+    """The rigid motion (n, 2) of the nodes that is nearest to their ``displacement`` (n, 2).
+
+    ``levels`` are weights (n, 2) of the nodes' components: a later one decides only what those before it
+    leave open. The mean over the whole body decides the rest.
+    """
+    size = float(np.ptp(cloud.points, axis=0).max())
+    middle = cloud.areas @ cloud.points / cloud.areas.sum()
+    center = (float(middle[0]), float(middle[1]))
+    patterns = np.stack([rigid_pattern(cloud.points, center, axis).ravel() for axis in range(3)], axis=1)
+    patterns[:, 2] /= size
+    chosen, free = np.zeros(3), np.eye(3)
+    for one in [*levels, np.repeat(cloud.areas[:, None], 2, axis=1)]:
+        weight = one.ravel() / max(float(one.sum()), np.finfo(float).tiny)
+        motions, missing = patterns @ free, displacement.ravel() - patterns @ chosen
+        size_of, axes = np.linalg.eigh(motions.T @ (weight[:, None] * motions))
+        decided = size_of > UNDECIDED
+        found = (axes.T @ (motions.T @ (weight * missing)))[decided] / size_of[decided]
+        chosen = chosen + free @ (axes[:, decided] @ found)
+        free = free @ axes[:, ~decided]
+    return np.asarray((patterns @ chosen).reshape(-1, 2))

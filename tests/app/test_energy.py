@@ -1,0 +1,235 @@
+"""The energy check of runs: small where results are right, and in the way of those that are not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app import energy
+from mlsanm_cli.app.info import info
+from mlsanm_cli.app.judge import EnergyVerdict, judge_energy
+from mlsanm_cli.cli import main
+from mlsanm_cli.contact.work import work_on
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.mechanics import pieces
+from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.energy import twice_strain_energy
+from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, WEIGHT, block, traction
+from tests.app.scenes import PATCH, hertz, solve
+
+FINER = "body.block.spacing=0.1"
+RIGHT = '[[support]]\nboundary = "block.right"\nux = 0.0\n'
+SOFT = '[[support]]\nboundary = "block.left"\nspring = [20.0, 30.0]\n'
+STIFF = '[[support]]\nboundary = "block.left"\nspring = [2e4, 3e4]\n'
+SHEARED = '[[load]]\nname = "shear"\nboundary = "block.right"\nkind = "platen"\nux = 0.0\nuy = 0.01\n'
+LOWERED = SHEARED.replace("ux = 0.0\nuy = 0.01", "fy = -1.0")
+BEAM = """
+format = 1
+[model]
+plane = "stress"
+[material.steel]
+E = 1000.0
+nu = 0.3
+[[body]]
+name = "beam"
+material = "steel"
+spacing = {spacing}
+shape = {{ kind = "rectangle", x = [0.0, {length}], y = [0.0, 1.0] }}
+[[load]]
+name = "press"
+boundary = "beam.top"
+kind = "pressure"
+pressure = 0.001
+"""
+CLAMPED = '[[support]]\nboundary = "beam.left"\nux = 0.0\nuy = 0.0\n'
+ON_NODES = """
+[[support]]
+body = "beam"
+near = [0.0, 0.0]
+ux = 0.0
+uy = 0.0
+[[support]]
+body = "beam"
+near = [8.0, 0.0]
+uy = 0.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("parts", "largest"),
+    [
+        ((LEFT, BOTTOM, traction("right", 3.0, 0.0)), 1e-9),
+        ((LEFT, RIGHT, BOTTOM, HEAT), 1e-9),
+        # Nothing but round-off of stresses that free expansion does not have.
+        ((LEFT, BOTTOM, HEAT), 1e-6),
+        ((CLAMP, RIGHT, HEAT), 0.03),
+        ((SOFT, traction("right", 0.0, -1.0)), 0.03),
+        ((STIFF, traction("right", 0.0, -1.0)), 0.03),
+        ((CLAMP, WEIGHT), 0.03),
+        ((CLAMP, LOWERED), 0.03),
+        # By stresses beside the corners of the sides that are moved apart it were 9 to 12 %.
+        ((CLAMP, SHEARED), 0.03),
+    ],
+    ids=["bar", "blocked", "free", "heated", "soft", "stiff", "weight", "lowered", "sheared"],
+)
+def test_blocks(parts: tuple[str, ...], largest: float, tmp_path: Path) -> None:
+    summary = solve(block(*parts, plane="stress"), tmp_path / "run", FINER)
+    assert summary["status"] == "done", summary
+    assert abs(summary["energy_error"]) <= largest
+    assert summary["energy_error_bodies"] == {"block": summary["energy_error"]}
+
+
+@pytest.mark.parametrize(
+    ("text", "largest"), [(PATCH, 1e-9), (hertz(growth=0.08), 0.03)], ids=["patch", "hertz"]
+)
+def test_contacts(text: str, largest: float, tmp_path: Path) -> None:
+    summary = solve(text, tmp_path / "run")
+    bodies = summary["energy_error_bodies"]
+    assert len(bodies) == 2
+    assert max(map(abs, bodies.values())) == abs(summary["energy_error"]) <= largest
+    assert info(tmp_path / "run")["energy_error"] == summary["energy_error"]
+
+
+@pytest.mark.parametrize("fields", ['["stress"]', "[]"])
+def test_fields_that_are_not_saved_are_solved_for(fields: str, tmp_path: Path) -> None:
+    whole = solve(hertz(), tmp_path / "whole")
+    other = solve(hertz(), tmp_path / "other", f"output.fields={fields}")
+    assert other["energy_error"] == pytest.approx(whole["energy_error"], rel=1e-6)
+
+
+def run_beam(directory: Path) -> int:
+    """The exit code of beam.toml; nothing cached, which would be of equations as they should be."""
+    options = ["--out", str(directory / "run"), "--quiet", "--no-cache"]
+    return main(["run", str(directory / "beam.toml"), *options])
+
+
+def deflection(directory: Path) -> float:
+    """How far the free end of a beam 20 long has moved over what it should (Timoshenko)."""
+    data = read_run(directory)
+    right = data.bodies["beam"].points[:, 0] > 20.0 - 1e-9
+    found = data.states[-1].bodies["beam"]["displacement"][right, 1].mean()
+    return float(-found / (0.001 * (20.0**4 / 8.0 * 12.0 + 20.0**2 / 2.0 * 1.2 * 2.6) / 1000.0))
+
+
+@pytest.fixture
+def lossy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pieces' equilibrium counts so little that beams lose part of their force on the way to the support;
+    with less than 10 they bend the other way."""
+    monkeypatch.setattr(pieces, "STRENGTH", 30.0)
+
+
+@pytest.mark.parametrize("spacing", [0.3, 0.2, 0.1])
+def test_a_beam_bends_as_it_should(spacing: float, tmp_path: Path) -> None:
+    summary = solve(BEAM.format(spacing=spacing, length=20.0) + CLAMPED, tmp_path / "run")
+    assert (summary["status"], summary["warnings"]) == ("done", []), summary
+    assert deflection(tmp_path / "run") == pytest.approx(1.0, abs=0.003)
+    assert abs(summary["energy_error"]) <= 0.005
+
+
+@pytest.mark.parametrize(("spacing", "strength"), [(0.3, 30.0), (0.2, 30.0), (0.1, 30.0), (0.2, 100.0)])
+def test_the_error_is_that_of_the_deflection_of_a_beam(
+    spacing: float, strength: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pieces, "STRENGTH", strength)
+    summary = solve(BEAM.format(spacing=spacing, length=20.0) + CLAMPED, tmp_path / "run")
+    assert summary["status"] == ("failed" if strength == 30.0 else "done"), summary
+    assert summary["energy_error"] == pytest.approx(deflection(tmp_path / "run") - 1.0, abs=0.02)
+
+
+@pytest.mark.usefixtures("lossy")
+def test_a_beam_too_stiff_fails(tmp_path: Path) -> None:
+    (tmp_path / "beam.toml").write_text(BEAM.format(spacing=0.25, length=20.0) + CLAMPED)
+    assert run_beam(tmp_path) == 3
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert -0.9 < summary["energy_error"] < -0.2
+
+
+def test_a_beam_whose_forces_are_not_looked_at_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # On single nodes there is no reaction to compare: a beam that bent by 0.4 of what it should had passed.
+    monkeypatch.setattr(pieces, "STRENGTH", 10.0)
+    (tmp_path / "beam.toml").write_text(BEAM.format(spacing=0.1, length=8.0) + ON_NODES)
+    assert run_beam(tmp_path) == 3
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["force_balance"] == 0.0
+    assert "energy of body beam is 27 % below" in summary["stop_reason"]
+    assert "body.beam.spacing" in summary["hint"]
+
+
+def test_wrong_stresses_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = BodyModel.stress
+
+    def stress(self: BodyModel, displacement: Any) -> Any:
+        return (1.1 if self.name == "lower" else 1.0) * kept(self, displacement)
+
+    monkeypatch.setattr(BodyModel, "stress", stress)
+    summary = solve(PATCH, tmp_path / "run")
+    assert (summary["status"], "energy of body lower is 21 % above" in summary["stop_reason"]) == (
+        "failed",
+        True,
+    )
+    assert summary["energy_error_bodies"] == pytest.approx({"upper": 0.0, "lower": 0.21}, abs=1e-9)
+
+
+@pytest.mark.parametrize("body", ["upper", "lower"])
+def test_no_number_is_no_pass(body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = work_on
+
+    def work(scene: Any, condensed: Any, name: str, *more: Any) -> float:
+        return float("nan") if name == body else kept(scene, condensed, name, *more)
+
+    monkeypatch.setattr(energy, "work_on", work)
+    summary = solve(PATCH, tmp_path / "run")
+    assert (summary["status"], f"energy of body {body}" in summary["stop_reason"]) == ("failed", True)
+
+
+def test_bodies_without_energy_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = twice_strain_energy
+
+    def twice(cloud: Any, *more: Any) -> float:
+        found = kept(cloud, *more)
+        return found if cloud.points[:, 1].max() > 1.5 else 1e-6 * found
+
+    works = work_on
+
+    def work(scene: Any, condensed: Any, name: str, *more: Any) -> float:
+        found = works(scene, condensed, name, *more)
+        return 2e-6 * found if name == "lower" else found
+
+    monkeypatch.setattr(energy, "twice_strain_energy", twice)
+    monkeypatch.setattr(energy, "work_on", work)
+    summary = solve(PATCH, tmp_path / "run")
+    assert summary["status"] == "done", summary
+    assert abs(summary["energy_error_bodies"]["lower"]) < 2e-3
+
+
+@pytest.mark.parametrize(("error", "passes"), [(0.02, True), (-0.05, True), (0.11, False), (np.nan, False)])
+def test_limits(error: float, passes: bool) -> None:
+    verdict = EnergyVerdict(error, {"good": 0.001, "bad": error})
+    if passes:
+        text = judge_energy(verdict)
+        assert bool(text) == (abs(error) > 0.03)
+        assert not text or "5 % below" in text
+    else:
+        with pytest.raises(NumericalError, match="body bad"):
+            judge_energy(verdict)
+
+
+def test_a_scene_without_loads_has_no_error(tmp_path: Path) -> None:
+    stages = "[[stage]]\nright = 1.0\n[[stage]]\nright = 0.0\n"
+    summary = solve(block(LEFT, BOTTOM, traction("right", 3.0, 0.0), stages), tmp_path / "run")
+    assert (summary["status"], summary["energy_error"]) == ("done", 0.0)
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+def test_a_contact_that_is_unloaded_again(law: str, tmp_path: Path) -> None:
+    # The smooth law leaves a ten-thousandth of the pressure, on a node or two, whose energy is 17 % off.
+    stages = "[[stage]]\npress = 1.0\n[[stage]]\npress = 0.0\n"
+    override = f'contact.interface.regularization.law="{law}"'
+    summary = solve(hertz(growth=0.08) + stages, tmp_path / "run", override)
+    assert summary["status"] == "done", summary
+    assert abs(summary["energy_error"]) <= 0.03
