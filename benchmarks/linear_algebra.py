@@ -5,7 +5,8 @@
 The block of cases/hertz.toml with all spacings multiplied by each scale, with friction and without. CPU
 seconds, medians, all in one process with one thread:
 
-- ``factor`` and ``superlu``: normal equations to factor, nested dissection and our check included;
+- ``factor`` and ``superlu``: normal equations, bordered by the pieces' rows, to factor, nested dissection and
+  our check included;
 - ``condense``: all functionals of all contact columns; ``blocks`` the same by solutions refined 64 at a time
   with our factor; ``superlu_solves`` one back-substitution by SuperLU for every column, without refinement;
 - ``error`` and ``blocks_error``: of a few columns against refinement in extended precision, relatively;
@@ -45,14 +46,14 @@ from mlsanm_cli.case import load_case  # noqa: E402
 from mlsanm_cli.contact.linear_map import Columns  # noqa: E402
 from mlsanm_cli.contact.observers import gap_rows, slip_rows  # noqa: E402
 from mlsanm_cli.contact.sources import body_sources  # noqa: E402
-from mlsanm_cli.operators.least_squares import LeastSquares, UpdatedFactor  # noqa: E402
+from mlsanm_cli.operators.least_squares import Eliminated, LeastSquares  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
 from mlsanm_cli.operators.linear.engine import MissingEngineError  # noqa: E402
-from mlsanm_cli.operators.linear.interface import DirectSolver, Factor  # noqa: E402
+from mlsanm_cli.operators.linear.interface import DirectSolver, Factor, Matrix  # noqa: E402
 from mlsanm_cli.operators.linear.mumps import MumpsSolver  # noqa: E402
 from mlsanm_cli.operators.linear.pardiso import PardisoSolver  # noqa: E402
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
-from mlsanm_cli.operators.normal import normal_equations  # noqa: E402
+from mlsanm_cli.operators.normal import bordered, normal_equations  # noqa: E402
 from mlsanm_cli.operators.refinement import BLOCK, QUICK  # noqa: E402
 
 CASE, BODY = ROOT / "cases" / "hertz.toml", "block"
@@ -72,12 +73,12 @@ def cpu_of(work: Callable[[], Any], repeat: int) -> float:
 
 def exactly(system: LeastSquares, observed: sparse.csr_array, sources: sparse.csc_array) -> FloatArray:
     """Functionals of solutions whose residuals are summed in extended precision."""
-    rows, images = system.rows.astype(np.longdouble), system.images.astype(np.longdouble)
+    rows, strong = system.rows.astype(np.longdouble), system.strong.rows.astype(np.longdouble)
     wanted = system.scaled(sources).astype(np.longdouble)
     solution = np.zeros((rows.shape[1], sources.shape[1]), dtype=np.longdouble)
     for _ in range(UPDATES):
-        lack = wanted - np.concatenate([rows @ solution, images @ solution])
-        gradient = rows.T @ lack[: rows.shape[0]] + images.T @ lack[rows.shape[0] :]
+        lack = wanted - np.concatenate([rows @ solution, strong @ solution])
+        gradient = rows.T @ lack[: rows.shape[0]] + strong.T @ lack[rows.shape[0] :]
         solution += system.factor.solve(np.asarray(gradient, dtype=float))
     return np.asarray(observed @ solution, dtype=float)
 
@@ -96,9 +97,17 @@ def installed() -> dict[str, DirectSolver]:
 
 def with_factor(system: LeastSquares, factor: Factor) -> LeastSquares:
     """The same equations, solved by another factor of them."""
-    if isinstance(system.factor, UpdatedFactor):
-        return replace(system, factor=replace(system.factor, factor=factor))
-    return replace(system, factor=factor)
+    assert isinstance(system.factor, Eliminated)
+    return replace(system, factor=replace(system.factor, factor=factor))
+
+
+def bordered_equations(system: LeastSquares, nodes: FloatArray) -> tuple[Matrix, FloatArray, int]:
+    """What a system of ``nodes`` (n, 2) factorised: the matrix, the places of all vertices, and how many of
+    them are of multipliers."""
+    places = np.repeat(system.strong.places, 2, axis=0)
+    normal = normal_equations(system.rows)
+    matrix = bordered(normal, system.strong.rows, system.strong.owner, len(places))
+    return matrix, np.concatenate([nodes, places]), len(places)
 
 
 def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
@@ -123,9 +132,10 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
     observed = sparse.csr_array(sparse.vstack(relative, format="csr"))
     system = body.system
     assert isinstance(system, LeastSquares)
-    matrix = normal_equations(system.rows)
+    equations = bordered_equations(system, body.model.nodes)
+    matrix = equations[0]
     ours, other = CholeskySolver(), SuperLUSolver()
-    factor = other.factor_definite(matrix, body.model.nodes)
+    factor, own = other.factor_definite(*equations), ours.factor_definite(*equations)
     block = np.random.default_rng(0).normal(size=(matrix.shape[0], BLOCK))
 
     def blocks() -> FloatArray:
@@ -144,10 +154,10 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
 
     engines = {}
     for name, engine in installed().items():
-        its = engine.factor_definite(matrix, body.model.nodes)
+        its = engine.factor_definite(*equations)
         same = with_factor(system, its)
         engines[name] = {
-            "factor": cpu_of(partial(engine.factor_definite, matrix, body.model.nodes), repeat),
+            "factor": cpu_of(partial(engine.factor_definite, *equations), repeat),
             "solve": cpu_of(partial(its.solve, block[:, 0]), repeat),
             "condense": cpu_of(partial(same.functionals, observed, sources), repeat),
             "error": error(same.functionals(observed, sources)),
@@ -156,14 +166,14 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
         "nodes": len(body.model.nodes),
         "columns": sources.shape[1],
         "functionals": observed.shape[0],
-        "factor": cpu_of(lambda: ours.factor_definite(matrix, body.model.nodes), repeat),
-        "superlu": cpu_of(lambda: other.factor_definite(matrix, body.model.nodes), repeat),
+        "factor": cpu_of(lambda: ours.factor_definite(*equations), repeat),
+        "superlu": cpu_of(lambda: other.factor_definite(*equations), repeat),
         "condense": cpu_of(lambda: system.functionals(observed, sources), repeat),
         "blocks": cpu_of(blocks, repeat),
         "superlu_solves": cpu_of(lambda: factor.solve(block), repeat) / BLOCK * sources.shape[1],
         "error": error(system.functionals(observed, sources)),
         "blocks_error": error(blocks()),
-        "solve": cpu_of(lambda: system.factor.solve(block[:, 0]), repeat),
+        "solve": cpu_of(lambda: own.solve(block[:, 0]), repeat),
         "engines": engines,
     }
 

@@ -1,4 +1,4 @@
-"""Neighbour search, triangles, shortest ways, roots and LAPACK of scipy, without the rest of their packages.
+"""Neighbour search, triangles, connected parts, roots and LAPACK of scipy without the rest of the packages.
 
 `scipy.spatial` brings rotations, distances, special functions and physical constants along,
 `scipy.sparse.csgraph` the eigenvalue solvers, `scipy.optimize` all minimisers, and `scipy.linalg` decorates
@@ -16,11 +16,11 @@ __all__ = [
     "Delaunay",
     "brentq",
     "cKDTree",
+    "connected_components",
     "dgecon",
     "dgeqp3",
     "dgetrf",
     "dgetrs",
-    "dijkstra",
     "dpotrf",
     "dpotrs",
 ]
@@ -28,7 +28,7 @@ __all__ = [
 if TYPE_CHECKING:
     from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dpotrf, dpotrs
     from scipy.optimize import brentq
-    from scipy.sparse.csgraph import dijkstra
+    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import Delaunay, cKDTree
 
 
@@ -37,7 +37,7 @@ _PARTS = {
     "cKDTree": ("scipy.spatial._ckdtree", "scipy.spatial"),
     "Delaunay": ("scipy.spatial._qhull", "scipy.spatial"),
     "brentq": ("scipy.optimize._zeros_py", "scipy.optimize"),
-    "dijkstra": ("scipy.sparse.csgraph._shortest_path", "scipy.sparse.csgraph"),
+    "connected_components": ("scipy.sparse.csgraph._traversal", "scipy.sparse.csgraph"),
     **dict.fromkeys(("dgecon", "dgeqp3", "dgetrf", "dgetrs", "dpotrf", "dpotrs"), _LAPACK),
 }
 """Where each part is in the versions of scipy that we know, and where scipy says that it is."""

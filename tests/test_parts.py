@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-NAMES = "Delaunay, brentq, cKDTree, dgecon, dgeqp3, dgetrf, dgetrs, dijkstra, dpotrf, dpotrs"
+NAMES = "Delaunay, brentq, cKDTree, connected_components, dgecon, dgeqp3, dgetrf, dgetrs, dpotrf, dpotrs"
 PARTS = f"from mlsanm_cli.parts import {NAMES}\n"
 LEAN = "from mlsanm_cli.lean import lean_imports\nwith lean_imports():\n    import mlsanm_cli.parts\n"
 WHOLE = (
@@ -23,7 +23,7 @@ SAME = (
     "assert brentq is scipy.optimize.brentq\n"
     "assert scipy.optimize.minimize_scalar(lambda x: (x - 1.0) ** 2).success\n"
     "assert (Delaunay, cKDTree) == (scipy.spatial.Delaunay, scipy.spatial.cKDTree)\n"
-    "assert dijkstra is scipy.sparse.csgraph.dijkstra\n"
+    "assert connected_components is scipy.sparse.csgraph.connected_components\n"
     "for routine in (dgecon, dgeqp3, dgetrf, dgetrs, dpotrf, dpotrs):\n"
     "    assert routine in vars(scipy.linalg.lapack).values()\n"
     "assert scipy.linalg.cython_blas.__pyx_capi__ and scipy.linalg.cython_lapack.__pyx_capi__\n"

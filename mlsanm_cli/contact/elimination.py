@@ -83,44 +83,29 @@ def plan_elimination(
     unknowns with typical sizes ``unknowns`` (r,): c of the contact's, then the bodies' displacements.
 
     The equations' right-hand sides are those of the contact's unknowns. The unknowns of a body are eliminated
-    as in its own system; borders and contact come last, so that what is left for them is a condensed problem,
-    whose pivots are sound.
+    as in its own system; the contact comes last, so that what is left for it is a condensed problem, whose
+    pivots are sound.
     """
     count, total = contact.shape
     matrix = sparse.block_diag([one.matrix for one in equations.values()], format="csr")
     caused = sparse.vstack([one.sources for one in equations.values()], format="csr")
-    border = sparse.block_diag([sparse.csr_array(one.border) for one in equations.values()], format="csr")
-    border_caused = np.concatenate([one.border_sources for one in equations.values()])
     own = sparse.diags_array(1.0 / scale)
-    few = border.shape[0]
-    size = abs(border).max(axis=1).toarray().ravel() * unknowns[count:].max() if few else np.zeros(0)
-    down = sparse.diags_array(1.0 / size) if few else sparse.csr_array((0, 0))
-    across = sparse.diags_array(size) if few else sparse.csr_array((0, 0))
-    bodies = [-(own @ caused), own @ matrix, own @ border.T @ across]
-    borders = [-(down @ border_caused), down @ border, -sparse.eye_array(few)]
-    whole = sparse.vstack(
-        [
-            sparse.hstack([contact, sparse.csr_array((count, few))]),
-            sparse.hstack(bodies),
-            sparse.hstack(borders),
-        ],
-        format="csr",
-    )
-    columns = np.concatenate([unknowns, np.ones(few)])
+    bodies = sparse.hstack([-(own @ caused), own @ matrix])
+    whole = sparse.vstack([contact, bodies], format="csr")
     parts, first = [], count
     for name, one in equations.items():
         pattern = sparse.csc_array(abs(one.matrix) + abs(one.matrix).T)
         parts.append(first + solver.analyse(pattern, scene.bodies[name].model.nodes))
         first += one.matrix.shape[0]
-    order = np.concatenate([*parts, np.arange(total, total + few), np.arange(count)])
-    factors = np.ones(total + few)
-    factors[order[len(order) - few - count :]] = LAST
-    scaled = sparse.csr_array(sparse.diags_array(factors) @ whole @ sparse.diags_array(columns))
+    order = np.concatenate([*parts, np.arange(count)])
+    factors = np.ones(total)
+    factors[order[len(order) - count :]] = LAST
+    scaled = sparse.csr_array(sparse.diags_array(factors) @ whole @ sparse.diags_array(unknowns))
     return Elimination(
         matrix=sparse.csc_array(scaled[order][:, order]),
-        scale=columns,
+        scale=unknowns,
         order=order,
-        last=few + count,
+        last=count,
         definite=all(one.definite for one in equations.values()),
         solver=solver,
     )

@@ -13,7 +13,7 @@ bodies' equations behind the balances, in the numbering of :mod:`mlsanm_cli.cont
 Displacements count in units of the elastic change of the gaps, a body's equations in units of what such a
 displacement of one node does to its own. Least squares are written as normal equations for the factor only:
 what a state lacks is formed from the rows themselves, and every solve refined with it, or half the digits
-would be lost. Their dense sums border the factorised matrix.
+would be lost.
 """
 
 from __future__ import annotations
@@ -229,10 +229,18 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
             # Stresses come from the displacements beyond those of free expansion.
             expansion = rows @ body.model.free_expansion.ravel()
             measured[held].load[:] -= np.outer(expansion, scene.degrees(platen.body))
-    forces = Forces(
-        scene, condensed.pairings, condensed.spans, condensed.tangential, columns, measured, springs
-    )
-    return balance_of_movers(forces)
+    apart = len(scene.loads) + first
+    sources = {
+        name: sparse.csc_array(
+            sparse.hstack(
+                [own[:, :apart], sparse.csc_array((own.shape[0], columns.motions - first)), own[:, apart:]],
+                format="csc",
+            )
+        )
+        for name, own in condensed.sources.items()
+    }
+    spans = (condensed.spans, condensed.tangential)
+    return balance_of_movers(Forces(scene, condensed.pairings, *spans, columns, sources, measured, springs))
 
 
 def _entries(

@@ -7,7 +7,7 @@ import numpy as np
 from mlsanm_cli.arrays import IndexArray, IntArray
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Index1, IndexOut2, IntOut1
+from mlsanm_cli.kernels.signature import Index1, IndexOut2, Int1, IntOut1
 
 DEPTH = 256
 """Parts that can wait; every cut halves a part."""
@@ -156,3 +156,31 @@ def dissect(
         _wait(waiting[depth + 1], low + kept, low + kept + rest, end - smallest, fronts - 1)
         depth += 2
     return fronts
+
+
+@kernel
+def places_between(
+    indptr: Index1, indices: Index1, first: int, front: Int1, parent: Int1, found: IntOut1
+) -> None:
+    """Set ``found`` (m,) to the fronts that the vertices from the ``first`` on can be eliminated in: the
+    lowest from which each neighbour's front is up or down the tree.
+
+    The vertices before the first have the fronts ``front`` (n,), in a tree with the parents ``parent`` (f,),
+    where descendants come right before their ancestor. Later vertices are no neighbours of each other.
+    """
+    fronts = len(parent)
+    lowest = np.arange(fronts)
+    for f in range(fronts):
+        if parent[f] >= 0:
+            lowest[parent[f]] = min(lowest[parent[f]], lowest[f])
+    for late in range(len(found)):
+        place = fronts - 1
+        for entry in range(indptr[first + late], indptr[first + late + 1]):
+            if indices[entry] < first:
+                place = min(place, front[indices[entry]])
+        for entry in range(indptr[first + late], indptr[first + late + 1]):
+            if indices[entry] < first:
+                other = front[indices[entry]]
+                while not (lowest[place] <= other <= place or lowest[other] <= place <= other):
+                    place = parent[place]
+        found[late] = place

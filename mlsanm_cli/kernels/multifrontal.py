@@ -1,4 +1,8 @@
-"""Multifrontal Cholesky factorisation over a given tree of fronts (Duff and Reid, doi:10.1145/356044.356047).
+"""Multifrontal factorisation over a given tree of fronts (Duff and Reid, doi:10.1145/356044.356047).
+
+The matrix is symmetric and quasi-definite: positive definite in most unknowns, negative definite in the
+others. It then is L D L^T with D the signs of the unknowns, in any order and without pivoting (Vanderbei
+1995, doi:10.1137/0805005). A front's negative unknowns come last among those it eliminates.
 
 Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, counted in order of elimination, each with two
 unknowns, and changes its border: later nodes, which its ancestors eliminate. A front's descendants come right
@@ -137,18 +141,31 @@ def _extend_add(
 
 
 @inner
-def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int) -> bool:
-    """Factorise a panel in place and take its product from ``update``; whether all pivots are positive.
+def _negate(front: FloatArray, first: int, columns: int, height: int) -> None:
+    """Change the sign of some columns of a panel from the ``first`` one's diagonal down."""
+    for column in range(first, first + columns):
+        part = front[column * height + first : (column + 1) * height]
+        for i in range(len(part)):
+            part[i] = -part[i]
+
+
+@inner
+def _eliminate(front: FloatArray, update: FloatArray, pivots: int, positive: int, edge: int) -> bool:
+    """Factorise a panel in place and take its product from ``update``; whether the first ``positive`` pivots
+    are, and the others negative.
 
     STRIP columns at a time: products of matrices are several times as fast as substitutions with triangles.
     """
     c: Any = letters()
-    height = pivots + edge
-    for first in range(0, pivots, STRIP):
-        columns = min(STRIP, pivots - first)
+    height, first = pivots + edge, 0
+    while first < pivots:
+        own = first < positive
+        columns = min(STRIP, (positive if own else pivots) - first)
         rows, rest = height - first - columns, pivots - first - columns
         i: Any = np.array([columns, height, 0], dtype=np.int32)
         strip: Any = front[first * (height + 1) :]
+        if not own:
+            _negate(front, first, columns, height)
         dpotrf(c[LOWER:].ctypes, i.ctypes, strip.ctypes, i[1:].ctypes, i[2:].ctypes)
         if i[2] != 0:
             return False
@@ -158,17 +175,42 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int) ->
             if rest > 0:
                 later = strip[columns * (height + 1) :]
                 sizes = (rows, rest, columns)
-                multiply(TRANSPOSED, sizes, -1.0, below, height, below, height, 1.0, later, height)
+                sign = -1.0 if own else 1.0
+                multiply(TRANSPOSED, sizes, sign, below, height, below, height, 1.0, later, height)
+        first += columns
     if edge > 0:
+        _take_product(front[pivots:], update, (edge, pivots, height), positive)
+    return True
+
+
+@inner
+def _take_product(border: FloatArray, update: FloatArray, sizes: tuple[int, int, int], positive: int) -> None:
+    """Take from the ``update`` (edge, edge) the product of a ``border`` (edge, pivots), in columns of some
+    height, with its transpose, but add that of the columns from the ``positive`` first ones on; ``sizes`` are
+    edge, pivots and height."""
+    edge, pivots, height = sizes
+    if positive == pivots:
+        c: Any = letters()
         k: Any = np.array([edge, pivots, height], dtype=np.int32)
         factor: Any = np.array([-1.0, 1.0])
-        border: Any = front[pivots:]
+        below: Any = border
         change: Any = update
         dsyrk(
-            *(c[LOWER:].ctypes, c[PLAIN:].ctypes, k.ctypes, k[1:].ctypes, factor.ctypes, border.ctypes),
+            *(c[LOWER:].ctypes, c[PLAIN:].ctypes, k.ctypes, k[1:].ctypes, factor.ctypes, below.ctypes),
             *(k[2:].ctypes, factor[1:].ctypes, change.ctypes, k.ctypes),
         )
-    return True
+        return
+    # In one pass: a second one for a few columns would wait for memory.
+    turned = np.empty(STRIP * pivots)
+    for first in range(0, edge, STRIP):
+        columns = min(STRIP, edge - first)
+        for column in range(pivots):
+            sign = 1.0 if column < positive else -1.0
+            for i in range(columns):
+                turned[columns * column + i] = sign * border[height * column + first + i]
+        part = (edge - first, columns, pivots)
+        later = update[first * (edge + 1) :]
+        multiply(TRANSPOSED, part, -1.0, border[first:], height, turned, columns, 1.0, later, edge)
 
 
 @inner
@@ -187,6 +229,7 @@ def _keep_columns(
 @kernel
 def factorise(
     start: Int1,
+    negative: Int1,
     parent: Int1,
     begin: Int1,
     border: Int1,
@@ -201,10 +244,11 @@ def factorise(
     values: FloatOut1,
 ) -> int:
     """Set ``values`` to the panels of the factor one after the other, from ``panel`` (f + 1,) on; the first
-    front with a pivot that is not positive, or -1.
+    front with a pivot of the wrong sign, or -1.
 
-    ``begin``, ``border`` and ``most`` are from :func:`borders`; of its border a front keeps the rows of the
-    first ``kept`` (f,) nodes. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the symmetric matrix, node by
+    ``negative`` (f,) counts the nodes of each front, its last ones, whose pivots are negative. ``begin``,
+    ``border`` and ``most`` are from :func:`borders`; of its border a front keeps the rows of the first
+    ``kept`` (f,) nodes. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the symmetric matrix, node by
     node.
     """
     waiting = np.empty(most)
@@ -239,7 +283,8 @@ def factorise(
             nodes = border[begin[owner[depth]] : begin[owner[depth] + 1]]
             top -= _triangle(2 * len(nodes))
             _extend_add(nodes, waiting[top:], local, pivots, front, update, edge)
-        if pivots > 0 and not _eliminate(front, update, pivots, edge):
+        positive = pivots - 2 * negative[f]
+        if pivots > 0 and not _eliminate(front, update, pivots, positive, edge):
             return f
         _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK, values[panel[f] :])
         _keep_columns(update, edge, edge, edge, 1, waiting[top:])

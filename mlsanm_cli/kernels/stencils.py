@@ -154,19 +154,22 @@ def mls_weights(
     radii: Float1,
     degree: int,
     sharpness: float,
+    least: int,
     order: int,
     weights: FloatOut2,
     ratio: FloatOut1,
 ) -> None:
-    """Weights of the local polynomial's value and derivatives at ``targets``.
+    """Weights of the local polynomial's value and derivatives at ``targets``, as many in turn for each of the
+    ``centers``.
 
     The polynomial of ``degree`` in (x - centre)/R is fitted to the values at ``points[indices[...]]`` with
-    the Gaussian exp(-2 sharpness r^2) on the squared residual. ``order`` 0, 1 or 2 says how many of value,
-    d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 are wanted; ``weights`` is (nnz, 1 | 3 | 6). ``ratio`` receives the
-    smallest over the largest diagonal entry of R: zero where the stencil cannot carry the polynomial.
+    the Gaussian exp(-2 sharpness r^2) on the squared residual. Wanted are the derivatives from order
+    ``least`` to ``order``, 2 at most, of value, d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2; ``weights`` (nnz, ...)
+    has those of one target after those of another. ``ratio`` receives the smallest over the largest diagonal
+    entry of R: zero where the stencil cannot carry the polynomial.
     """
-    columns, kinds = (degree + 1) * (degree + 2) // 2, (order + 1) * (order + 2) // 2
-    widest = 0
+    columns, kinds = (degree + 1) * (degree + 2) // 2, weights.shape[1]
+    several, widest = targets.shape[0] // max(centers.shape[0], 1), 0
     for e in range(centers.shape[0]):
         widest = max(widest, indptr[e + 1] - indptr[e])
     matrix, solved = np.empty((columns, widest, LANES)), np.empty((kinds, widest, LANES))
@@ -189,14 +192,15 @@ def mls_weights(
                 y = (points[node, 1] - centers[e, 1]) * scale
                 local_x[r, lane], local_y[r, lane] = x, y
                 gauss[r, lane] = math.exp(-sharpness * (x * x + y * y))
-            x = (targets[e, 0] - centers[e, 0]) * scale
-            y = (targets[e, 1] - centers[e, 1]) * scale
             which = 0
-            for total in range(order + 1):
-                for dy in range(total + 1):
-                    _functional(degree, total - dy, dy, x, y, wanted)
-                    copy_to(solved[which, :, lane], wanted)
-                    which += 1
+            for target in range(several * e, several * (e + 1)):
+                x = (targets[target, 0] - centers[e, 0]) * scale
+                y = (targets[target, 1] - centers[e, 1]) * scale
+                for total in range(least, order + 1):
+                    for dy in range(total + 1):
+                        _functional(degree, total - dy, dy, x, y, wanted)
+                        copy_to(solved[which, :, lane], wanted)
+                        which += 1
         for r in range(rows):
             copy_to(matrix[0, r], gauss[r])
             _monomials(degree, local_x[r], local_y[r], matrix[:, r], lanes)
@@ -213,12 +217,13 @@ def mls_weights(
             if ratio[e] == 0.0:
                 continue
             which = 0
-            for total in range(order + 1):
-                factor = (1.0 / radii[e]) ** total
-                for _ in range(total + 1):
-                    for r in range(rows):
-                        weights[indptr[e] + r, which] = solved[which, r, lane] * gauss[r, lane] * factor
-                    which += 1
+            for _ in range(several):
+                for total in range(least, order + 1):
+                    factor = (1.0 / radii[e]) ** total
+                    for _ in range(total + 1):
+                        for r in range(rows):
+                            weights[indptr[e] + r, which] = solved[which, r, lane] * gauss[r, lane] * factor
+                        which += 1
 
 
 @kernel

@@ -17,8 +17,8 @@ from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.multifrontal import BLOCK, locate
 from mlsanm_cli.kernels.signature import Float1, Float2, Float3, FloatOut1, Int1
 
-Tree: TypeAlias = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]
-"""``start``, ``begin``, ``border``, ``kept``, ``panel`` and ``values``."""
+Tree: TypeAlias = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]
+"""``start``, ``negative``, ``begin``, ``border``, ``kept``, ``panel`` and ``values``."""
 Links: TypeAlias = tuple[IntArray, IntArray, FloatArray]
 """``link``, ``other`` and ``between``."""
 
@@ -77,7 +77,7 @@ def _sweep(
 
     ``rows`` (n,) tells where in it a node has its own, and ``local`` is room for those of one front.
     """
-    start, begin, border, kept, panel, values = tree
+    start, negative, begin, border, kept, panel, values = tree
     for step in range(fronts[1] - fronts[0]):
         f = fronts[0] + step if forward else fronts[1] - 1 - step
         pivots = 2 * (start[f + 1] - start[f])
@@ -96,6 +96,9 @@ def _sweep(
                 for i in range(2 * c):
                     x[rows[nodes[j]] * c + i] += below[2 * j * c + i]
         else:
+            # The signs of the pivots, between both triangles.
+            for i in range((pivots - 2 * negative[f]) * c, pivots * c):
+                local[i] = -local[i]
             _backward(values[panel[f] : panel[f + 1]], pivots, height, local, c)
         copy_to(own, local[: pivots * c])
 
@@ -131,7 +134,7 @@ def _bring(nodes: tuple[int, int], links: Links, x: FloatArray, c: int, to: Floa
 @inner
 def _tallest(unit: IntArray, tree: Tree) -> tuple[int, int]:
     """Most rows of a front, and of a unit's own nodes."""
-    start, _, _, kept, _, _ = tree
+    start, _, _, _, kept, _, _ = tree
     front, own = 0, 0
     for f in range(len(kept)):
         front = max(front, 2 * (start[f + 1] - start[f] + kept[f]))
@@ -143,6 +146,7 @@ def _tallest(unit: IntArray, tree: Tree) -> tuple[int, int]:
 @kernel
 def solve(
     start: Int1,
+    negative: Int1,
     begin: Int1,
     border: Int1,
     kept: Int1,
@@ -156,7 +160,7 @@ def solve(
     c: int,
 ) -> None:
     """Solve in place for c right-hand sides ``x`` (2n, c), flat, in order of elimination."""
-    tree, links = (start, begin, border, kept, panel, values), (link, other, between)
+    tree, links = (start, negative, begin, border, kept, panel, values), (link, other, between)
     tallest, widest = _tallest(unit, tree)
     local, brought = np.empty(tallest * c), np.empty(widest * c)
     rows, within = 2 * np.arange(start[-1]), np.empty(start[-1], dtype=np.int64)
@@ -204,23 +208,48 @@ def _marked(mark: IntArray, f: int, at: IntArray) -> IntArray:
 
 
 @inner
-def _add_product(x: FloatArray, pivots: int, columns: IntArray, left: int, result: FloatArray) -> None:
-    """Add the products of the ``columns`` (c,) of a front's x (pivots, c) to the ``result``."""
+def _turn_signs(
+    x: FloatArray, c: int, split: int, fronts: tuple[int, int], start: IntArray, negative: IntArray
+) -> None:
+    """Change the signs of the first ``split`` columns of x (pivots, c) in the fronts' negative rows."""
+    for f in range(fronts[0], fronts[1]):
+        last = start[f + 1] - start[fronts[0]]
+        for row in range(2 * (last - negative[f]), 2 * last):
+            for i in range(split):
+                x[row * c + i] = -x[row * c + i]
+
+
+@inner
+def _add_product(
+    x: FloatArray,
+    columns: IntArray,
+    left: int,
+    fronts: tuple[int, int],
+    signs: tuple[IntArray, IntArray],
+    result: FloatArray,
+) -> None:
+    """Add the products of the ``columns`` (c,) of x (pivots, c), the rows of some ``fronts``, to the
+    ``result``; ``signs`` are ``start`` and ``negative`` of all fronts."""
     c, split = len(columns), 0
+    start, negative = signs
+    pivots = 2 * (start[fronts[1]] - start[fronts[0]])
     while split < c and columns[split] < left:
         split += 1
     rest = c - split
     if split > 0 and rest > 0:
         part = np.empty(split * rest)
+        _turn_signs(x, c, split, fronts, start, negative)
         multiply(TRANSPOSED, (rest, split, pivots), 1.0, x[split:], c, x, c, 0.0, part, rest)
         for i in range(split):
             for j in range(rest):
                 result[columns[i], columns[split + j] - left] += part[i * rest + j]
+        _turn_signs(x, c, split, fronts, start, negative)
 
 
 @kernel
 def products(
     start: Int1,
+    negative: Int1,
     begin: Int1,
     border: Int1,
     kept: Int1,
@@ -237,13 +266,14 @@ def products(
     left: int,
     total: int,
 ) -> Float2:
-    """With b sparse columns and L the factor: (L^-1 b_i)^T (L^-1 b_j) for i < ``left`` <= j < ``total``.
+    """With b sparse columns, L the factor and D the pivots' signs: (L^-1 b_i)^T D (L^-1 b_j) for
+    i < ``left`` <= j < ``total``.
 
     ``indptr``, ``indices``, ``data`` are the columns by rows (2n,), in order of elimination. A unit solves
     only for columns that have an entry in it or below.
     """
     result = np.zeros((left, total - left))
-    tree, links = (start, begin, border, kept, panel, values), (link, other, between)
+    tree, links = (start, negative, begin, border, kept, panel, values), (link, other, between)
     handed, active = [np.empty(0)], [np.empty(0, dtype=np.int64)]
     owner = np.empty(len(parent), dtype=np.int64)
     local = np.zeros(start[-1], dtype=np.int64)
@@ -278,7 +308,7 @@ def products(
                 if forward or domain:
                     _sweep((unit[u], f + 1), forward, tree, local, x, c, room)
                 if forward:
-                    _add_product(x, pivots, columns, left, result)
+                    _add_product(x, columns, left, (unit[u], f + 1), (start, negative), result)
             if domain:
                 _hand_on((first, end), links, local, x, c)
         if depth + 1 == len(handed):

@@ -16,9 +16,6 @@ from mlsanm_cli.operators.stencils import Stencils
 from mlsanm_cli.operators.system import Equations, LinearSystem
 from mlsanm_cli.values import dataclass
 
-NOTHING = 1e-6
-"""Sums of rows with less than this part of their factors left are zero by symmetry."""
-
 
 def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
     """Stencils of all nodes (n) from those of the mirror's own nodes (h).
@@ -57,6 +54,9 @@ class Fold:
     across the mirror on it. Of the rows, ``kept`` (e,) stand for themselves and their ``image`` (e,), which
     says the same times ``row_sign`` (e,); one that is its own image counts half. ``still`` (s,) are unknowns
     across the mirror on it, which further rows hold at zero.
+
+    Behind the rows, right-hand sides have those of strong ones. Of these ``strong`` (g,) are kept for
+    themselves and their ``strong_image`` (g,), times ``strong_sign`` (g,), of ``strong_rows_total`` (k).
     """
 
     own: IntArray
@@ -67,6 +67,10 @@ class Fold:
     row_sign: FloatArray
     rows: int
     still: IntArray
+    strong_rows_total: int
+    strong: IntArray
+    strong_image: IntArray
+    strong_sign: FloatArray
 
     @property
     def unknowns(self) -> int:
@@ -99,30 +103,40 @@ class Fold:
         share = np.where(self.kept == self.image, np.sqrt(0.5), 1.0)
         return np.concatenate([share * weight[self.kept], hold[self.own[self.still // 2]]])
 
-    def sums(self, sums: FloatArray) -> FloatArray:
-        """Sums (k, r) of rows by the kept ones (k, e + s), but for those that symmetry makes zero."""
-        other = np.where(self.kept == self.image, 0.0, self.row_sign)
-        folded = sums[:, self.kept] + other * sums[:, self.image]
-        size = np.linalg.norm(sums, axis=1)
-        left = folded[np.linalg.norm(folded, axis=1) > NOTHING * size]
-        return np.hstack([left, np.zeros((len(left), len(self.still)))])
+    def strong_rows(
+        self, rows: sparse.csr_array, loads: sparse.csr_array
+    ) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Of all strong ``rows`` (k, 2n) and ``loads`` (k, r + k) those (g, 2h) that are kept, and what the
+        right-hand sides (e + s + g) of :meth:`sources` do there. One that is its own image counts half."""
+        share = sparse.diags_array(np.where(self.strong == self.strong_image, np.sqrt(0.5), 1.0))
+        count, nothing = len(self.kept), sparse.csr_array((len(self.strong), len(self.still)))
+        entries = (self.row_sign, (self.image, np.arange(count)))
+        other = self.kept != self.image
+        whole = sparse.csr_array((other * entries[0], entries[1]), shape=(self.rows, count))
+        whole = whole + sparse.csr_array((np.ones(count), (self.kept, np.arange(count))), shape=whole.shape)
+        own, piece = loads[self.strong][:, : self.rows], loads[self.strong][:, self.rows :]
+        parts = [own @ whole, nothing, piece[:, self.strong]]
+        return (
+            sparse.csr_array(share @ self.columns(sparse.csr_array(rows[self.strong]))),
+            sparse.csr_array(share @ sparse.hstack(parts)),
+        )
 
     @cached_property
     def _halving(self) -> sparse.csr_array:
-        """What makes the symmetric part of right-hand sides, by kept rows (e + s, r)."""
-        count = len(self.kept)
-        at = np.tile(np.arange(count), 2)
-        factors = 0.5 * np.concatenate([np.ones(count), self.row_sign])
-        entries = (factors, (at, np.append(self.kept, self.image)))
-        return sparse.csr_array(entries, shape=(count + len(self.still), self.rows))
+        """What makes the symmetric part of right-hand sides (r + k), by those kept (e + s + g, r + k)."""
+        own = _means(self.kept, self.image, self.row_sign, self.rows)
+        still = sparse.csr_array((len(self.still), self.rows))
+        strong = _means(self.strong, self.strong_image, self.strong_sign, self.strong_rows_total)
+        return sparse.csr_array(sparse.block_diag([sparse.vstack([own, still]), strong], format="csr"))
 
     def sources(self, sources: sparse.csc_array) -> sparse.csc_array:
-        """The symmetric part of right-hand sides (r, c), by kept rows (e + s, c)."""
+        """The symmetric part of right-hand sides (r + k, c), by those kept (e + s + g, c)."""
         return sparse.csc_array(self._halving @ sources)
 
     def lost(self, sources: sparse.csc_array) -> FloatArray:
         """What of right-hand sides (r, c) is not symmetric (c,), relatively."""
-        dense, even = sources.toarray(), np.zeros(sources.shape)
+        dense = sources[: self.rows].toarray()
+        even = np.zeros(dense.shape)
         folded = self.sources(sources)[: len(self.kept)].toarray()
         even[self.image] = self.row_sign[:, None] * folded
         even[self.kept] = folded
@@ -175,7 +189,7 @@ class Folded:
         return self.fold.spread(self.system.roughly(self.fold.sources(sources)))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A step of refinement of a ``solution`` (n, 1), and solutions for ``more`` (r, 1), (n, 3)."""
+        """A step of refinement of a ``solution`` (n, 1), and solutions for ``more`` (r, 1), (n, 2)."""
         fold = self.fold
         return fold.spread(self.system.step(fold.sources(source), fold.taken(solution), fold.sources(more)))
 
@@ -197,18 +211,13 @@ class Folded:
         """What users should know of how the equations were factorised, usually nothing."""
         return self.system.note
 
-    @property
-    def plain(self) -> Folded:
-        """The same without sums of the rows."""
-        return replace(self, system=self.system.plain)
-
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
         """The inverse of the whole body's normal equations times the symmetric part of ``vectors`` (n, c)."""
         return 0.5 * self.fold.spread(self.system.inverse_normal(self.fold.gathered(vectors)))
 
-    def scaled(self, sources: sparse.csc_array) -> FloatArray:
+    def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
         """Right-hand sides (r, c) as the half's equations are scaled, as large as the whole body's."""
-        scaled: FloatArray = np.sqrt(2.0) * self.system.scaled(self.fold.sources(sources))
+        scaled: FloatArray = np.sqrt(2.0) * self.system.scaled(self.fold.sources(sources), strong)
         return scaled
 
     def equations(self, sources: sparse.csc_array) -> Equations:
@@ -218,3 +227,11 @@ class Folded:
     def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """As :meth:`equations`: TypeError."""
         raise TypeError("equations of all bodies together need whole ones")
+
+
+def _means(kept: IntArray, image: IntArray, sign: FloatArray, total: int) -> sparse.csr_array:
+    """What makes the means (e, total) of the ``kept`` ones (e,) of right-hand sides and ``sign`` (e,) times
+    their ``image`` (e,)."""
+    at = np.tile(np.arange(len(kept)), 2)
+    factors = 0.5 * np.concatenate([np.ones(len(kept)), sign])
+    return sparse.csr_array((factors, (at, np.append(kept, image))), shape=(len(kept), total))

@@ -1,9 +1,13 @@
 """Weighted linear least squares through the normal equations, with steps on the rows themselves.
 
-For rows M u = b with row weights w, the solution minimises |diag(w) (M u - b)|^2 + |Q (M u - b)|^2, where the
-rows of Q, few and dense, are weighted sums of the rows. The Cholesky factor of the first part's normal
-equations is corrected for the second (Woodbury's formula: Golub and Van Loan, Matrix Computations, section
-2.1). It alone loses half the digits. Residuals of the rows, not of the normal equations, give them back
+For rows M u = b with row weights w, and strong ones B u = L b, the solution minimises
+|diag(w) (M u - b)|^2 + |B u - L b|^2. Each strong row sums over many unknowns and would fill the normal
+equations N of the others; so its multiplier z = B u - L b is an unknown of its own::
+
+    N u + B^T z = M^T W b           B u - z = L b
+
+which is quasi-definite (Vanderbei 1995, doi:10.1137/0805005) and has a factor without pivoting in any order.
+The factor alone loses half the digits. Residuals of the rows, not of the normal equations, give them back
 (Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here as conjugate gradients (Bjorck 1996,
 doi:10.1137/1.9781611971484, section 7.4) with the factor for preconditioner: the first step is the corrected
 semi-normal step, and bodies that are almost incompressible get there in a few more.
@@ -11,16 +15,13 @@ semi-normal step, and bodies that are almost incompressible get there in a few m
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-from mlsanm_cli.operators.normal import normal_equations
+from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
     CHECKED,
     MOST,
@@ -32,26 +33,37 @@ from mlsanm_cli.operators.refinement import (
     relative,
 )
 from mlsanm_cli.operators.system import Equations
-from mlsanm_cli.parts import dpotrf, dpotrs
 from mlsanm_cli.values import dataclass
 
-STRONGEST = 1e5
-"""How much more the sums count than the rows they are made of, at most: a beam of 8 x 1 wants 1e4."""
-DIGITS = 0.01
-"""Part of a sum's own value that round-off may cost."""
+
+@dataclass(frozen=True)
+class Strong:
+    """Strong ``rows`` (g, n) as they are scaled, and what right-hand sides do there: ``loads`` (g, r).
+
+    Row i belongs to the place ``owner[i]`` (g,) among ``places`` (k, 2), where its multiplier is eliminated;
+    up to four have one place.
+    """
+
+    rows: sparse.csr_array
+    loads: sparse.csr_array
+    owner: IntArray
+    places: FloatArray
+
+    @classmethod
+    def none(cls, unknowns: int, sources: int) -> Strong:
+        """No strong rows."""
+        rows, loads = sparse.csr_array((0, unknowns)), sparse.csr_array((0, sources))
+        return cls(rows, loads, np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
 
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Factorised least-squares problem: ``rows`` (r, n) already multiplied by ``weight`` (r,).
-
-    ``sums`` (k, r) are those of the rows in their physical units, ``images`` (k, n) what they make of them.
-    """
+    """Factorised least-squares problem: ``rows`` (e, n) already multiplied by ``weight`` (e,), and ``strong``
+    ones. Right-hand sides are r numbers, of which the first e are those of the rows."""
 
     rows: sparse.csr_array
     weight: FloatArray
-    sums: FloatArray
-    images: FloatArray
+    strong: Strong
     factor: Factor
 
     def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
@@ -82,43 +94,37 @@ class LeastSquares:
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
         """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
-        (r, 1) by the factor alone: by the rows alone, and with the sums, (n, 3)."""
+        (r, 1) by the factor alone, (n, 2)."""
         gradient = self._gather(self.scaled(source) - self._apply(solution))
-        weighted, summed = self._weighted(more)
-        rhs = np.hstack([gradient, (self.rows.T @ weighted).toarray()])
-        if not isinstance(self.factor, UpdatedFactor):
-            return self.factor.solve(rhs)[:, [0, 1, 1]]
-        first = self.factor.factor.solve(rhs)
-        lacking = np.hstack([np.zeros_like(summed), summed])
-        return np.hstack([first[:, 1:], self.factor.joined(first, lacking)])[:, [1, 0, 2]]
+        return self.factor.solve(np.hstack([gradient, self._gather(self.scaled(more))]))
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
         """What the rows ``observed`` (g, n) make of the solutions for ``sources`` (r, s): (g, s), or for them
         times the ``mixture`` (s, c): (g, c)."""
-        weighted, summed = self._weighted(sources)
+        weighted = self._weighted(sources)
         mixed = np.eye(sources.shape[1]) if mixture is None else mixture
+        count = weighted.shape[0]
 
         def of_columns(chosen: FloatArray) -> FloatArray:
-            lack = np.concatenate([weighted @ (mixed @ chosen), summed @ (mixed @ chosen)])
+            lack = weighted @ (mixed @ chosen)
             return np.asarray(observed @ self._refined(np.zeros((self.rows.shape[1], 1)), lack, QUICK)[0])
 
         def of_rows(chosen: FloatArray) -> FloatArray:
-            lack = np.zeros((len(self.sums) + self.rows.shape[0], chosen.shape[1]))
+            lack = np.zeros((count, chosen.shape[1]))
             images = -self._refined(np.asarray(observed.T @ chosen), lack, QUICK)[1]
-            count = self.rows.shape[0]
-            return np.asarray((weighted.T @ images[:count] + summed.T @ images[count:]).T @ mixed)
+            return np.asarray((weighted.T @ images).T @ mixed)
 
-        start = self.factor.products(observed, sparse.csc_array(self.rows.T @ weighted))
-        if isinstance(self.factor, UpdatedFactor):
-            start += self.factor.image_products(observed, summed)
+        first = self.rows.shape[0]
+        gathered = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
+        start = self.factor.products(observed, sparse.csc_array(gathered))
         return corrected(start @ mixed, of_columns, of_rows)
 
     def _refined(
         self, force: FloatArray, lack: FloatArray, tolerance: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) of N x = ``force`` + what ``lack`` (r + k, c) of the rows gathers to, and the lack
+        """Solutions (n, c) of N x = ``force`` + what ``lack`` (e + g, c) of the rows gathers to, and the lack
         that is left.
 
         ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem.
@@ -159,99 +165,71 @@ class LeastSquares:
         """What users should know of how the equations were factorised, usually nothing."""
         return self.factor.note
 
-    @property
-    def plain(self) -> LeastSquares:
-        """The same problem without its sums."""
-        if not isinstance(self.factor, UpdatedFactor):
-            return self
-        return replace(self, sums=self.sums[:0], images=self.images[:0], factor=self.factor.factor)
-
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
         """The inverse of the normal equations times ``vectors`` (n, c)."""
         return self.factor.solve(vectors)
 
-    def scaled(self, sources: sparse.csc_array) -> FloatArray:
-        """Right-hand sides (r, c) multiplied by the weights, and below them their sums (k, c)."""
-        weighted, summed = self._weighted(sources)
-        return np.concatenate([weighted.toarray(), summed])
+    def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
+        """Right-hand sides (r, c) as the rows are scaled, and below them the strong ones': (e + g, c)."""
+        weighted = self._weighted(sources)
+        return np.asarray((weighted if strong else weighted[: len(self.weight)]).toarray())
 
-    def _weighted(self, sources: sparse.csc_array) -> tuple[sparse.csc_array, FloatArray]:
-        """Right-hand sides (r, c) multiplied by the weights, and their sums (k, c)."""
-        return _scaled_rows(sources, self.weight), np.asarray(self.sums @ sources)
+    def _weighted(self, sources: sparse.csc_array) -> sparse.csc_array:
+        own = _scaled_rows(sparse.csc_array(sources[: len(self.weight)]), self.weight)
+        return sparse.csc_array(sparse.vstack([own, self.strong.loads @ sources], format="csc"))
 
     def equations(self, sources: sparse.csc_array) -> Equations:
-        """The normal equations, bordered by the sums of rows."""
-        normal = sparse.csr_array(normal_equations(self.rows))
-        weighted = sparse.csr_array(self.rows.T @ _scaled_rows(sources, self.weight))
-        return Equations(normal, weighted, self.images, np.asarray(self.sums @ sources), definite=True)
+        """The normal equations of all rows, strong ones too, which fill the matrix."""
+        normal = sparse.csr_array(normal_equations(self.rows)) + self.strong.rows.T @ self.strong.rows
+        weighted, first = self._weighted(sources), self.rows.shape[0]
+        caused = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
+        return Equations(sparse.csr_array(normal), sparse.csr_array(caused), definite=True)
 
     def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """The gradient (n,) of half the sum of squares, formed from the rows' own residuals."""
-        lack = np.concatenate([self.weight * source, self.sums @ source]) - self._apply(solution)
-        return -self._gather(lack)
+        scaled = np.concatenate([self.weight * source[: len(self.weight)], self.strong.loads @ source])
+        return -self._gather(scaled - self._apply(solution))
 
     def _apply(self, solution: FloatArray) -> FloatArray:
-        """Weighted rows and sums (r + k, c) of ``solution`` (n, c)."""
-        return np.concatenate([self.rows @ solution, self.images @ solution])
+        """Weighted rows and strong ones (e + g, c) of ``solution`` (n, c)."""
+        return np.concatenate([self.rows @ solution, self.strong.rows @ solution])
 
     def _gather(self, scaled: FloatArray) -> FloatArray:
         """The right-hand side (n, c) of the normal equations."""
         count = self.rows.shape[0]
-        return np.asarray(self.rows.T @ scaled[:count] + self.images.T @ scaled[count:])
+        return np.asarray(self.rows.T @ scaled[:count] + self.strong.rows.T @ scaled[count:])
 
 
 @dataclass(frozen=True)
-class UpdatedFactor:
-    """Factor of N + B^T B from one of N: ``images`` B (k, n), ``solved`` N^-1 B^T (n, k), ``small`` the
-    Cholesky factor of 1 + B N^-1 B^T."""
+class Eliminated:
+    """The ``factor`` of equations for n unknowns and multipliers behind them, as one for the unknowns."""
 
     factor: Factor
-    images: FloatArray
-    solved: FloatArray
-    small: FloatArray
+    unknowns: int
+    multipliers: int
 
     @property
     def note(self) -> str:
-        """That of the factor without the update."""
+        """That of the whole factor."""
         return self.factor.note
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides."""
-        return self._updated(self.factor.solve(rhs, transposed))
-
-    def joined(self, first: FloatArray, rhs: FloatArray) -> FloatArray:
-        """Solution (n, c) with B^T ``rhs`` (k, c) on the right-hand side too, from the ``first`` one, which
-        knows neither that nor the update."""
-        return self._updated(first + self.solved @ rhs)
-
-    def _updated(self, first: FloatArray) -> FloatArray:
-        return np.asarray(first - self.solved @ dpotrs(self.small, self.images @ first)[0])
-
-    def image_products(self, left: sparse.csr_array, rhs: FloatArray) -> FloatArray:
-        """``left`` (g, n) times the solutions for B^T ``rhs`` (k, c)."""
-        return np.asarray(left @ self.solved @ dpotrs(self.small, rhs)[0])
+        nothing = np.zeros((self.multipliers, *rhs.shape[1:]))
+        return self.factor.solve(np.concatenate([rhs, nothing]), transposed)[: self.unknowns]
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
         """``left`` (g, n) times the solutions for ``right`` (n, c)."""
-        first = self.factor.products(left, right)
-        return first - self.image_products(left, np.asarray(right.T @ self.solved).T)
+        size = self.unknowns + self.multipliers
+        wide = sparse.csr_array((left.data, left.indices, left.indptr), shape=(left.shape[0], size))
+        tall = sparse.csc_array((right.data, right.indices, right.indptr), shape=(size, right.shape[1]))
+        return self.factor.products(wide, tall)
 
 
 def _scaled_rows(columns: sparse.csc_array, weight: FloatArray) -> sparse.csc_array:
-    """``columns`` (r, c), every row multiplied by its ``weight`` (r,)."""
+    """``columns`` (e, c), every row multiplied by its ``weight`` (e,)."""
     data = columns.data * weight[columns.indices]
     return sparse.csc_array((data, columns.indices, columns.indptr), shape=columns.shape)
-
-
-def _strength(small: FloatArray) -> float:
-    """Factor on the sums, ``small`` (k, k) being B N^-1 B^T without it.
-
-    Its largest eigenvalue says how much more a sum counts than the rows it is made of; its lack of symmetry
-    how many digits the factor has for that.
-    """
-    largest = float(np.linalg.eigvalsh(0.5 * (small + small.T))[-1])
-    round_off = float(np.abs(small - small.T).max()) / largest
-    return float(np.sqrt(min(STRONGEST, DIGITS / max(round_off, TINY)) / largest))
 
 
 def factorise(
@@ -259,30 +237,17 @@ def factorise(
     weight: FloatArray,
     points: FloatArray,
     solver: DirectSolver,
-    sums: FloatArray | None = None,
-    images: FloatArray | None = None,
+    strong: Strong | None = None,
 ) -> LeastSquares:
-    """Set up and factorise the normal equations of ``rows`` (r, n), which their ``weight`` (r,) multiplies
-    already, and of ``sums`` (k, r) of them in their physical units, if any, which are scaled here.
-
-    ``images`` (k, n) are the sums in the unknowns, where they are not simply those of the rows.
-    """
-    factor: Factor = solver.factor_definite(normal_equations(rows), points)
-    if sums is None:
-        sums = np.zeros((0, rows.shape[0]))
-    if images is None:
-        images = np.asarray((rows.T @ (sums / weight).T).T)
-    if len(sums):
-        solved = factor.solve(np.ascontiguousarray(images.T))
-        small = images @ solved
-        strength = _strength(small)
-        sums, images, solved = strength * sums, strength * images, strength * solved
-        symmetric = 0.5 * strength**2 * (small + small.T)
-        together, info = dpotrf(np.eye(len(sums)) + symmetric)
-        if info != 0:
-            raise NumericalError(
-                "a body is held so softly that its equations are singular to the last digits",
-                "hold it by supports, or by springs stiffer against the body",
-            )
-        factor = UpdatedFactor(factor, images, solved, together)
-    return LeastSquares(rows, weight, sums, images, factor)
+    """Set up and factorise the equations of ``rows`` (e, n), which their ``weight`` (e,) multiplies already,
+    and of ``strong`` ones, if there are any."""
+    normal = normal_equations(rows)
+    if strong is None:
+        strong = Strong.none(rows.shape[1], rows.shape[0])
+    if not len(strong.owner):
+        return LeastSquares(rows, weight, strong, solver.factor_definite(normal, points))
+    # Two vertices of two multipliers each.
+    vertices = np.repeat(strong.places, 2, axis=0)
+    whole = bordered(normal, strong.rows, strong.owner, len(vertices))
+    factor = solver.factor_definite(whole, np.concatenate([points, vertices]), negative=len(vertices))
+    return LeastSquares(rows, weight, strong, Eliminated(factor, rows.shape[1], 2 * len(vertices)))

@@ -57,10 +57,10 @@ class Square:
         return self.factor.solve(self.scaled(sources))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and twice, as there are no
-        sums, the solution for ``more`` (r, 1) by the factor alone, (n, 3)."""
+        """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and the solution for ``more``
+        (r, 1) by the factor alone, (n, 2)."""
         rhs = np.hstack([self.scaled(source) - self.matrix @ solution, self.scaled(more)])
-        return self.factor.solve(rhs)[:, [0, 1, 1]]
+        return self.factor.solve(rhs)
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -92,24 +92,17 @@ class Square:
         """What users should know of how the equations were factorised, usually nothing."""
         return self.factor.note
 
-    @property
-    def plain(self) -> Square:
-        """The same equations: there are no others."""
-        return self
-
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
         """(K^T K)^-1 times ``vectors`` (n, c)."""
         return self.factor.solve(self.factor.solve(vectors, transposed=True))
 
-    def scaled(self, sources: sparse.csc_array) -> FloatArray:
+    def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
         """The equations' own right-hand sides (n, c) for those of the rows (r, c)."""
         return np.asarray((self.choice @ sources).toarray())
 
     def equations(self, sources: sparse.csc_array) -> Equations:
-        """The matrix as it is, without any border."""
-        count = self.matrix.shape[0]
-        few, none = np.zeros((0, count)), np.zeros((0, sources.shape[1]))
-        return Equations(self.matrix, sparse.csr_array(self.choice @ sources), few, none, definite=False)
+        """The matrix as it is."""
+        return Equations(self.matrix, sparse.csr_array(self.choice @ sources), definite=False)
 
     def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """Left-hand side less right-hand side (n,)."""
@@ -119,11 +112,12 @@ class Square:
 def factorise(
     rows: sparse.csr_array, choice: sparse.csr_array, points: FloatArray, solver: DirectSolver
 ) -> Square:
-    """Set up and factorise the equations ``choice`` (n, r) times ``rows`` (r, n).
+    """Set up and factorise the equations ``choice`` (n, r) times ``rows`` (e, n), the first e of the r ones
+    that right-hand sides have.
 
     Equation k should have a large entry for unknown k, so that few rows need to be exchanged.
     """
-    matrix = sparse.csr_array(choice @ rows)
+    matrix = sparse.csr_array(choice[:, : rows.shape[0]] @ rows)
     pattern = sparse.csc_array(abs(matrix) + abs(matrix).T)
     order = solver.analyse(pattern, points)
     return Square(matrix, choice, solver.factor_unsymmetric(sparse.csc_array(matrix), order))

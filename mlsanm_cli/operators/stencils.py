@@ -27,8 +27,8 @@ class Stencils:
     """Stencils of ``e`` points in compressed rows.
 
     ``indptr`` (e + 1,), ``indices`` (nnz,) into the cloud, ``weights`` (nnz, 1 | 3 | 6) of value, d/dx, d/dy,
-    d2/dx2, d2/dxdy, d2/dy2. ``enlarged`` counts stencils that needed more neighbours than asked for,
-    ``worst_ratio`` is the smallest ratio of diagonal entries of R that was accepted.
+    d2/dx2, d2/dxdy, d2/dy2, unless said otherwise. ``enlarged`` counts stencils that needed more neighbours
+    than asked for, ``worst_ratio`` is the smallest ratio of diagonal entries of R that was accepted.
     """
 
     indptr: IntArray
@@ -78,27 +78,58 @@ def build_stencils(
     weighted QR is short of rank takes more neighbours; NumericalError names the place where that does not
     help.
     """
-    targets = np.ascontiguousarray(targets)
+    return _built(points, tree, targets, targets[:, None], (0, order), settings, sight, known)
+
+
+def build_gradients(
+    points: FloatArray,
+    tree: cKDTree,
+    centers: FloatArray,
+    targets: FloatArray,
+    settings: MlsSettings,
+    sight: Sight | None = None,
+) -> Stencils:
+    """Stencils at ``centers`` (e, 2) with the weights (nnz, 2 t) of d/dx and d/dy at each of their t
+    ``targets`` (e, t, 2), from one polynomial for all of them."""
+    return _built(points, tree, centers, targets, (1, 1), settings, sight, None)
+
+
+def _built(
+    points: FloatArray,
+    tree: cKDTree,
+    centers: FloatArray,
+    targets: FloatArray,
+    orders: tuple[int, int],
+    settings: MlsSettings,
+    sight: Sight | None,
+    known: IndexArray | None,
+) -> Stencils:
+    """Stencils at ``centers`` (e, 2) with the derivatives of the least to the highest of ``orders`` at their
+    ``targets`` (e, t, 2)."""
+    centers, targets = np.ascontiguousarray(centers), np.ascontiguousarray(targets)
+    kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
+    if not len(centers):
+        none = np.zeros(0, dtype=np.int64)
+        return Stencils(np.zeros(1, dtype=np.int64), none, np.zeros((0, kinds)), len(points), 0, 1.0)
 
     def fit(which: IntArray, size: int) -> tuple[tuple[IntArray, FloatArray], FloatArray]:
-        some = targets[which]
+        some = centers[which]
         near = None if known is None else known[which]
         radius, indices = neighbors_of(points, tree, some, size, sight, near)
         indptr = np.arange(len(some) + 1, dtype=np.int64) * size
-        weights = np.empty((len(some) * size, (order + 1) * (order + 2) // 2))
-        ratio = np.empty(len(some))
+        weights, ratio = np.empty((len(some) * size, kinds)), np.empty(len(some))
         mls_weights(
-            points, indptr, indices.ravel(), some, some, radius, settings.degree, settings.sharpness, order,
-            weights, ratio,
-        )  # fmt: skip
+            *(points, indptr, indices.ravel(), some, targets[which].reshape(-1, 2), radius),
+            *(settings.degree, settings.sharpness, *orders, weights, ratio),
+        )
         return (indices, weights.reshape(len(some), size, -1)), ratio
 
-    fits = list(sound_fits(len(points), targets, np.arange(len(targets)), settings, fit))
+    fits = list(sound_fits(len(points), centers, np.arange(len(centers)), settings, fit))
     worst = min(float(ratio.min(initial=1.0)) for _, _, ratio in fits)
-    enlarged = len(targets) - len(fits[0][0])
+    enlarged = len(centers) - len(fits[0][0])
     return _merge(
         [(which, indices, found) for which, (indices, found), _ in fits],
-        len(targets),
+        len(centers),
         len(points),
         enlarged,
         worst,

@@ -13,19 +13,13 @@ from mlsanm_cli.values import dataclass
 
 @dataclass(frozen=True)
 class Equations:
-    """A body's equations as they are scaled, written out, with right-hand sides in columns::
+    """A body's equations as they are scaled, written out: ``matrix`` (n, n) u = ``sources`` (n, c) v.
 
-        matrix u + border^T z = sources v
-        border u - z = border_sources v
-
-    ``matrix`` (n, n) and ``sources`` (n, c) are sparse, ``border`` (k, n) and ``border_sources`` (k, c) few
-    dense rows; ``definite`` tells whether the matrix is symmetric positive definite.
+    ``definite`` tells whether the matrix is symmetric positive definite.
     """
 
     matrix: sparse.csr_array
     sources: sparse.csr_array
-    border: FloatArray
-    border_sources: FloatArray
     definite: bool
 
 
@@ -50,8 +44,8 @@ class LinearSystem(Protocol):
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
         """What a step of refinement adds to a ``solution`` (n, 1) for the right-hand side ``source`` (r, 1),
-        and solutions for another one, ``more`` (r, 1), by the factor alone, of the equations of the nodes
-        alone and with sums of them: (n, 3), in one pass through the factor."""
+        and solutions for another one, ``more`` (r, 1), by the factor alone: (n, 2), in one pass through the
+        factor."""
         ...
 
     def functionals(
@@ -77,17 +71,12 @@ class LinearSystem(Protocol):
         """What users should know of how the equations were factorised, usually nothing."""
         ...
 
-    @property
-    def plain(self) -> LinearSystem:
-        """The equations of the nodes alone, without sums of them."""
-        ...
-
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
         """(S^T S)^-1 times ``vectors`` (n, c), S the equations as they are scaled."""
         ...
 
-    def scaled(self, sources: sparse.csc_array) -> FloatArray:
-        """Right-hand sides (r, c) as the equations are scaled."""
+    def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
+        """Right-hand sides (r, c) as the equations are scaled, on request without the ``strong`` ones."""
         ...
 
     def equations(self, sources: sparse.csc_array) -> Equations:

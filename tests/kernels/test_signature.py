@@ -54,7 +54,7 @@ def test_anything_else_is_no_number(far: Any) -> None:
 def weights(degree: Any, out: Any, points: Any = POINTS) -> None:
     """Weights of value and slopes at the first of three points."""
     at, stencil = POINTS[:1].copy(), (np.array([0, 3]), np.arange(3))
-    mls_weights(points, *stencil, at, at, np.array([10.0]), degree, 4.0, 1, out, np.empty(1))
+    mls_weights(points, *stencil, at, at, np.array([10.0]), degree, 4.0, 0, 1, out, np.empty(1))
 
 
 def test_integers_must_be_such_and_fit() -> None:

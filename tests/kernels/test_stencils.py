@@ -42,6 +42,7 @@ def fast(
         np.array([radius]),
         degree,
         SHARPNESS,
+        0,
         order,
         weights,
         ratio,
@@ -130,8 +131,26 @@ def test_stencils_of_unequal_sizes_do_not_touch_each_other() -> None:
     center = np.zeros((3, 2))
     radii = np.array([np.hypot(*points[:size].T).max() for size in sizes])
     weights, ratio = np.empty((indptr[-1], 6)), np.empty(3)
-    mls_weights(points, indptr, indices, center, center, radii, 2, SHARPNESS, 2, weights, ratio)
+    mls_weights(points, indptr, indices, center, center, radii, 2, SHARPNESS, 0, 2, weights, ratio)
     for number, size in enumerate(sizes):
         alone, own = fast(points[:size], center[0], center[0], 2, 2)
         assert np.array_equal(weights[indptr[number] : indptr[number + 1]], alone)
         assert ratio[number] == own
+
+
+def test_several_targets_of_one_stencil_have_their_weights_beside_each_other() -> None:
+    points = nearest_of_lattice(40, 0.3, 5)
+    indptr, indices = np.array([0, 20, 40]), np.concatenate([np.arange(20), np.arange(5, 25)])
+    centers = np.array([[0.0, 0.0], [0.3, -0.2]])
+    targets = np.random.default_rng(1).uniform(-0.5, 0.5, (6, 2))
+    radii, ratio = np.array([4.0, 5.0]), np.empty(2)
+    together = np.empty((40, 6))
+    mls_weights(points, indptr, indices, centers, targets, radii, 2, SHARPNESS, 1, 1, together, ratio)
+    for number in range(3):
+        alone, own = np.empty((40, 6)), np.empty(2)
+        some = targets[number::3].copy()
+        mls_weights(points, indptr, indices, centers, some, radii, 2, SHARPNESS, 0, 2, alone, own)
+        # First derivatives only.
+        found = together[:, 2 * number : 2 * number + 2]
+        np.testing.assert_allclose(found, alone[:, 1:3], rtol=0.0, atol=1e-13)
+        assert np.array_equal(ratio, own)

@@ -29,7 +29,7 @@ from mlsanm_cli.operators.linear.interface import DirectSolver, Factor, Matrix, 
 from mlsanm_cli.operators.linear.mumps import MumpsFactor, MumpsSolver
 from mlsanm_cli.operators.linear.pardiso import PardisoFactor, PardisoSolver
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
-from tests.operators.test_cholesky import CASES, full, normal_equations, scattered, star
+from tests.operators.test_cholesky import CASES, full, normal_equations, quasi_definite, scattered, star
 
 Engine = Callable[[], DirectSolver]
 OWN = (PardisoFactor, MumpsFactor)
@@ -81,6 +81,17 @@ def test_solutions_and_products_against_dense_ones(make: Engine, count: int) -> 
     right = sparse.csc_array(sparse.random_array((2 * count, 90), density=0.3, rng=rng))
     expected = CholeskySolver().factor_definite(matrix, points).products(left, right)
     assert np.abs(factor.products(left, right) - expected).max() <= 1e-9 * max(1.0, np.abs(expected).max())
+
+
+@engines
+@pytest.mark.parametrize("seed", range(3))
+def test_quasi_definite_matrices_are_solved(make: Engine, seed: int) -> None:
+    matrix, points, negative = quasi_definite(200, 12, seed)
+    factor = make().factor_definite(matrix, points, negative)
+    assert isinstance(factor, OWN)
+    rhs = np.random.default_rng(seed).normal(size=(matrix.shape[0], 3))
+    expected = np.linalg.solve(matrix.toarray(), rhs)
+    assert np.abs(factor.solve(rhs) - expected).max() <= 1e-10 * np.abs(expected).max()
 
 
 @engines
@@ -189,7 +200,7 @@ def test_a_directory_that_mumps_cannot_write_in_is_told(
     factorise = mumps._factor
     monkeypatch.setattr(tempfile, "mkdtemp", lambda **_: str(tmp_path / "gone"))
     with pytest.raises(NumericalError, match="MUMPS failed") as caught:
-        factorise(normal_equations(points))
+        factorise(normal_equations(points), 0)
     assert "TMPDIR" in caught.value.hint
     assert solver.name.startswith("mumps ")
 
@@ -215,8 +226,8 @@ class Recorder:
     name: str = "recorder"
     kept: list[tuple[Matrix, FloatArray, Factor]] = field(default_factory=list)
 
-    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
-        factor = self.solver.factor_definite(matrix, points)
+    def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
+        factor = self.solver.factor_definite(matrix, points, negative)
         self.kept.append((matrix, points, factor))
         return factor
 

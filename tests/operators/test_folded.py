@@ -16,7 +16,6 @@ from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
-from mlsanm_cli.mechanics.force_sums import ForceSums
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic, orthotropic
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.folded import Folded
@@ -29,9 +28,11 @@ from tests.mechanics.bodies import STEEL
 BLOCK = rectangle((-1.0, 1.0), (-0.5, 0.5))
 UPRIGHT, LEVEL = Line(0, 0.0), Line(1, 0.0)
 EVEN = Spacing(0.12)
-SAME, SUMS = 1e-10, 5e-3
-"""Largest differences without sums of rows, and with them: how much they count follows from the strongest,
-which in a whole body may be one that a half does not have."""
+SAME = 1e-10
+"""Largest difference of solutions."""
+WORTH = 1e-8
+"""What the last update of checked ones changed at most: strong rows cost the factor some digits, and one
+update more is done where this is not below 1e-7."""
 ROOF = Outline(
     ("floor", "right", "falling", "rising", "left"),
     tuple(
@@ -100,8 +101,11 @@ class Setting:
         cloud, mirror = self.cloud, self.mirror
         force = rng.normal(size=cloud.points.shape)
         force += sign * force[mirror.image] * mirror.line.signs
-        source = np.zeros(body.rows)
-        source[: force.size] = -force.T.ravel()
+        # Rough at the nodes; on pieces linear, which does not depend on the triangles across the mirror.
+        even = cloud.points @ rng.normal(size=(2, 2)) + rng.normal(size=2)
+        even += sign * even[mirror.image] * mirror.line.signs
+        source = body.force_source(even)
+        source[: force.size] -= force.T.ravel()
         for held in (False, True):
             size = 0.01 if held else 10.0
             free = {name: size * rng.normal(size=(len(s.index), 2)) for name, s in cloud.surfaces.items()}
@@ -137,12 +141,12 @@ def apart(found: FloatArray, expected: FloatArray) -> float:
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
-def plain(setting: Setting) -> tuple[Folded, LeastSquares]:
-    """Both systems without sums, whose weight is not the same in both."""
+def systems(setting: Setting) -> tuple[Folded, LeastSquares]:
+    """The half's system and the whole body's."""
     half, whole = setting.half.system, setting.whole.system
     assert isinstance(half, Folded)
     assert isinstance(whole, LeastSquares)
-    return half.plain, whole.plain
+    return half, whole
 
 
 @pytest.mark.parametrize("degree", [1, 2, 4])
@@ -164,21 +168,25 @@ def test_stencils_are_their_own_images_and_reproduce_polynomials(line: Line, deg
 @pytest.mark.parametrize(
     "name", ["clamped", "zone", "two surfaces meet", "ring", "hanging at a node", "level"]
 )
-def test_sums_of_rows_are_their_own_images(name: str) -> None:
+def test_strong_rows_are_their_own_images(name: str) -> None:
     setting = SETTINGS[name]
-    body, mirror, count = setting.whole, setting.mirror, len(setting.cloud.points)
-    lowest = int(np.flatnonzero(mirror.side == 0)[0])
-    nodes = [(lowest, component) for component in setting.on_the_line]
-    sums = ForceSums(setting.cloud, body.held, nodes, body.first_row, body.rows).through_cuts()
-    along = 1 - mirror.line.axis
-    even = sums[along::3, along * count : (along + 1) * count]
-    assert apart(even[:, mirror.image], even) <= 1e-12
+    (half, whole), mirror = systems(setting), setting.mirror
+    rows = whole.strong.rows
+    u = np.random.default_rng(4).normal(size=(len(setting.cloud.points), 2))
+    image = u[mirror.image] * mirror.line.signs
+    pieces, fold = setting.whole.pieces, half.fold
+    alone = fold.strong == fold.strong_image
+    found, expected = rows @ image.ravel(), rows @ u.ravel()
+    assert rows.shape[0] == 3 * pieces.count
+    assert (fold.strong_sign[alone] == 1.0).all()
+    difference = found[fold.strong_image] - fold.strong_sign * expected[fold.strong]
+    assert np.abs(difference).max() <= 1e-9 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_symmetric_loads_have_the_solutions_of_the_whole_body(name: str) -> None:
     setting = SETTINGS[name]
-    half, whole = plain(setting)
+    half, whole = systems(setting)
     assert half.fold.unknowns < 0.6 * 2 * len(setting.cloud.points)
     even = setting.load(1.0)
     expected = whole.solve(even)
@@ -186,7 +194,6 @@ def test_symmetric_loads_have_the_solutions_of_the_whole_body(name: str) -> None
     # They are their own images.
     u = expected.reshape(-1, 2)
     assert apart(u[setting.mirror.image] * setting.line.signs, u) <= SAME
-    assert apart(setting.half.system.solve(even), setting.whole.system.solve(even)) <= SUMS
 
 
 @pytest.mark.parametrize("name", ["clamped", "level", "springs", "two surfaces meet", "degree 4"])
@@ -208,13 +215,15 @@ def test_the_symmetric_part_of_any_load_is_answered(name: str) -> None:
 def test_what_is_not_symmetric_is_told(name: str) -> None:
     setting = SETTINGS[name]
     system = setting.half.system
+    assert isinstance(system, Folded)
     even, odd = setting.load(1.0), setting.load(-1.0, seed=1)
     solution, worth = system.checked(even)
-    assert worth.max() <= 1e-9
+    assert worth.max() <= WORTH
     assert system.residual(even, solution).max() <= 1e-9
     for part in (1e-4, 0.1, 1.0):
         mixed = sparse.csc_array(even + part * odd)
-        share = part * sparse.linalg.norm(odd) / sparse.linalg.norm(mixed)
+        nodes = system.fold.rows
+        share = part * sparse.linalg.norm(odd[:nodes]) / sparse.linalg.norm(mixed[:nodes])
         for found in (system.checked(mixed)[1], system.residual(mixed, solution)):
             assert found == pytest.approx([share], rel=1e-6)
     assert system.residual(odd, solution)[0] >= 1.0 - 1e-9
@@ -241,7 +250,7 @@ def test_one_entry_is_half_symmetric_beside_the_line_and_all_or_nothing_on_it(na
 )
 def test_all_else_is_as_the_whole_system_has_it(name: str) -> None:
     setting = SETTINGS[name]
-    half, whole = plain(setting)
+    half, whole = systems(setting)
     even, more = (sparse.csc_array(setting.load(1.0, seed)) for seed in (0, 1))
     expected = whole.solve(even)
     rng, mirror = np.random.default_rng(3), setting.mirror
@@ -255,14 +264,14 @@ def test_all_else_is_as_the_whole_system_has_it(name: str) -> None:
         assert apart(one, other) <= 1e-9
     assert apart(half.roughly(even), expected) <= 2e-5
     rough = expected * (1.0 + 1e-3)
-    assert apart(half.step(even, rough, more)[:, 0], whole.step(even, rough, more)[:, 0]) <= 1e-5
-    assert apart(half.step(even, rough, more)[:, 2], whole.solve(more)[:, 0]) <= 2e-5
+    assert apart(half.step(even, rough, more)[:, 0], whole.step(even, rough, more)[:, 0]) <= 1e-4
+    assert apart(half.step(even, rough, more)[:, 1], whole.solve(more)[:, 0]) <= 2e-5
     assert apart(half.checked(even, rough)[0], expected) <= SAME
-    assert half.residual(even, rough) == pytest.approx(whole.residual(even, rough), rel=1e-5)
+    assert half.residual(even, rough) == pytest.approx(whole.residual(even, rough), rel=1e-4)
     vector = rng.normal(size=(len(expected) // 2, 2))
     vector += vector[mirror.image] * mirror.line.signs
     one, other = (system.inverse_normal(vector.reshape(-1, 1)) for system in (half, whole))
-    assert apart(one, other) <= 1e-5
+    assert apart(one, other) <= 1e-4
     sizes = [np.linalg.norm(system.scaled(even)) for system in (half, whole)]
     assert sizes[0] == pytest.approx(sizes[1], rel=1e-12)
     assert half.note == whole.note
@@ -283,9 +292,8 @@ def test_a_body_that_nothing_holds() -> None:
     half, whole = setting.load(1.0, halved=True), setting.load(1.0)
     assert (setting.half.free.components, setting.whole.free.components) == ((1,), (0, 1, 2))
     expected = setting.whole.system.solve(whole)
-    assert apart(setting.half.system.solve(half), expected) <= SUMS
-    assert apart(setting.half.system.plain.solve(half), setting.whole.system.plain.solve(whole)) <= SAME
-    assert setting.half.system.checked(half)[1].max() <= 1e-9
+    assert apart(setting.half.system.solve(half), expected) <= SAME
+    assert setting.half.system.checked(half)[1].max() <= WORTH
     odd = setting.load(-1.0, halved=True)
     assert np.abs(setting.half.system.solve(odd)).max() <= 1e-9 * np.abs(expected).max()
     assert setting.half.system.checked(odd)[1].max() >= 0.5

@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.least_squares import LeastSquares, factorise
+from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.dissection import LEAF, nested_dissection
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
@@ -213,50 +213,105 @@ def test_a_step_of_a_square_system_comes_with_the_solution_for_more() -> None:
     one, other = (sparse.csc_array(rng.normal(size=(120, 1))) for _ in range(2))
     away, expected = 1e-3 * rng.normal(size=(120, 1)), system.solve(other)
     found = system.step(one, system.solve(one) + away, other)
-    assert np.abs(found - np.hstack([-away, expected, expected])).max() <= 1e-9 * np.abs(expected).max()
+    assert np.abs(found - np.hstack([-away, expected])).max() <= 1e-9 * np.abs(expected).max()
 
 
-def test_a_step_comes_with_both_solutions_for_more() -> None:
-    _, rows, weight = least_squares(1.0)
+def strong_ones(seed: int) -> Strong:
+    """Three strong rows (9, 120) of each of three places among the nodes of :func:`least_squares`, what 300
+    right-hand sides do there, and nine of their own."""
+    rng = np.random.default_rng(seed)
+    rows = 10.0 * sparse.random_array((9, 120), density=0.3, rng=rng)
+    of_rows = sparse.random_array((9, 300), density=0.1, rng=rng)
+    loads = 10.0 * sparse.hstack([of_rows, sparse.eye_array(9)])
+    owner = rng.permutation(np.repeat(np.arange(3), 3))
+    return Strong(sparse.csr_array(rows), sparse.csr_array(loads), owner, rng.uniform(0.0, 1.0, (3, 2)))
+
+
+def strengthened(apart: float, seed: int = 0) -> tuple[LeastSquares, LeastSquares, FloatArray, FloatArray]:
+    """A system of :func:`least_squares` alone and with strong rows, all rows densely as they are scaled, and
+    what makes their right-hand sides."""
+    plain, rows, weight = least_squares(apart, seed)
+    points = np.random.default_rng(seed).uniform(0.0, 1.0, (60, 2))
+    strong = strong_ones(seed)
+    system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver(), strong)
+    whole = np.concatenate([weight[:, None] * rows, strong.rows.toarray()])
+    scale = np.concatenate([np.hstack([np.diag(weight), np.zeros((300, 9))]), strong.loads.toarray()])
+    return plain, system, whole, scale
+
+
+@given(seed=st.integers(0, 500))
+def test_strong_rows_against_numpy(seed: int) -> None:
+    _, system, whole, scale = strengthened(1.0, seed)
+    b = np.random.default_rng(seed + 1).normal(size=(309, 3))
+    np.testing.assert_allclose(system.scaled(sparse.csc_array(b)), scale @ b, atol=1e-10)
+    np.testing.assert_allclose(
+        system.scaled(sparse.csc_array(b), strong=False), (scale @ b)[:300], atol=1e-10
+    )
+    expected = np.linalg.lstsq(whole, scale @ b, rcond=None)[0]
+    assert np.abs(system.solve(sparse.csc_array(b)) - expected).max() <= 1e-10 * np.abs(expected).max()
+    assert np.abs(system.roughly(sparse.csc_array(b)) - expected).max() <= 1e-7 * np.abs(expected).max()
+    vectors = np.random.default_rng(seed + 2).normal(size=(120, 2))
+    found, wanted = system.inverse_normal(vectors), np.linalg.solve(whole.T @ whole, vectors)
+    assert np.abs(found - wanted).max() <= 1e-7 * np.abs(wanted).max()
+
+
+def test_written_out_equations_are_those_that_are_solved() -> None:
+    _, system, whole, scale = strengthened(1.0)
+    rng = np.random.default_rng(2)
+    b, u = rng.normal(size=(309, 4)), rng.normal(size=120)
+    out = system.equations(sparse.csc_array(b))
+    assert out.definite
+    np.testing.assert_allclose(out.matrix.toarray(), whole.T @ whole, rtol=1e-12, atol=1e-8)
+    np.testing.assert_allclose(out.sources.toarray(), whole.T @ (scale @ b), rtol=1e-12, atol=1e-6)
+    np.testing.assert_allclose(
+        system.excess(b[:, 0], u), whole.T @ (whole @ u - scale @ b[:, 0]), rtol=1e-10, atol=1e-6
+    )
+
+
+def test_no_strong_rows_are_none() -> None:
+    plain, rows, weight = least_squares(1.0)
+    none = Strong.none(120, 300)
+    points = np.random.default_rng(0).uniform(0.0, 1.0, (60, 2))
+    system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver(), none)
+    b = sparse.csc_array(np.random.default_rng(1).normal(size=(300, 2)))
+    assert np.array_equal(system.solve(b), plain.solve(b))
+
+
+def test_a_step_comes_with_the_solution_for_more() -> None:
+    _, system, _, _ = strengthened(1.0)
     rng = np.random.default_rng(8)
-    points, sums = rng.uniform(0.0, 1.0, (60, 2)), rng.normal(size=(3, 300))
-    system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver(), sums)
-    b = sparse.csc_array(rng.normal(size=(300, 1)))
-    expected = np.hstack([system.plain.solve(b), system.solve(b)])
-    assert np.abs(expected[:, 0] - expected[:, 1]).max() >= 1e-2 * np.abs(expected).max()
-    other = sparse.csc_array(rng.normal(size=(300, 1)))
-    away = 1e-3 * rng.normal(size=(120, 1))
-    found = system.step(other, system.solve(other) + away, b)
-    np.testing.assert_allclose(found[:, :1], -away, atol=1e-9)
-    for both in (found[:, 1:], np.hstack([system.plain.roughly(b), system.roughly(b)])):
-        assert np.abs(both - expected).max() <= 1e-9 * np.abs(expected).max()
+    one, more = (sparse.csc_array(rng.normal(size=(309, 1))) for _ in range(2))
+    away, expected = 1e-3 * rng.normal(size=(120, 1)), system.solve(more)
+    found = system.step(one, system.solve(one) + away, more)
+    assert found.shape == (120, 2)
+    np.testing.assert_allclose(found[:, :1], -away, atol=1e-8)
+    assert np.abs(found[:, 1:] - expected).max() <= 1e-8 * np.abs(expected).max()
+    assert np.abs(system.roughly(more) - expected).max() <= 1e-8 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("summed", [False, True])
+@pytest.mark.parametrize("strong", [False, True])
 @pytest.mark.parametrize("apart", [1.0, 1e-4])
-def test_functionals_are_those_of_the_solutions(apart: float, summed: bool) -> None:
-    plain, rows, weight = least_squares(apart)
+def test_functionals_are_those_of_the_solutions(apart: float, strong: bool) -> None:
+    plain, system, whole, scale = strengthened(apart)
+    if not strong:
+        system, whole, scale = plain, whole[:300], scale[:300, :300]
     rng = np.random.default_rng(8)
-    points = rng.uniform(0.0, 1.0, (60, 2))
-    sums = rng.normal(size=(3, 300)) if summed else None
-    system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver(), sums)
-    # Solutions that rows reproduce exactly, so that no reference's own error counts.
-    exact = rng.normal(size=(120, 70))
     observed = sparse.csr_array(sparse.random_array((80, 120), density=0.05, rng=rng))
     rhs = sparse.csc_array(sparse.random_array((120, 9), density=0.1, rng=rng))
     halves = system.factor.products(observed, rhs)
     assert np.abs(halves - np.asarray(observed @ system.factor.solve(rhs.toarray()))).max() <= 1e-7 / apart
-    found = system.functionals(observed, sparse.csc_array(rows @ exact))
+    # Solutions that rows reproduce exactly, so that no reference's own error counts.
+    exact = rng.normal(size=(120, 70))
+    sources = np.linalg.solve(scale, whole @ exact)
+    found = system.functionals(observed, sparse.csc_array(sources))
     assert np.abs(found - np.asarray(observed @ exact)).max() <= 1e-9
     mixture = rng.normal(size=(70, 30))
-    found = system.functionals(observed, sparse.csc_array(rows @ exact), mixture)
+    found = system.functionals(observed, sparse.csc_array(sources), mixture)
     assert np.abs(found - np.asarray(observed @ exact) @ mixture).max() <= 1e-8
-    # Where the rows contradict each other the sums make a difference.
-    sources = sparse.csc_array(rng.normal(size=(300, 70)))
-    expected = np.asarray(observed @ system.solve(sources))
-    assert np.abs(system.functionals(observed, sources) - expected).max() <= 1e-8 * np.abs(expected).max()
-    if summed:
-        assert (
-            np.abs(np.asarray(observed @ plain.solve(sources)) - expected).max()
-            >= 1e-3 * np.abs(expected).max()
-        )
+    # Where the rows contradict each other the strong ones make a difference.
+    contrary = sparse.csc_array(rng.normal(size=(len(sources), 70)))
+    expected = np.asarray(observed @ system.solve(contrary))
+    assert np.abs(system.functionals(observed, contrary) - expected).max() <= 1e-8 * np.abs(expected).max()
+    if strong:
+        other = np.asarray(observed @ plain.solve(sparse.csc_array(contrary[:300])))
+        assert np.abs(other - expected).max() >= 1e-3 * np.abs(expected).max()

@@ -1,4 +1,4 @@
-"""Multifrontal Cholesky factorisation over the fronts of the nested dissection, BLAS and LAPACK for the rest.
+"""Multifrontal factorisation over the fronts of the nested dissection, BLAS and LAPACK for the rest.
 
 Duff and Reid 1983 (doi:10.1145/356044.356047), Liu 1992 (doi:10.1137/1034004).
 """
@@ -12,7 +12,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.domains import count_links, domains, fill_links
 from mlsanm_cli.kernels.multifrontal import BLOCK, borders, factorise
 from mlsanm_cli.kernels.substitution import Links, Tree, products, solve
-from mlsanm_cli.operators.linear.dissection import nested_dissection
+from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
 from mlsanm_cli.operators.linear.fallback import believed
 from mlsanm_cli.operators.linear.interface import Factor, Matrix
 from mlsanm_cli.operators.linear.scratch import Scratch
@@ -29,15 +29,17 @@ twice as many it is 29 %, and blocks of solutions take 5 % longer."""
 class Fronts:
     """Which unknowns are eliminated together, as the kernels want it.
 
-    ``order`` (n,) of the nodes, ``place`` (n,) of each in it; ``start`` (f + 1,) of the fronts and their
-    ``parent`` (f,); ``begin`` (f + 1,) of their borders in ``border``, and how many nodes of each are
-    ``kept`` (f,); ``panel`` (f + 1,), where each one's part of the factor is; ``waiting``, the most numbers
+    ``order`` (n,) of the nodes, ``place`` (n,) of each in it; ``start`` (f + 1,) of the fronts, how many of
+    their last nodes are ``negative`` (f,), and their ``parent`` (f,); ``begin`` (f + 1,) of their borders in
+    ``border``, and how many nodes of each are ``kept`` (f,); ``panel`` (f + 1,), where each one's part of the
+    factor is; ``waiting``, the most numbers
     that wait for their fronts. ``unit`` (u + 1,) are the domains, and the fronts above them.
     """
 
     order: IntArray
     place: IntArray
     start: IntArray
+    negative: IntArray
     parent: IntArray
     begin: IntArray
     border: IntArray
@@ -47,19 +49,24 @@ class Fronts:
     unit: IntArray
 
     @classmethod
-    def of(cls, points: FloatArray, graph: sparse.bsr_array) -> Fronts:
-        """Those of the nested dissection of ``points`` (n, 2); pairs with a block are neighbours."""
-        tree = nested_dissection(points, graph)
-        place = np.empty_like(tree.order)
-        place[tree.order] = np.arange(len(points))
-        begin, border, waiting = borders(tree.start, tree.parent, *structure(graph), tree.order, place)
+    def of(cls, points: FloatArray, graph: sparse.bsr_array, negative: int = 0) -> Fronts:
+        """Those of the nested dissection of ``points`` (n, 2); pairs with a block are neighbours. The last
+        ``negative`` ones, no neighbours of each other, come last in their fronts."""
+        count = len(points) - negative
+        tree = nested_dissection(points[:count], _leading(graph, count) if negative else graph)
+        of_front = np.zeros(len(tree.parent), dtype=np.int64)
+        if negative:
+            tree, of_front = with_multipliers(tree, graph, negative)
+        order, place = tree.order, np.empty_like(tree.order)
+        place[order] = np.arange(len(points))
+        begin, border, waiting = borders(tree.start, tree.parent, *structure(graph), order, place)
         kept, unit = domains(tree.start, tree.parent, begin, border, DOMAIN)
         pivots, height = 2 * np.diff(tree.start), 2 * np.diff(tree.start) + 2 * kept
         whole = pivots // BLOCK
         rest = pivots - BLOCK * whole
         size = BLOCK * (whole * height - BLOCK * (whole * (whole - 1) // 2)) + rest * (height - BLOCK * whole)
         panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size)])
-        return cls(tree.order, place, tree.start, tree.parent, begin, border, kept, panel, waiting, unit)
+        return cls(order, place, tree.start, of_front, tree.parent, begin, border, kept, panel, waiting, unit)
 
     def links(self, blocks: sparse.bsr_array) -> Links:
         """What joins the nodes of domains with those around: where each node's begin (n + 1,), which nodes
@@ -75,6 +82,16 @@ class Fronts:
         other, between = np.empty(first[-1], dtype=np.int64), np.empty((first[-1], 2, 2))
         fill_links(*graph, np.ascontiguousarray(blocks.data), self.order, self.place, end, other, between)
         return first, other, between
+
+
+def _leading(graph: sparse.bsr_array, count: int) -> sparse.bsr_array:
+    """The first ``count`` rows and columns of a ``graph`` in blocks of two."""
+    kept = graph.indices[: graph.indptr[count]] < count
+    begin = np.concatenate([[0], np.cumsum(kept)])[graph.indptr[: count + 1]]
+    # Only the pattern counts.
+    blocks = np.broadcast_to(np.zeros((2, 2)), (begin[-1], 2, 2))
+    entries = (blocks, graph.indices[: graph.indptr[count]][kept], begin)
+    return sparse.bsr_array(entries, shape=(2 * count, 2 * count))
 
 
 @dataclass(frozen=True)
@@ -97,7 +114,7 @@ class CholeskyFactor:
     def arrays(self) -> tuple[*Tree, IntArray, *Links]:
         """What both kernels of substitution take first."""
         shape = self.fronts
-        tree = (shape.start, shape.begin, shape.border, shape.kept, shape.panel)
+        tree = (shape.start, shape.negative, shape.begin, shape.border, shape.kept, shape.panel)
         return (*tree, self.values, shape.unit, *self.links)
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
@@ -124,21 +141,21 @@ class CholeskyFactor:
 
 
 class CholeskySolver(SuperLUSolver):
-    """Our own method for positive definite matrices, SuperLU for what it cannot do."""
+    """Our own method for definite and quasi-definite matrices, SuperLU for what it cannot do."""
 
     name = "cholesky"
 
-    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
-        """Factorise; SuperLU does it, with a note, if a pivot is not positive or the factor does not solve.
+    def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
+        """Factorise; SuperLU does it, with a note, if a pivot has the wrong sign or the factor is useless.
 
         Raises NumericalError where neither has a factor that solves.
         """
         blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
-        fronts = Fronts.of(points, blocks)
+        fronts = Fronts.of(points, blocks, negative)
         panels = Scratch(int(fronts.panel[-1]))
         failed = factorise(
-            *(fronts.start, fronts.parent, fronts.begin, fronts.border, fronts.kept, fronts.panel),
-            *(fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
+            *(fronts.start, fronts.negative, fronts.parent, fronts.begin, fronts.border, fronts.kept),
+            *(fronts.panel, fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
             *(fronts.order, fronts.place, panels.values),
         )
         factor = None

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.kernels.dissection import dissect
+from mlsanm_cli.kernels.dissection import dissect, places_between
 from mlsanm_cli.operators.structure import structure
 from mlsanm_cli.values import dataclass
 
@@ -52,3 +52,21 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
         np.append(begins[:count][::-1], len(points)),
         np.where(parent >= 0, count - 1 - parent, -1),
     )
+
+
+def with_multipliers(tree: Dissection, graph: sparse.bsr_array, count: int) -> tuple[Dissection, IntArray]:
+    """The ``tree`` of the vertices before the last ``count`` ones of a ``graph``, with these in it, and how
+    many of them each front has (f,), its last ones.
+
+    They go where their neighbours' fronts meet. Cut like all others they would pull all vertices that they
+    touch into separators: factors were a third larger.
+    """
+    first, found = len(tree.order), np.empty(count, dtype=np.int64)
+    front = np.empty(first, dtype=np.int64)
+    front[tree.order] = np.repeat(np.arange(len(tree.parent)), np.diff(tree.start))
+    places_between(*structure(graph), first, front, tree.parent, found)
+    of_front = np.bincount(found, minlength=len(tree.parent)).astype(np.int64)
+    own = np.concatenate([front[tree.order], found])
+    order = np.concatenate([tree.order, first + np.arange(count)])[np.argsort(own, kind="stable")]
+    start = tree.start + np.concatenate([[0], np.cumsum(of_front)])
+    return Dissection(order, start, tree.parent), of_front

@@ -40,8 +40,9 @@ class DirectSolver(Protocol):
 
     name: str
 
-    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
-        """Factorise a symmetric positive definite matrix (2n, 2n); NumericalError for a singular one."""
+    def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
+        """Factorise a symmetric matrix (2n, 2n), positive definite in all but its last ``negative`` points'
+        unknowns and negative definite in these; NumericalError for a singular one."""
         ...
 
     def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
@@ -70,10 +71,28 @@ def backward_error(matrix: Matrix, factor: Factor) -> float:
     """What a solution of a symmetric ``matrix`` (n, n) leaves of its right-hand side, relatively.
 
     With D its diagonal: max_i |b - A x|_i / (|b|_i + sqrt(D_i) sum_j sqrt(D_j) |x_j|), whatever the units of
-    the unknowns. The right-hand side is random, but always the same.
+    the unknowns. For the last ones, which are negative, D_i is at least max_j A_ij^2 / D_j over the positive
+    ones. The right-hand side is random, but always the same.
     """
     rhs = np.random.default_rng(0).normal(size=matrix.shape[0])
     solution = factor.solve(rhs)
-    scale = np.sqrt(np.abs(matrix.diagonal()))
+    diagonal = matrix.diagonal()
+    scale = np.sqrt(np.abs(diagonal))
+    first = int(np.argmax(diagonal < 0.0)) if (diagonal < 0.0).any() else len(diagonal)
+    if first < len(diagonal):
+        coupled = sparse.csc_array(_last_columns(matrix, first)[:first])
+        share = 1.0 / np.maximum(scale[:first], np.finfo(float).tiny)
+        sizes = abs(sparse.diags_array(share) @ coupled).max(axis=0).toarray().ravel()
+        scale[first:] = np.maximum(scale[first:], sizes)
     parts = scale * (scale @ np.abs(solution)) + np.abs(rhs)
     return float((np.abs(rhs - matrix @ solution) / parts).max())
+
+
+def _last_columns(matrix: Matrix, first: int) -> sparse.csc_array:
+    """The columns of a symmetric ``matrix`` (n, n) from the ``first`` on, which begins a block."""
+    if not isinstance(matrix, sparse.bsr_array):
+        return sparse.csc_array(matrix[:, first:])
+    row, shape = first // 2, (matrix.shape[0] - first, matrix.shape[1])
+    begin = matrix.indptr[row]
+    blocks = (matrix.data[begin:], matrix.indices[begin:], matrix.indptr[row:] - begin)
+    return sparse.csc_array(sparse.csr_array(sparse.bsr_array(blocks, shape=shape)).T)

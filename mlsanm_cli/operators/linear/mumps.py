@@ -66,7 +66,7 @@ class MumpsFactor:
 
 
 class MumpsSolver(SuperLUSolver):
-    """MUMPS for positive definite matrices, SuperLU for all others.
+    """MUMPS for definite and quasi-definite matrices, SuperLU for all others.
 
     Raises MissingEngineError where it is not installed.
     """
@@ -78,18 +78,18 @@ class MumpsSolver(SuperLUSolver):
         except ImportError as error:
             raise MissingEngineError(*PACKAGE) from error
 
-    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
-        """Factorise; SuperLU does it, with a note, if a pivot is not positive or the factor does not solve.
+    def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
+        """Factorise; SuperLU does it, with a note, if a pivot has the wrong sign or the factor is useless.
 
         Raises NumericalError where neither has a factor that solves, or memory or disk are not enough.
         """
         if matrix.shape[0] != 2 * len(points):
             raise ValueError(f"a graph of {matrix.shape[0] // 2} vertices for {len(points)} points")
-        return believed(_factor(matrix), matrix, points)
+        return believed(_factor(matrix, 2 * negative), matrix, points)
 
 
-def _factor(matrix: Matrix) -> MumpsFactor | None:
-    """The factor, none of a matrix that is singular or not positive definite."""
+def _factor(matrix: Matrix, negative: int) -> MumpsFactor | None:
+    """The factor, none of a matrix that is singular or has not as many ``negative`` pivots."""
     from mumps import Context
 
     directory = tempfile.mkdtemp(prefix="mlsanm-mumps-")
@@ -100,7 +100,7 @@ def _factor(matrix: Matrix) -> MumpsFactor | None:
     try:
         context.set_matrix(upper_triangle(matrix), overwrite_a=True, symmetric=True)
         context.mumps_instance.icntl[COLUMNS] = BLOCK
-        # No pivoting, which a positive definite matrix does not need.
+        # No pivoting, which a quasi-definite matrix does not need.
         context.factor(ordering=ORDERING, ooc=True, pivot_tol=0.0)
     except RuntimeError as error:
         if getattr(error, "error", 0) in SINGULAR:
@@ -111,8 +111,8 @@ def _factor(matrix: Matrix) -> MumpsFactor | None:
             del os.environ[DIRECTORY]
         else:
             os.environ[DIRECTORY] = before
-    negative = context.mumps_instance.infog[12]
-    return None if negative else MumpsFactor(context, directory, matrix.shape[0])
+    found = context.mumps_instance.infog[12]
+    return MumpsFactor(context, directory, matrix.shape[0]) if found == negative else None
 
 
 def _failure(error: RuntimeError, directory: str) -> NumericalError:

@@ -24,11 +24,12 @@ from mlsanm_cli.values import dataclass
 
 PACKAGE, EXTRA = "mkl", "mkl"
 DEFINITE = 2
-"""MKL's number for real symmetric positive definite matrices."""
+"""MKL's number for real symmetric positive definite matrices; its negative is for indefinite ones."""
 ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1
 NOT_DEFINITE = -4
-Kept: TypeAlias = "tuple[IntArray, int, FloatArray, IndexArray, IndexArray, IndexArray, IndexArray]"
-"""PARDISO's own, n, entries, where rows begin, their columns, the order, options: what it must find again."""
+Kept: TypeAlias = "tuple[IntArray, int, int, FloatArray, IndexArray, IndexArray, IndexArray, IndexArray]"
+"""PARDISO's own, kind, n, entries, where rows begin, their columns, the order, options: what it must find
+again."""
 TROUBLES = {
     -2: "not enough memory",
     -3: "the order of elimination was refused",
@@ -55,7 +56,7 @@ class Handle:
     It is released with this object. ``order`` (n,) tells which unknown is eliminated when.
     """
 
-    def __init__(self, upper: sparse.csr_array, order: IntArray) -> None:
+    def __init__(self, upper: sparse.csr_array, order: IntArray, kind: int = DEFINITE) -> None:
         options = np.zeros(64, dtype=np.int32)
         options[0] = 1  # these are no defaults
         options[4] = 1  # the order is given
@@ -64,7 +65,7 @@ class Handle:
         pieces = (upper.indptr, upper.indices, order)
         begin, columns, turn = (np.ascontiguousarray(piece, dtype=np.int32) for piece in pieces)
         own = np.zeros(64, dtype=np.int64)
-        self._matrix: Kept = (own, upper.shape[0], entries, begin, columns, turn, options)
+        self._matrix: Kept = (own, kind, upper.shape[0], entries, begin, columns, turn, options)
         self._nothing = np.zeros(1)
         self.size = upper.shape[0]
         weakref.finalize(self, _call, self._matrix, RELEASE, self._nothing, self._nothing, 1)
@@ -79,10 +80,10 @@ class Handle:
 
 def _call(matrix: Kept, phase: int, rhs: FloatArray, solution: FloatArray, columns: int) -> int:
     """MKL's own function."""
-    kept, size, values, indptr, indices, order, options = matrix
+    kept, kind, size, values, indptr, indices, order, options = matrix
     error = ctypes.c_int32(0)
     _library()[0].pardiso(
-        *(_at(kept), _number(1), _number(1), _number(DEFINITE), _number(phase), _number(size)),
+        *(_at(kept), _number(1), _number(1), _number(kind), _number(phase), _number(size)),
         *(_at(values), _at(indptr), _at(indices), _at(order), _number(columns), _at(options)),
         *(_number(0), _at(rhs), _at(solution), ctypes.byref(error)),
     )
@@ -127,7 +128,7 @@ class PardisoFactor:
 
 
 class PardisoSolver(SuperLUSolver):
-    """PARDISO for positive definite matrices, SuperLU for all others.
+    """PARDISO for definite and quasi-definite matrices, SuperLU for all others.
 
     Raises MissingEngineError where MKL is not installed.
     """
@@ -135,15 +136,16 @@ class PardisoSolver(SuperLUSolver):
     def __init__(self) -> None:
         self.name = f"pardiso {_library()[1]}"
 
-    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
-        """Factorise; SuperLU does it, with a note, if a pivot is not positive or the factor does not solve.
+    def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
+        """Factorise; SuperLU does it, with a note, if a pivot has the wrong sign or the factor is useless.
 
         Raises NumericalError where neither has a factor that solves, or memory is not enough.
         """
         nodes = nested_dissection(points, sparse.bsr_array(matrix, blocksize=(2, 2))).order
         upper = sparse.csr_array(upper_triangle(matrix))
         upper.sum_duplicates()
-        handle = Handle(upper, np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel())
+        kind = -DEFINITE if negative else DEFINITE
+        handle = Handle(upper, np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel(), kind)
         _refuse(handle.call(ANALYSE))
         failed = handle.call(FACTORISE)
         if failed != NOT_DEFINITE:

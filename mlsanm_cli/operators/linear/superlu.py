@@ -53,13 +53,13 @@ class SuperLUSolver:
         nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2])).order
         return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
 
-    def factor_definite(self, matrix: Matrix, points: FloatArray) -> Factor:
+    def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
         """Order and factorise."""
         plain = sparse.csc_array(matrix)
         return self.factor(plain, self.analyse(plain, points))
 
     def factor(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
-        """Factorise without pivoting, which a positive definite matrix does not need."""
+        """Factorise without pivoting, which a quasi-definite matrix does not need."""
         return _factor(matrix, order, 0.0)
 
     def factor_unsymmetric(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
