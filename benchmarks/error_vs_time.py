@@ -123,7 +123,7 @@ def manufactured_point(side: int, degree: int, scheme: Scheme, seed: int) -> dic
     body = assemble(model, held, (), CholeskySolver())
     factorised = time.process_time()
     source = boundary_values(body, wave.displacement, wave.stress)
-    source = with_body_force(body, source, wave.force(cloud.points))
+    source = with_body_force(body, source, wave.force)
     ready = time.process_time()
     u = body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)[: len(cloud.points)]
     solved = time.process_time()
@@ -163,7 +163,7 @@ def draw_manufactured(path: Path, results: dict[str, list[dict[str, Any]]]) -> N
     figure = Figure(figsize=(10.5, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, sharey=True)
-    styles = dict(zip(SCHEMES, ("-o", "--^", ":s"), strict=True))
+    styles: dict[str, str] = dict(zip(SCHEMES, ("-o", "--^", ":s"), strict=True))
     for number, (name, points) in enumerate(results.items()):
         scheme, colour = name.partition(",")[0], f"C{number % len(DEGREES)}"
         error = [point["error"] for point in points]

@@ -114,7 +114,7 @@ def bulk_error(scene: Scene, cloud: Cloud, degree: int, scheme: Any) -> tuple[fl
         if nodes:
             exact = exact + rigid_motion(cloud.points, [(n, c, -exact[n, c]) for n, c in nodes])
         source = boundary_values(body, wave.displacement, wave.stress)
-        source = with_body_force(body, source, wave.force(cloud.points))
+        source = with_body_force(body, source, wave.force)
         found = body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)[: len(cloud.points)]
         mean = (measure**2 * exact).sum(axis=0) / (measure**2).sum()
         errors.append(np.linalg.norm(measure * (found - exact)) / np.linalg.norm(measure * (exact - mean)))
@@ -125,4 +125,4 @@ def rigid_motion(points: np.ndarray, wanted: list[tuple[int, int, float]]) -> np
     """The rigid motion (n, 2) with given displacements at three (node, component)s."""
     matrix = [[c == 0, c == 1, -points[n, 1] if c == 0 else points[n, 0]] for n, c, _ in wanted]
     x, y, turn = np.linalg.solve(np.array(matrix, dtype=float), [value for _, _, value in wanted])
-    return np.array([x, y]) + turn * np.stack([-points[:, 1], points[:, 0]], axis=1)
+    return np.asarray(np.array([x, y]) + turn * np.stack([-points[:, 1], points[:, 0]], axis=1))

@@ -96,15 +96,12 @@ def assess_accuracy(built: Built) -> Accuracy:
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
     try:
         halved = halved_pressure(condensed, state) if condensed.pairings else state.pressure
-        errors, pressures = _corrected(built, state, bodies)
+        error, pressure = _corrected(built, state, bodies)
     except NumericalError:  # what was changed but a little has no contact state at all
         return Accuracy(None, untold, untold, state, largest, defects, solutions)
     from_contact = {pair.name: _distance(built, pair, state, halved) for pair in condensed.pairings}
-    from_bulk = {
-        pair.name: _middle([_distance(built, pair, state, p) for p in pressures])
-        for pair in condensed.pairings
-    }
-    displacement = float(np.sqrt(np.mean(errors) / size)) if size > 0.0 else None
+    from_bulk = {pair.name: _distance(built, pair, state, pressure) for pair in condensed.pairings}
+    displacement = float(np.sqrt(error / size)) if size > 0.0 else None
     return Accuracy(displacement, from_bulk, from_contact, state, largest, defects, solutions)
 
 
@@ -128,31 +125,20 @@ def _largest(displacements: list[FloatArray]) -> float:
     return max(float(np.hypot(*u.T).max()) for u in displacements)
 
 
-def _corrected(
-    built: Built, state: ExactState, bodies: Mapping[str, Corrected]
-) -> tuple[FloatArray, list[FloatArray]]:
+def _corrected(built: Built, state: ExactState, bodies: Mapping[str, Corrected]) -> tuple[float, FloatArray]:
     """Sum of squares of what the corrections change of all displacements, contact and platens solved again,
-    and the pressures (m,) then: without the bodies' sums, and with them."""
+    and the pressures (m,) then."""
     condensed, scene = built.condensed, built.scene
-    states = [
-        corrected_state(condensed, scene, state, {name: one.changes[:, way] for name, one in bodies.items()})
-        for way in (0, 1)
-    ]
-    motion = np.stack([one.motion - state.motion for one in states], axis=1)
-    pressure = np.stack([one.pressure - state.pressure for one in states], axis=1)
-    moved = np.concatenate([np.zeros((len(state.factors), 2)), motion, pressure])
-    errors = np.zeros(2)
+    after = corrected_state(condensed, scene, state, {name: one.change for name, one in bodies.items()})
+    motion = after.motion - state.motion
+    moved = np.concatenate([np.zeros(len(state.factors)), motion, after.pressure - state.pressure])
+    error = 0.0
     for name, body in scene.bodies.items():
-        followed = bodies[name].response(body, sparse.csc_array(condensed.sources[name] @ moved))
-        changes = bodies[name].changes + followed + scene.loose_patterns(name) @ motion
-        errors += (changes**2).sum(axis=0)
-    return errors, [one.pressure for one in states]
-
-
-def _middle(parts: list[float | None]) -> float | None:
-    """Root mean square of two estimates of the same error."""
-    known = [part for part in parts if part is not None]
-    return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(parts) else None
+        source = sparse.csc_array((condensed.sources[name] @ moved)[:, None])
+        followed = bodies[name].response(body, source)[:, 0]
+        change = bodies[name].change + followed + scene.loose_patterns(name) @ motion
+        error += float((change**2).sum())
+    return error, after.pressure
 
 
 def _distance(built: Built, pairing: Pairing, state: ExactState, pressure: FloatArray) -> float | None:

@@ -20,6 +20,7 @@ from mlsanm_cli.case import (
     split_boundary,
     value_at,
 )
+from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -66,9 +67,11 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
                 heatings.append(mechanics.Heating(number, load.body, load.temperature))
             else:
                 name = split_boundary(load.boundary)[1]
-                values = _on_surface(load, cloud, cloud.surfaces[name])
-                held = isinstance(load, Displacement)
-                surface_loads.append(mechanics.SurfaceLoad(number, load.owner, name, values, held))
+                surface, held = cloud.surfaces[name], isinstance(load, Displacement)
+                values = _on_surface(load, surface, surface.arc_length, cloud.points[surface.index])
+                arc = Halves.of(surface, FINE).arc
+                between = None if held else _on_surface(load, surface, arc, surface.curve.points(arc))
+                surface_loads.append(mechanics.SurfaceLoad(number, load.owner, name, values, held, between))
         except ExpressionError as error:
             problems.append(CaseProblem(key, str(error)))
         except _BadTableError as error:
@@ -78,20 +81,22 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
     return Acting(tuple(surface_loads), tuple(body_forces), tuple(heatings), _springs(case))
 
 
-def _on_surface(load: Traction | Pressure | Displacement, cloud: Cloud, surface: Surface) -> FloatArray:
-    """Values (b, 2) at the surface's nodes; a direction that is left free is 0."""
-    points = cloud.points[surface.index]
+def _on_surface(
+    load: Traction | Pressure | Displacement, surface: Surface, arc: FloatArray, points: FloatArray
+) -> FloatArray:
+    """Values (e, 2) at ``points`` (e, 2) of the surface, at ``arc`` (e,) along it; a direction that is left
+    free is 0."""
     if isinstance(load, Displacement):
         return _at([0.0 if part is None else part for part in load.components], points)
     if isinstance(load, Traction):
         if load.table is not None:
-            return _from_table(load.table, surface)
+            return _from_table(load.table, surface, arc)
         assert load.traction is not None
         return _at(load.traction, points)
     if load.table is not None:
-        return -_from_table(load.table, surface) * surface.normal
+        return -_from_table(load.table, surface, arc) * surface.curve.normals(arc)
     assert load.pressure is not None
-    return -_at([load.pressure], points) * surface.normal
+    return -_at([load.pressure], points) * surface.curve.normals(arc)
 
 
 def _at(amounts: Sequence[float | str], points: FloatArray) -> FloatArray:
@@ -105,14 +110,14 @@ def _at(amounts: Sequence[float | str], points: FloatArray) -> FloatArray:
     return np.stack(columns, axis=1)
 
 
-def _from_table(rows: Sequence[tuple[float, ...]], surface: Surface) -> FloatArray:
-    """Values (b, c) interpolated linearly between rows of arc length and c values."""
+def _from_table(rows: Sequence[tuple[float, ...]], surface: Surface, arc: FloatArray) -> FloatArray:
+    """Values (e, c) at ``arc`` (e,), interpolated linearly between rows of arc length and c values."""
     table = np.array(rows)
     length = surface.curve.length
     first, last = float(table[0, 0]), float(table[-1, 0])
     if first > COVERED * length or last < (1.0 - COVERED) * length:
         raise _BadTableError(f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}")
-    columns = [np.interp(surface.arc_length, table[:, 0], column) for column in table[:, 1:].T]
+    columns = [np.interp(arc, table[:, 0], column) for column in table[:, 1:].T]
     return np.stack(columns, axis=1)
 
 

@@ -99,7 +99,7 @@ def prepare(
             partial(BodyModel.build, name, cloud, material, settings, clamped, foresight),
         )
     pairings = tuple(pair(case, clouds))
-    held_nodes = {body.name: _held_nodes(case, body.name, clouds[body.name]) for body in case.body}
+    held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
     grips = {
         name: gripped(held[name], loads.springs[name], stiffest_soft(model.cloud, model.material))
         for name, model in models.items()
@@ -116,6 +116,16 @@ def prepare(
     return replace(prepared, pairings=even.pairings, movers=even.movers, notes=notes, line=even.line)
 
 
+def _touching(prepared: Prepared) -> dict[str, tuple[str, ...]]:
+    """The surfaces of every body that are in contact."""
+    found: dict[str, set[str]] = {name: set() for name in prepared.models}
+    for pairing in prepared.pairings:
+        found[pairing.slave_body].add(pairing.slave.name)
+        if pairing.master is not None and pairing.master_body is not None:
+            found[pairing.master_body].add(pairing.master.name)
+    return {name: tuple(sorted(names)) for name, names in found.items()}
+
+
 def equip(
     case: Case,
     prepared: Prepared,
@@ -129,8 +139,8 @@ def equip(
     bodies: dict[str, ElasticBody] = {}
     halved = prepared.line is not None
     conditions = {
-        name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name])
-        for name in prepared.models
+        name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
+        for name, touching in _touching(prepared).items()
     }
     for name, model in prepared.models.items():
         known = before.get(name)
@@ -138,7 +148,7 @@ def equip(
         if known is not None and known.model is model and known.halved == halved:
             bodies[name] = known
             continue
-        held, held_nodes, springs = conditions[name]
+        held, held_nodes, springs, touching = conditions[name]
         twins = (
             body
             for other, body in bodies.items()
@@ -151,7 +161,7 @@ def equip(
         body = memo.value(
             "body",
             digest(model.content, *conditions[name], solver.name, halved),
-            partial(assemble, model, held, held_nodes, solver, springs, halved=halved),
+            partial(assemble, model, held, held_nodes, solver, springs, halved=halved, touching=touching),
         )
         bodies[name] = replace(body, timed=timed)
     supports = {s.boundary: split_boundary(s.boundary) for s in case.support if s.boundary is not None}
@@ -191,7 +201,8 @@ def _held_surfaces(case: Case, body: str) -> dict[str, tuple[bool, bool]]:
     return held
 
 
-def _held_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], ...]:
+def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], ...]:
+    """The (node, component) pairs that supports of single nodes hold at zero."""
     pairs = []
     for support in case.support:
         if support.body == body and support.near is not None:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.crowding import Crowding, crowding
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.halves import halved
@@ -84,9 +85,14 @@ class Cloud:
     def triangles(self) -> IntArray:
         """Delaunay triangles (t, 3) of the nodes that lie inside the body, counter-clockwise.
 
-        For figures about a cloud, checks of a result and the nodes' areas; no function is defined on them.
+        For figures about a cloud, checks of a result and the nodes' cells; no function is defined on them.
         """
         return triangulate(self.points, self.edges, self.sight)
+
+    @cached_property
+    def faces(self) -> Faces:
+        """The inner faces of the nodes' cells."""
+        return dual_faces(self.points, self.triangles, self.surfaces)
 
     @cached_property
     def areas(self) -> FloatArray:

@@ -215,6 +215,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
         normal,
         tangential,
         columns,
+        sources,
         {where: columns.split(rows) for where, rows in seen.held.items()},
         {where: columns.split(rows) for where, rows in seen.sprung.items()},
     )
@@ -239,7 +240,10 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
         balance=balance_of_movers(forces),
         beyond=beyond,
         forces=reported_forces(forces),
-        contact_forces={pairing.name: forces.contact(pairing).take(slice(0, 2)) for pairing in pairings},
+        contact_forces={
+            pairing.name: forces.contact(pairing, pairing.slave_body).take(slice(0, 2))
+            for pairing in pairings
+        },
         imbalance=body_imbalance(forces),
         sources=sources,
         solutions=solutions,

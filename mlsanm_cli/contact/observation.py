@@ -57,7 +57,7 @@ class Observation:
     def counts(self) -> list[int]:
         """Rows of gaps, slips, every held surface, every probe and every sprung surface."""
         relative = [sum(len(pairing.position) for pairing in some) for some in (self.pairings, self.rough)]
-        pulls = [2 * len(self.scene.surface(*where).index) for where in self.sprung]
+        pulls = [3] * len(self.sprung)
         return [*relative, *(3 for _ in self.held), *(ROWS for _ in self.scene.probes), *pulls]
 
     @property

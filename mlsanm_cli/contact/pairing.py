@@ -226,7 +226,7 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     master = pairing.master
     assert master is not None, "an obstacle has no nodes"
     arc, _, spacing = _unrolled(pairing)
-    s, beside, stretch = _feet(pairing, master, master_cloud.points[master.index])
+    s, beside, stretch = feet(pairing, master, master.arc_length)
     slack = 1e-6 * float(pairing.spacing.min())
     facing = (pairing.slave.curve.normals(s) * master.normal).sum(axis=1) < OPPOSED
     if pairing.slave.curve.closed:
@@ -241,22 +241,22 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     return sparse.csr_array((carried, (rows[inner], columns)), shape=(len(s), fit.shape[1]))
 
 
-def _feet(pairing: Pairing, master: Surface, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where on the slave the master's nodes ``points`` (b, 2) have their pressures from: arc lengths (b,),
-    how far each place misses its node (b,), and the slave's length per length of the master (b,).
+def feet(pairing: Pairing, master: Surface, arc: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where on the slave the places at ``arc`` (b,) along the master have their pressures from: arc lengths
+    (b,), how far each misses its place (b,), and the slave's length per length of the master (b,).
 
-    Such a place is the point whose closest one on the master is the node, found by Newton's method from the
-    node's own closest point.
+    There the closest point of the master is the place, found by Newton's method from the place's own closest
+    point.
     """
-    slave = pairing.slave.curve
+    slave, points, normal = pairing.slave.curve, master.curve.points(arc), master.curve.normals(arc)
     s = slave.closest(points)
-    curvature = master.curve.curvature(master.arc_length)
+    curvature = master.curve.curvature(arc)
     for _ in range(NEWTON):
-        off = master.curve.closest(slave.points(s)) - master.arc_length
+        off = master.curve.closest(slave.points(s)) - arc
         if master.curve.closed:
             off -= master.curve.length * np.round(off / master.curve.length)
-        cosine = -(slave.normals(s) * master.normal).sum(axis=1)
-        gap = ((slave.points(s) - points) * master.normal).sum(axis=1)
+        cosine = -(slave.normals(s) * normal).sum(axis=1)
+        gap = ((slave.points(s) - points) * normal).sum(axis=1)
         # Where surfaces do not face each other nothing is carried over, whatever their stretch.
         stretch = (1.0 + curvature * gap) / np.maximum(cosine, -OPPOSED)
         # The two curves run past each other, each with its material on the left.

@@ -13,7 +13,8 @@ from mlsanm_cli.contact.regularization import Regularization
 from mlsanm_cli.errors import NumericalError
 
 WIDEST = 10.0
-"""The law's length of a node lies between the scene's elastic gap and this many times it."""
+"""The law's length of a node lies between the scene's elastic gap and this many times it, unless the node is
+drawn farther apart."""
 
 
 WITH_FRICTION = 0.15
@@ -32,6 +33,10 @@ def regularize(
 ) -> Regularization:
     """The hyperbolic law with ``eta`` relative to every contact's largest pressure in the exact ``states``.
 
+    Nodes drawn farther apart than WIDEST elastic gaps have the longer length and the smaller eta: the law
+    pulls with up to eta beyond its length, and hundreds of candidates all around a body would together pull
+    by some percent of the load. The product of both, which tells the gap under a pressure, is the same.
+
     ``stick``, of all or of each node with friction (n,), is the slip of an asperity at its friction limit,
     relative to the largest slip in its contact that friction at its limit everywhere would cause in those
     states. ``eta`` is that of all or of each candidate (m,).
@@ -47,11 +52,13 @@ def regularize(
         )
     elastic = max(float(np.abs(condensed.gap.pressure @ state.pressure).max()) for state in states)
     gap = 0.1 * elastic
-    delta = np.full(len(condensed.weight), WITH_FRICTION * gap)
-    if not len(condensed.rubbing):
-        for pairing in condensed.pairings:
-            initial = pairing.gap[pairing.candidate]
-            delta[condensed.spans[pairing.name]] = np.clip(initial - initial.min(), gap, WIDEST * gap)
+    apart = np.zeros(len(condensed.weight))
+    for pairing in condensed.pairings:
+        initial = pairing.gap[pairing.candidate]
+        apart[condensed.spans[pairing.name]] = initial - initial.min(initial=np.inf)
+    wide = np.maximum(apart / (WIDEST * gap), 1.0)
+    rough = len(condensed.rubbing) > 0
+    delta = np.full(len(apart), WITH_FRICTION * gap) if rough else np.clip(apart, gap, WIDEST * gap)
     forces = [
         np.abs(condensed.balance.pressure) @ np.abs(state.pressure)
         + np.abs(condensed.balance.traction) @ np.abs(state.traction)
@@ -66,8 +73,8 @@ def regularize(
     small = eta * own
     motion = np.array([np.abs(state.motion) for state in states]).max(axis=0)
     return Regularization(
-        eta=small,
-        delta=delta,
+        eta=small / wide,
+        delta=delta * wide,
         pressure=pressure,
         gap=gap,
         force=np.where(force > 0.0, force, 1.0),

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.linear_map import Columns
-from mlsanm_cli.contact.pairing import Pairing, transfer, turned
+from mlsanm_cli.contact.pairing import Pairing, feet, transfer, turned
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.pieces import turned_along
 from mlsanm_cli.mechanics.scene import Scene
 
 
@@ -22,7 +24,7 @@ def body_sources(
     few = np.zeros((body.rows, columns.loads + columns.motions))
     for load in scene.surface_loads:
         if load.body == name:
-            few[:, load.number] += body.source(load.surface, load.values, load.held)
+            few[:, load.number] += load.source(body)
     for force in scene.body_forces:
         if force.body == name:
             few[:, force.number] += body.force_source(force.values)
@@ -54,9 +56,7 @@ def _contact_sources(body: ElasticBody, name: str, pairing: Pairing, tangential:
     if pairing.slave_body == name:
         source = source + _on_slave(body, pairing, pairing.tangent if tangential else pairing.normal)
     if pairing.master is not None and pairing.master_body == name:
-        normal = pairing.master.normal
-        # The reaction to p n is -p n, whose n the master's own normal stands for; likewise the tangent.
-        source = source + _on_master(body, pairing, pairing.master, turned(normal) if tangential else normal)
+        source = source + _on_master(body, pairing, pairing.master, tangential)
     return source
 
 
@@ -72,15 +72,71 @@ def _on_slave(body: ElasticBody, pairing: Pairing, direction: FloatArray) -> spa
     return source
 
 
-def _on_master(
-    body: ElasticBody, pairing: Pairing, master: Surface, direction: FloatArray
-) -> sparse.csc_array:
-    """Unit tractions against ``direction`` (b, 2) on the master's own nodes, carried over along the slave."""
+def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential: bool) -> sparse.csc_array:
+    """What unit tractions on the slave, along its normals or tangents, do to the master: tractions of its own
+    nodes, carried over along the slave, and on its pieces the very opposite of what the slave's receive."""
+    direction, own = pairing.normal, master.normal
+    # The reaction to p n is -p n, whose n the master's own normal stands for; likewise the tangent.
+    direction, own = (pairing.tangent, turned(own)) if tangential else (direction, own)
     shares = transfer(pairing, body.model.cloud).tocoo()
     rows, columns = shares.coords
     source = sparse.csc_array((body.rows, shares.shape[1]))
     for component in (0, 1):
         lines = body.condition_rows(master.name, component)[rows]
-        values = -shares.data * direction[rows, component]
+        values = -shares.data * own[rows, component]
         source = source + sparse.csc_array((values, (lines, columns)), shape=source.shape)
-    return source
+    lack = _on_pieces(body, pairing, master, direction) - body.loads @ source
+    nodal = sparse.csc_array((body.rows - lack.shape[0], lack.shape[1]))
+    return sparse.csc_array(source + sparse.vstack([nodal, lack], format="csc"))
+
+
+def _on_pieces(
+    body: ElasticBody, pairing: Pairing, master: Surface, direction: FloatArray
+) -> sparse.csr_array:
+    """Force and moment (3k, m) on the master's pieces by minus unit tractions along ``direction`` (w, 2) of
+    the slave: as they are along the slave's surface, at the closest points of the master.
+
+    They are integrated between neighbouring nodes of the slave and ends of the master's cells, so that what a
+    piece receives is exact for linear pressures.
+    """
+    slave, pieces = pairing.slave, body.pieces
+    place = np.full(len(slave.index), -1, dtype=np.int64)
+    chosen = np.flatnonzero(pairing.candidate)
+    place[pairing.position[chosen]] = np.arange(len(chosen))
+    nodes, around = slave.arc_length, slave.curve.closed
+    ends = np.append(nodes, slave.curve.length) if around else nodes
+    middles = 0.5 * (master.arc_length[1:] + master.arc_length[:-1])
+    if master.curve.closed:
+        middles = np.append(middles, 0.5 * (master.arc_length[-1] + master.curve.length))
+    cuts = np.unique(np.clip(np.concatenate([ends, feet(pairing, master, middles)[0]]), ends[0], ends[-1]))
+    owner = master.index[
+        _nearest(master, master.curve.closest(slave.curve.points(0.5 * (cuts[1:] + cuts[:-1]))))
+    ]
+    first = np.searchsorted(ends, 0.5 * (cuts[1:] + cuts[:-1])) - 1
+    total = sparse.csr_array((3 * pieces.count, len(chosen)))
+    for at, weight in GAUSS[2]:
+        s = cuts[:-1] + at * np.diff(cuts)
+        normal, points = (
+            slave.curve.normals(s),
+            master.curve.points(master.curve.closest(slave.curve.points(s))),
+        )
+        share = (s - ends[first]) / (ends[first + 1] - ends[first])
+        for who, part in ((first, 1.0 - share), ((first + 1) % len(nodes), share)):
+            on = np.flatnonzero(place[who] >= 0)
+            turn = turned_along(slave.normal[who[on]], normal[on])
+            along = (turn @ direction[chosen[place[who[on]]], :, None])[:, :, 0]
+            force = -(weight * np.diff(cuts) * part)[on, None] * along
+            for level in pieces.levels:
+                rows, values, kept = pieces.entries(level[owner[on]], points[on], force)
+                entries = (values, (rows, np.tile(place[who[on]][kept], 3)))
+                total = total + sparse.csr_array(entries, shape=total.shape)
+    return sparse.csr_array(total)
+
+
+def _nearest(surface: Surface, arc: FloatArray) -> IntArray:
+    """Which of a surface's nodes (e,) is nearest along it to arc lengths ``arc`` (e,)."""
+    s = surface.arc_length
+    found = np.searchsorted(0.5 * (s[1:] + s[:-1]), arc)
+    if surface.curve.closed:
+        found = np.where(arc > 0.5 * (s[-1] + surface.curve.length), 0, found)
+    return np.asarray(found, dtype=np.int64)

@@ -1,13 +1,14 @@
-"""A body's equations from the conditions on its surfaces: rows, their weights, sums of them.
+"""A body's equations from the conditions on its surfaces: rows of its nodes and of its pieces, their weights.
 
 Least squares takes all rows. Weights: equilibrium h/E, traction 1/E, displacement ``HOLD``/h, which makes all
-rows strains; towards singular corners, notches and holes they are lowered. The square schemes choose among
-the rows (:mod:`mlsanm_cli.mechanics.equations`).
+rows strains; towards singular corners, notches and holes they are lowered. The equilibrium of the pieces
+(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong. The square schemes choose among the rows
+of the nodes (:mod:`mlsanm_cli.mechanics.equations`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -16,20 +17,22 @@ from types import MappingProxyType
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.corners import corner_weight, inward_weight
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
-from mlsanm_cli.mechanics.force_sums import ForceSums
 from mlsanm_cli.mechanics.halves import even_motions, fold_of
+from mlsanm_cli.mechanics.pieces import SOFTEST, Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
 from mlsanm_cli.operators.folded import Fold, Folded
+from mlsanm_cli.operators.least_squares import Strong
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.structure import compact
@@ -47,12 +50,13 @@ def assemble(
     springs: Springs = MappingProxyType({}),
     timed: Timed = nullcontext,
     halved: bool = False,
+    touching: Collection[str] = (),
 ) -> ElasticBody:
     """Choose the conditions of every surface and set up the rows.
 
     ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
     Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
-    where that holds it, which changes nothing but its rigid motion.
+    where that holds it, which changes nothing but its rigid motion. ``touching`` are the surfaces in contact.
     The system is factorised within ``timed()``. If ``halved``, it is that of one half of a cloud with a
     mirror and answers to the symmetric part of loads; supports and springs must be symmetric, and single held
     nodes on the mirror.
@@ -64,44 +68,91 @@ def assemble(
     single = [*held_nodes, *pins(cloud.points, free)]
     first_row, total = _first_rows(cloud)
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
-    fold = fold_of(cloud, table, single) if halved else None
+    grips = gripped(held, springs, stiffest_soft(cloud, model.material))
+    # Where volumes hardly change, pressures of single nodes are what pairs would make alternate.
+    pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, grips)
+    count = table.total + 3 * pieces.count
+    fold = fold_of(cloud, table, single, pieces) if halved else None
     pulls = _pulls(cloud, table, len(model.nodes))
     rows = _rows(model, held, single, table, fold)
-    if fold is not None:
-        pulls = pulls[fold.kept]
-    rows = sparse.csr_array(rows + pulls) if springs else rows
-    if fold is not None:
-        rows, pulls = fold.halved(rows), fold.halved(pulls)
-    rows = compact(rows)
+    if springs:
+        rows = sparse.csr_array(rows + (pulls if fold is None else pulls[fold.kept]))
+    rows = compact(rows if fold is None else fold.halved(rows))
     factorise: Callable[[], LinearSystem]
     weight = np.zeros(0)
     if model.settings.square:
         choice = choose_equations(cloud, held, single, table, model.ghosts)
+        choice = sparse.csr_array((choice.data, choice.indices, choice.indptr), (choice.shape[0], count))
         factorise = partial(square.factorise, rows, choice, model.nodes, solver)
     else:
-        limit = stiffest_soft(cloud, model.material)
-        weight = _row_weights(cloud, held, single, table, gripped(held, springs, limit))
-        balance = ForceSums(cloud, held, held_nodes, first_row, table.total, springs, limit)
-        sums, whole, nodes = balance.through_cuts(), balance.of_springs(), model.nodes
+        weight = _row_weights(cloud, held, single, table, grips)
+        known = pieces.told(list(held_nodes))
         if fold is not None:
-            weight = fold.weights(weight, HOLD / cloud.spacing)
-            sums, whole, nodes = fold.sums(sums), fold.sums(whole), nodes[fold.own]
-        images = np.concatenate([(rows.T @ sums.T).T, (pulls.T @ whole.T).T])
-        sums = np.concatenate([sums, whole])
-        # In place: of all that there is before the factor, the rows are the largest part.
-        rows.data *= np.repeat(weight, np.diff(rows.indptr))
-        factorise = partial(least_squares.factorise, rows, weight, nodes, solver, sums, images)
-        if fold is not None:
-            factorise = partial(_folded, fold, factorise)
-    # What rows and sums are made from, in place of them: they are many times as large. The weights tell what
-    # nodes and normals do not of the curves behind them.
-    content = digest(model.rows_content, weight, held, held_nodes, springs, solver.name, halved)
+            known = np.asarray(known & np.isin(np.arange(len(known)), fold.strong))
+        strong = partial(_strong, model, pieces, grips, first_row, pulls, known)
+        factorise = partial(_least_squares, model, rows, weight, strong, pieces, fold, solver)
+    # What rows are made from, in place of them: they are many times as large. The weights and the places
+    # halfway between nodes tell what nodes and normals do not of the curves behind them.
+    curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
+    chosen = [held, held_nodes, springs, solver.name, halved, sorted(touching)]
+    content = digest(model.rows_content, weight, curves, chosen)
     equations = Equations(content, factorise)
-    body = ElasticBody(model, held, springs, free, first_row, table.total, equations, timed, halved)
+    body = ElasticBody(model, held, springs, free, first_row, count, pieces, equations, timed, halved)
     if not free.components:
         return body
     pinned = replace(body, timed=nullcontext)
     return replace(body, equations=Equations(content, partial(_freed, pinned, single[len(held_nodes) :])))
+
+
+def _strong(
+    model: BodyModel,
+    pieces: Pieces,
+    grips: Held,
+    first_row: Mapping[str, int],
+    pulls: sparse.csr_array,
+    known: BoolArray,
+) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Rows (3k, 2N) of the equilibrium of pieces and what right-hand sides (3k, r) do there, as strains times
+    their strength; nothing where it is not ``known`` (3k,)."""
+    loads = pieces.loads(first_row, pulls.shape[0] + 3 * pieces.count, grips)
+    rows = pieces.fluxes(model, grips, np.asarray(known.reshape(3, -1).any(axis=0)))
+    if pulls.nnz:
+        # Springs pull with what tractions are less than their right-hand sides.
+        rows = rows + loads[:, : pulls.shape[0]] @ pulls
+    modulus = model.material.modulus
+    soft = min(1.0, SOFTEST * model.material.shear / modulus)
+    scale = sparse.diags_array(known * np.tile(soft * pieces.strength / (modulus * pieces.size), 3))
+    return sparse.csr_array(scale @ rows), sparse.csr_array(scale @ loads)
+
+
+def _least_squares(
+    model: BodyModel,
+    rows: sparse.csr_array,
+    weight: FloatArray,
+    strong: Callable[[], tuple[sparse.csr_array, sparse.csr_array]],
+    pieces: Pieces,
+    fold: Fold | None,
+    solver: DirectSolver,
+) -> LinearSystem:
+    """Factorise; with a ``fold``, for the half that it keeps. The ``rows`` are weighted in place."""
+    lines, loads = strong()
+    number = np.arange(3 * pieces.count) if fold is None else fold.strong
+    nodes, owner, levels = model.nodes, number % pieces.count, pieces.levels
+    if fold is not None:
+        weight = fold.weights(weight, HOLD / model.cloud.spacing)
+        lines, loads = fold.strong_rows(lines, loads)
+        nodes, levels = nodes[fold.own], tuple(level[fold.own] for level in levels)
+    # In place: of all that there is before the factor, the rows are the largest part.
+    rows.data *= np.repeat(weight, np.diff(rows.indptr))
+    places, times = np.zeros((pieces.count, 2)), np.zeros(pieces.count)
+    for level in levels:
+        some = np.flatnonzero(level >= 0)
+        np.add.at(places, level[some], nodes[some])
+        np.add.at(times, level[some], 1.0)
+    places /= np.maximum(times, 1.0)[:, None]
+    own, owner = np.unique(owner, return_inverse=True)
+    system = least_squares.factorise(rows, weight, nodes, solver, Strong(lines, loads, owner, places[own]))
+    return system if fold is None else Folded(system, fold)
 
 
 def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
@@ -143,10 +194,6 @@ def _rows(
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 
 
-def _folded(fold: Fold, factorise: Callable[[], LinearSystem]) -> Folded:
-    return Folded(factorise(), fold)
-
-
 def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
     """What springs add to the rows (r, 2N)."""
     pulls = sparse.csr_array((table.total, 2 * nodes))
@@ -161,26 +208,15 @@ def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
 
 def _freed(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
     """The body's system without its pins."""
-    model, cloud = body.model, body.model.cloud
-    count = len(cloud.points)
+    model, count = body.model, len(body.model.cloud.points)
     patterns = body.free.patterns(model.nodes)
     # Ghosts carry no displacement of the body.
     share = np.zeros(model.unknowns)
-    share[: 2 * count] = np.repeat(cloud.areas, 2)
-    inertia = patterns.T @ (share[:, None] * patterns)
-    mean = np.asarray(np.linalg.solve(inertia, patterns.T * share), dtype=np.float64)
-    work = np.zeros((len(inertia), body.rows))
-    balance: FloatArray = np.zeros((body.rows, len(inertia)))
-    for row, pattern in enumerate(patterns[: 2 * count].T):
-        motion = pattern.reshape(-1, 2)
-        for component in (0, 1):
-            equilibrium = slice(component * count, (component + 1) * count)
-            # Right-hand sides of equilibrium are minus a body force.
-            work[row, equilibrium] = -cloud.areas * motion[:, component]
-            balance[equilibrium, row] = motion[:, component]
-        for name, surface in cloud.surfaces.items():
-            work[row] += body.source(name, surface.weight[:, None] * motion[surface.index], held=False)
-    balance = balance @ np.linalg.inv(inertia)
+    share[: 2 * count] = np.repeat(model.cloud.areas, 2)
+    mean = np.asarray(np.linalg.solve(patterns.T @ (share[:, None] * patterns), patterns.T * share))
+    work = body.resultants(body.free.center)[list(body.free.components)].toarray()
+    balance = np.stack([body.force_source(one[: 2 * count].reshape(-1, 2)) for one in patterns.T], axis=1)
+    balance = -balance @ np.linalg.inv(work @ balance)
     places = np.array([2 * node + component for node, component in pinned])
     return FreeSystem(body.system, patterns, mean, places, work, balance)
 

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
+from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import NumericalError
@@ -25,20 +26,24 @@ from mlsanm_cli.mechanics.elasticity import (
     divergence_of,
     divergence_of_stress,
     equilibrium_rows,
+    force_rows,
+    force_sums,
     nested_equilibrium_rows,
     stress_of,
+    stress_rows,
     traction_of,
     traction_rows,
 )
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import Freedom
-from mlsanm_cli.mechanics.springs import Held, Springs, gripped, soft, stiffest_soft
+from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.folded import reflected, reflected_numbers
-from mlsanm_cli.operators.rows import pair_rows
+from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_stencils, look_around
+from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils, look_around
 from mlsanm_cli.operators.system import LinearSystem
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
@@ -134,6 +139,26 @@ class BodyModel:
         stencils = build_stencils(self.nodes, self.tree, points, 0, self.settings, self.cloud.sight)
         along = np.repeat(directions, np.diff(stencils.indptr), axis=0)
         return pair_rows(stencils, stencils.weights * along)
+
+    def forces_through(
+        self, centers: FloatArray, points: FloatArray, normals: FloatArray
+    ) -> sparse.csr_array:
+        """Rows (3e, 2N): forces x of sigma n at the t ``points`` (e, t, 2) around each of the ``centers``
+        (e, 2), added up, forces y, and moments about the centres. The ``normals`` (e, t, 2) are as long as
+        what the points stand for."""
+        stencils = build_gradients(self.nodes, self.tree, centers, points, self.settings, self.cloud.sight)
+        arm, c = points - centers[:, None], self.material.stiffness
+        if not self.material.nearly_incompressible:
+            return force_rows(stencils, c, arm, normals)
+        # The mean pressure as a nodal field, as in the equilibrium of the nodes.
+        even, flat = self.material.bulk_part, points.reshape(-1, 2)
+        there = build_stencils(self.nodes, self.tree, flat, 0, self.settings, self.cloud.sight)
+        values = scalar_rows(there, there.weights[:, 0])
+        parts = force_sums(arm, normals)
+        nested = [
+            (part @ values) @ stress_rows(self.stencils, even, which) for which, part in enumerate(parts)
+        ]
+        return sparse.csr_array(sum(nested, force_rows(stencils, c - even, arm, normals)))
 
     @cached_property
     def _stress_stencils(self) -> Stencils:
@@ -238,7 +263,9 @@ class ElasticBody:
     ``first_row[surface]`` is where the surface's rows begin: x for its b nodes, then y for its b nodes.
     ``held[surface]`` says for x and y whether these rows hold a displacement, ``springs[surface]`` what
     traction per displacement springs there pull back with, ``free`` which rigid motions nothing holds:
-    ``system`` then answers to balanced loads, by displacements without mean motion. ``rows`` counts all rows.
+    ``system`` then answers to balanced loads, by displacements without mean motion. ``rows`` counts all rows:
+    behind those of the nodes are three for each of the k ``pieces``, whose right-hand sides are what the
+    loads on it are beyond those that the nodes' right-hand sides stand for.
     ``equations`` are factorised within ``timed()``. If ``halved``, they are one half's, for symmetric loads.
     """
 
@@ -248,6 +275,7 @@ class ElasticBody:
     free: Freedom
     first_row: Mapping[str, int]
     rows: int
+    pieces: Pieces
     equations: Equations
     timed: Timed = nullcontext
     halved: bool = False
@@ -269,23 +297,59 @@ class ElasticBody:
         first = self.first_row[surface] + component * count
         return np.arange(first, first + count, dtype=np.int64)
 
-    def source(self, surface: str, values: FloatArray, held: bool) -> FloatArray:
+    def source(
+        self, surface: str, values: FloatArray, held: bool, between: FloatArray | None = None
+    ) -> FloatArray:
         """Right-hand side (r,) that prescribes ``values`` (b, 2) on a surface.
 
         They go into the components that hold a displacement if ``held``, else into those that take a
-        traction.
+        traction, which is linear between the nodes unless it is known ``between`` (g, 2) them, at the FINE
+        points of the surface's halves.
         """
         source = np.zeros(self.rows)
         for component in (0, 1):
             if self.held.get(surface, (False, False))[component] == held:
                 source[self.condition_rows(surface, component)] = values[:, component]
+        if between is not None and not held:
+            taken = ~np.array(self.gripped.get(surface, FREE))
+            whole = self.pieces.of_traction(self.model.cloud.surfaces[surface], between * taken)
+            source[self.rows - len(whole) :] = whole - self.loads @ source
         return source
 
     def force_source(self, force: FloatArray) -> FloatArray:
-        """Right-hand side (r,) of a ``force`` (n, 2) per volume: div sigma = -force."""
+        """Right-hand side (r,) of a ``force`` (n, 2) per volume, linear between the nodes:
+        div sigma = -force."""
         source = np.zeros(self.rows)
         source[: force.size] = -force.T.ravel()
+        source[self.rows - 3 * self.pieces.count :] = self.pieces.of_force(force)
         return source
+
+    @cached_property
+    def loads(self) -> sparse.csr_array:
+        """Force and moment (3k, r) on the pieces by right-hand sides."""
+        return self.pieces.loads(self.first_row, self.rows, self.gripped)
+
+    def resultants(self, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
+        """Force x, force y and moment about a ``center`` (3, r) of right-hand sides on the body."""
+        return sparse.csr_array(self.pieces.totals(center) @ self.loads)
+
+    def reaction_rows(self, surface: str, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
+        """Force x, y and moment about a ``center`` (3, 2N) of a held surface on the body."""
+        mirror, held = self.model.cloud.mirror if self.halved else None, self.gripped[surface]
+        where = self.model.cloud.surfaces[surface]
+        image = surface if mirror is None else mirror.surfaces[surface][0]
+        if mirror is None or image == surface:
+            # Square schemes have no rows of pieces, and their stress beside held corners tells little: it is
+            # taken a spacing inside, or two where both directions are held.
+            inside = float(sum(held)) if self.model.settings.square else 0.0
+            return reaction_rows(self.model, where, held, center, mirror, inside)
+        if mirror.side[where.index].sum() > 0:
+            return reaction_rows(self.model, where, held, center)
+        # Beyond the mirror the triangles and stencils may differ, and no equilibrium was asked for.
+        other = mirror.line.reflect(np.array([center]))[0]
+        there = (float(other[0]), float(other[1]))
+        rows = reaction_rows(self.model, self.model.cloud.surfaces[image], held, there)
+        return sparse.csr_array(sparse.diags_array(np.append(mirror.line.signs, -1.0)) @ rows)
 
     @cached_property
     def gripped(self) -> Held:
@@ -307,5 +371,7 @@ class ElasticBody:
         even = self.model.material.stiffness @ self.model.material.expansion
         source = np.zeros(self.rows)
         for name, surface in self.model.cloud.surfaces.items():
-            source += self.source(name, traction_of(even, surface.normal), held=False)
+            normal = surface.curve.normals(Halves.of(surface, FINE).arc)
+            between = traction_of(even, normal)
+            source += self.source(name, traction_of(even, surface.normal), held=False, between=between)
         return source

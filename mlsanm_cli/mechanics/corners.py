@@ -30,6 +30,14 @@ Measured on a clamped beam of 8 x 1, degree 2: with spacing 0.05 the tip moves 0
 weights, 0.82 with power 1, 0.93 with 1.5; at 2 the stress at the clamped side becomes useless.
 """
 
+REACH = 0.5
+"""Part of the thickness over which the weights beside such corners grow to 1.
+
+With five nodes across, ten clouds each, clamped beams of 5 to 50 thicknesses are within 0.8 % and a portal
+frame with fillets of two spacings within 1.6 %; with 1 the portal loses 3 %, without weights beams are up to
+1.6 % too soft.
+"""
+
 CLOSEST = 0.5
 """Distances are never taken below this part of the node spacing."""
 
@@ -41,8 +49,19 @@ SHARP = 0.3
 """Corners that turn inward by less (radian) are as good as smooth: their displacements are nearly linear."""
 
 
+def thickness(cloud: Cloud) -> float:
+    """The body's area over half its perimeter: the thickness of a thin body."""
+    perimeter = sum(float(surface.weight.sum()) for surface in cloud.surfaces.values())
+    return 2.0 * float(cloud.areas.sum()) / perimeter
+
+
 def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatArray:
-    """Factor (n,) on the equilibrium and traction rows of every node: (distance / largest distance)^POWER."""
+    """Factor (n,) on the equilibrium and traction rows of every node: up to 1, beside corners
+    (distance / (REACH thickness))^POWER.
+
+    Weights that grew all the way to the far end would leave the rows at a thin body's support with next to
+    nothing, and cost the strong rows their digits.
+    """
     corners = [
         np.intersect1d(one.index, other.index)
         for name, one in cloud.surfaces.items()
@@ -53,7 +72,7 @@ def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatA
     if not len(nodes):
         return np.ones(len(cloud.points))
     distance = np.maximum(cKDTree(cloud.points[nodes]).query(cloud.points)[0], CLOSEST * cloud.spacing)
-    factor: FloatArray = (distance / distance.max()) ** POWER
+    factor: FloatArray = np.minimum(distance / (REACH * thickness(cloud)), 1.0) ** POWER
     return factor
 
 
@@ -70,7 +89,7 @@ def inward_corners(cloud: Cloud) -> IntArray:
 
 
 def inward_weight(cloud: Cloud) -> FloatArray:
-    """Factor (n,) on the equilibrium and traction rows: (distance + radius) / its largest value.
+    """Factor (n,) on the equilibrium and traction rows: (distance + radius) / thickness, up to 1.
 
     The distance is that to the nearest inward corner, of radius 0, or hollow of the outline: fillet, notch
     or hole.
@@ -93,4 +112,4 @@ def inward_weight(cloud: Cloud) -> FloatArray:
             size = np.minimum(size, np.hypot(away[:, 0], away[:, 1]) + radius)
     if np.isinf(size).all():
         return np.ones(len(cloud.points))
-    return np.asarray(size / size.max())
+    return np.minimum(size / thickness(cloud), 1.0)

@@ -8,6 +8,7 @@ p + 1, solving the factorised system for the right-hand side (M - M+) u gives ab
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sparse
@@ -56,17 +57,14 @@ class Defect:
 @dataclass(frozen=True)
 class Corrected:
     """``displacement`` (N, 2) of a body, its elastic ``solution`` (2N, 1) without rigid motions, its
-    ``defect``, and the ``changes`` (2N, 2) that make up for it: by the rows alone, and with their sums too.
-    ``rough`` is the relative error of solutions by the factor alone.
-
-    The sums look at long waves only and may let the rest pass, the rows alone think of long waves as the body
-    without sums would: of the true error, one was down to 0.13, the other up to 4 times.
+    ``defect``, and the ``change`` (2N,) that makes up for it. ``rough`` is the relative error of solutions by
+    the factor alone.
     """
 
     displacement: FloatArray
     solution: FloatArray
     defect: Defect
-    changes: FloatArray
+    change: FloatArray
     rough: float
 
     def response(self, body: ElasticBody, sources: sparse.csc_array) -> FloatArray:
@@ -92,18 +90,16 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
     for _ in range(MOST):
         defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2))
         beyond = sparse.csc_array(defect.source[:, None])
-        step, plain, summed = body.system.step(source, solution, beyond).T
+        step, change = body.system.step(source, solution, beyond).T
         solution = solution + step[:, None]
         length = float(np.linalg.norm(step))
         rough = max(rough, length / size if size > 0.0 else 0.0)
-        settled = part * float(min(np.linalg.norm(plain), np.linalg.norm(summed)))
-        if length <= max(settled, SETTLED * size) or length >= STALLED * before:
+        if length <= max(part * float(np.linalg.norm(change)), SETTLED * size) or length >= STALLED * before:
             break
         before = length
-    changes = np.stack([plain, summed], axis=1)
     if rough > ROUGH:
-        changes = np.hstack([body.system.plain.solve(beyond, QUICK), body.system.solve(beyond, QUICK)])
-    return Corrected((solution[:, 0] + moved).reshape(-1, 2), solution, defect, changes, rough)
+        change = body.system.solve(beyond, QUICK)[:, 0]
+    return Corrected((solution[:, 0] + moved).reshape(-1, 2), solution, defect, change, rough)
 
 
 def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
@@ -123,6 +119,9 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
     for name, surface in model.cloud.surfaces.items():
         traction = traction_of(stress[surface.index], surface.normal)
         source += body.source(name, -traction, held=False)
+    # Pieces lack what flows through their faces, whatever their nodes' rows stand for.
+    fluxes = body.pieces.flux_of(partial(better.stress_around, displacement), body.gripped)
+    source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
     return Defect(source, stress)
 
 
@@ -145,6 +144,20 @@ class _NextDegree:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, ghosts left out."""
         cloud = self.model.cloud
         return self._derivatives(cloud.points, cloud.tree, stress, np.array([1.0, 1.0, -1.0]))
+
+    def stress_around(self, displacement: FloatArray, places: FloatArray, points: FloatArray) -> FloatArray:
+        """What the stress of ``displacement`` (N, 2) is more by the model's fits than by these (e, t, 3), at
+        ``points`` (e, t, 2) around ``places`` (e, 2): by first and second derivatives there."""
+        model = self.model
+        own, better = (
+            fitted_derivatives(model.nodes, model.tree, places, some, displacement, model.cloud.sight)
+            for some in (model.settings, next_degree(model.settings))
+        )
+        less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
+        near = [less[:, :, 0], less[:, :, 1] + x * less[:, :, 3] + y * less[:, :, 4]]
+        near.append(less[:, :, 2] + x * less[:, :, 4] + y * less[:, :, 5])
+        whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
+        return stress_of(whole, model.material.stiffness).reshape(*points.shape[:2], 3)
 
     def _derivatives(
         self, nodes: FloatArray, tree: cKDTree, field: FloatArray, signs: FloatArray

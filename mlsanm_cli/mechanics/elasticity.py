@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.kernels.forces import add_forces
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows, vector_rows
 from mlsanm_cli.operators.stencils import Stencils
 
@@ -34,6 +35,31 @@ def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, compone
     # The traction's own stiffness row, entry by entry.
     s0, s1, s2 = (c[first, a] * n_x + c[second, a] * n_y for a in range(3))
     return vector_rows(stencils, s0 * dx + s2 * dy, s2 * dx + s1 * dy)
+
+
+def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
+    """Rows (3e, 2n) of the sums of sigma n at t points of each stencil: x of all, y of all, and moments with
+    ``arm`` (e, t, 2). The stencils have the weights (nnz, 2t) of d/dx and d/dy at these points; ``normal``
+    (e, t, 2) are as long as what the points stand for."""
+    values = np.zeros((3, len(stencils.indices), 2))
+    add_forces(stencils.indptr, stencils.weights, c, arm, normal, values)
+    rows = [pair_rows(stencils, one) for one in values]
+    return sparse.csr_array(sparse.vstack(rows, format="csr"))
+
+
+def force_sums(arm: FloatArray, normal: FloatArray) -> list[sparse.csr_array]:
+    """What makes forces x, forces y and moments with ``arm`` (e, t, 2), (3e,), of the stress xx, yy or xy at
+    t points around e places, (e t,); ``normal`` (e, t, 2) are as long as what the points stand for."""
+    places, times = normal.shape[:2]
+    row, column = np.repeat(np.arange(places), times), np.arange(places * times)
+    (n_x, n_y), (a_x, a_y) = normal.reshape(-1, 2).T, arm.reshape(-1, 2).T
+    found = []
+    for x, y in ((n_x, 0.0 * n_x), (0.0 * n_x, n_y), (n_y, n_x)):
+        lines = np.concatenate([row, places + row, 2 * places + row])
+        values = np.concatenate([x, y, a_x * y - a_y * x])
+        entries = (values, (lines, np.tile(column, 3)))
+        found.append(sparse.csr_array(entries, shape=(3 * places, places * times)))
+    return found
 
 
 def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:

@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.mirror import Mirror
 from mlsanm_cli.mechanics.equations import RowTable
+from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import Freedom
 from mlsanm_cli.operators.folded import Fold
 
@@ -21,8 +23,8 @@ def even_motions(cloud: Cloud, free: Freedom) -> Freedom:
     return replace(free, components=tuple(one for one in free.components if one == along))
 
 
-def fold_of(cloud: Cloud, table: RowTable, single: Sequence[tuple[int, int]]) -> Fold:
-    """Keep the rows of the mirror's own nodes, of all the rows (r) in the ``table``.
+def fold_of(cloud: Cloud, table: RowTable, single: Sequence[tuple[int, int]], pieces: Pieces) -> Fold:
+    """Keep the rows of the mirror's own nodes, of all the rows (r) in the ``table``, and those of ``pieces``.
 
     On the mirror itself, rows across it say nothing, and where two surfaces meet there, the rows of one of
     them are enough. ``single`` (node, component) pairs are held on the mirror, or hold a motion along it.
@@ -47,6 +49,7 @@ def fold_of(cloud: Cloud, table: RowTable, single: Sequence[tuple[int, int]]) ->
     kept = np.flatnonzero((side > 0) | ((side == 0) & on))
     sign: FloatArray = np.where((mirror.side < 0)[:, None], mirror.line.signs, 1.0)
     sign[mirror.side == 0, across] = 0.0
+    strong, strong_image, strong_sign = _kept_pieces(mirror, pieces)
     return Fold(
         own=mirror.own,
         place=(2 * mirror.place[:, None] + np.arange(2)).ravel(),
@@ -56,4 +59,26 @@ def fold_of(cloud: Cloud, table: RowTable, single: Sequence[tuple[int, int]]) ->
         row_sign=mirror.line.signs[component[kept]],
         rows=rows,
         still=2 * mirror.place[mirror.side == 0] + across,
+        strong_rows_total=3 * pieces.count,
+        strong=strong,
+        strong_image=strong_image,
+        strong_sign=strong_sign,
     )
+
+
+def _kept_pieces(mirror: Mirror, pieces: Pieces) -> tuple[IntArray, IntArray, FloatArray]:
+    """Rows of the pieces on the mirror's own side, their images, and what the mirror multiplies them by.
+
+    Of a piece that is its own image, the force along the mirror says something.
+    """
+    image, own = np.empty(pieces.count, dtype=np.int64), np.zeros(pieces.count, dtype=bool)
+    for level in pieces.levels:
+        some = np.flatnonzero(level >= 0)
+        image[level[some]] = level[mirror.image[some]]
+        own[level[some[mirror.side[some] >= 0]]] = True
+    signs = np.append(mirror.line.signs, -1.0)
+    alone = image == np.arange(pieces.count)
+    kept = (own & (~alone | (signs[:, None] > 0.0))).ravel()
+    rows = np.flatnonzero(kept)
+    images = (np.arange(3)[:, None] * pieces.count + image).ravel()
+    return rows, images[rows], np.repeat(signs, pieces.count)[rows]

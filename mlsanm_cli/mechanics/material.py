@@ -40,21 +40,21 @@ class PlaneMaterial:
         return float(3.0 * (c[0, 0] + c[1, 1]) + 2.0 * c[0, 1] + 4.0 * c[2, 2]) / 8.0
 
     @cached_property
-    def _shear(self) -> float:
+    def shear(self) -> float:
         """Lame's mu; of an anisotropic material half the second of the three principal stiffnesses."""
         root = np.array([1.0, 1.0, np.sqrt(2.0)])
         return 0.5 * float(np.linalg.eigvalsh(self.stiffness * np.outer(root, root))[1])
 
     @cached_property
     def _first(self) -> float:
-        """Lame's lambda: what an even change of area meets beyond ``_shear``."""
+        """Lame's lambda: what an even change of area meets beyond ``shear``."""
         area = np.array([1.0, 1.0, 0.0])
-        return float(1.0 / (area @ np.linalg.solve(self.stiffness, area))) - self._shear
+        return float(1.0 / (area @ np.linalg.solve(self.stiffness, area))) - self.shear
 
     @property
     def nearly_incompressible(self) -> bool:
         """Whether equilibrium by second derivatives would lock."""
-        return self._first > LOCKING * self._shear
+        return self._first > LOCKING * self.shear
 
     @property
     def bulk_part(self) -> FloatArray:

@@ -11,7 +11,6 @@ was pinned at.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -154,7 +153,7 @@ class FreeSystem:
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
         """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
-        (r, 1) by the factor alone, of the equations of the nodes alone and with sums of them, (n, 3)."""
+        (r, 1) by the factor alone, (n, 2)."""
         sources = (self._balanced(source), self._pinned(solution), self._balanced(more))
         return self._centred(self.system.step(*sources))
 
@@ -190,18 +189,13 @@ class FreeSystem:
         """That of the pinned body's equations."""
         return self.system.note
 
-    @property
-    def plain(self) -> FreeSystem:
-        """The equations of the nodes alone, without sums of them."""
-        return replace(self, system=self.system.plain)
-
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
         """(S^T S)^-1 times ``vectors`` (n, c), S the equations of the pinned body as they are scaled."""
         return self.system.inverse_normal(vectors)
 
-    def scaled(self, sources: sparse.csc_array) -> FloatArray:
+    def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
         """Right-hand sides (r, c), balanced, as the equations are scaled."""
-        return self.system.scaled(self._balanced(sources))
+        return self.system.scaled(self._balanced(sources), strong)
 
     def equations(self, sources: sparse.csc_array) -> Equations:
         """The equations of the pinned body."""

@@ -20,13 +20,19 @@ from mlsanm_cli.values import dataclass
 
 @dataclass(frozen=True)
 class SurfaceLoad:
-    """``values`` (b, 2) on a surface at factor 1: a displacement if ``held``, else a traction."""
+    """``values`` (b, 2) on a surface at factor 1: a displacement if ``held``, else a traction, known
+    ``between`` (g, 2) the nodes too, at the FINE points of the surface's halves."""
 
     number: int
     body: str
     surface: str
     values: FloatArray
     held: bool
+    between: FloatArray | None = None
+
+    def source(self, body: ElasticBody) -> FloatArray:
+        """Right-hand side (r,) of its ``body``."""
+        return body.source(self.surface, self.values, self.held, self.between)
 
 
 @dataclass(frozen=True)

@@ -28,4 +28,9 @@ def moved_twin(twin: ElasticBody, model: BodyModel) -> ElasticBody:
     """The body of ``model`` with the system of a body that is :func:`alike`."""
     shift = model.cloud.points[0] - twin.model.cloud.points[0]
     center = (twin.free.center[0] + float(shift[0]), twin.free.center[1] + float(shift[1]))
-    return replace(twin, model=model, free=replace(twin.free, center=center))
+    pieces = replace(
+        twin.pieces,
+        cloud=model.cloud,
+        whole=replace(twin.pieces.whole, middle=twin.pieces.whole.middle + shift),
+    )
+    return replace(twin, model=model, free=replace(twin.free, center=center), pieces=pieces)

@@ -136,8 +136,8 @@ def test_a_coarse_hertz_case_becomes_accurate(tmp_path: Path, law: str) -> None:
 def test_a_pass_that_fails_leaves_the_result_of_the_one_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Spacings that grow by two thirds from node to node spoil the local fits.
-    monkeypatch.setattr(adapt, "SMOOTH", Rule(10.0, 0.5, 256.0, 0.8))
+    # Spacings that treble from node to node spoil the local fits.
+    monkeypatch.setattr(adapt, "SMOOTH", Rule(10.0, 0.5, 256.0, 2.0))
     settings = ('contact.interface.regularization.law="exact"', "mls.degree=4")
     plain = solve(hertz(), tmp_path / "plain", *settings)
     kept = solve(hertz(), tmp_path / "kept", "adapt.passes=2", *settings)

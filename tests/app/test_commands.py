@@ -190,7 +190,8 @@ def test_pressure_picture(hertz_run: Path, monkeypatch: pytest.MonkeyPatch) -> N
     # The force of each level is the load's, although 0.3 and 0.7 lie inside steps.
     assert pressure @ weight == pytest.approx([0.3 * 226.0, 0.7 * 226.0, 226.0], rel=2e-3)
     summary = json.loads((hertz_run / "summary.json").read_text())["contacts"]["interface"]["reference"]
-    assert reference.pressure.max() == pytest.approx(summary["peak_pressure"], rel=1e-12)
+    # By the sum of the pressures times their weights; the summary's is by their integral.
+    assert reference.pressure.max() == pytest.approx(summary["peak_pressure"], rel=2e-5)
     loaded = reference.arc[reference.pressure > 0.0]
     assert 0.5 * np.ptp(loaded) == pytest.approx(summary["half_width"], rel=0.02)
 

@@ -10,7 +10,7 @@ import pytest
 
 from mlsanm_cli.app import adapt, scene
 from mlsanm_cli.app.build import build_scene, place
-from mlsanm_cli.app.certificate import BULK_LIMIT
+from mlsanm_cli.app.certificate import BULK_LIMIT, HALF_LIMIT
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.compare import Wishes, compare
 from mlsanm_cli.app.scene import Prepared
@@ -201,10 +201,12 @@ def test_halves_of_bodies_are_of_no_use_to_a_scene_that_is_not_symmetric(
 def test_smooth_answers_of_halves_are_enough_for_the_certificate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Symmetric forces that are linear over both halves bend a plate as one-sided ones tilt it."""
+    """Symmetric forces that are linear over both halves bend a plate as one-sided ones tilt it: a half has
+    two thirds of the stability of the whole, and a limit of half the whole's."""
     even = solve(PLATE, tmp_path / "even")["stability"]
     monkeypatch.setattr(scene, "even_scene", whole)
-    assert even == pytest.approx(solve(PLATE, tmp_path / "whole")["stability"], rel=0.3)
+    whole_of_it = solve(PLATE, tmp_path / "whole")["stability"]
+    assert HALF_LIMIT / BULK_LIMIT < even / whole_of_it < 1.3
 
 
 def test_halves_pass_where_whole_bodies_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -95,9 +95,9 @@ def test_a_clamped_bar_that_is_heated(scheme: str, tmp_path: Path) -> None:
 
 
 def test_a_heated_block_that_is_clamped_on_one_side(tmp_path: Path) -> None:
-    # No force acts on it; what the clamp seems to exert is measured by what would block all expansion.
-    found = Result(block(CLAMP, HEAT, plane="stress"), tmp_path / "run")
-    assert 1e-6 < found.summary["force_balance"] <= 0.05
+    # No force acts on it, and what the clamp exerts next to what would block all expansion is round-off.
+    found = Result(block(CLAMP, HEAT, plane="stress"), tmp_path / "run", "body.block.spacing=0.1")
+    assert found.summary["force_balance"] <= 1e-6
 
 
 def test_a_plane_stiffness_in_plane_strain_leaves_von_mises_open(tmp_path: Path) -> None:
@@ -127,6 +127,7 @@ def test_hertz_on_an_orthotropic_block(tmp_path: Path) -> None:
     summary = run(case, overrides=overrides, out=tmp_path / "run", console=Quiet())
     contact = summary["contacts"]["interface"]
     assert contact["peak_pressure"] == pytest.approx(2.0 * force / (np.pi * 0.05), rel=0.003)
-    assert contact["half_width"] == pytest.approx(0.05, rel=0.005)
+    # Nodes are 0.0005 apart.
+    assert contact["half_width"] == pytest.approx(0.05, rel=0.007)
     assert contact["reference"]["pressure_error_l2"] <= 0.008
     assert contact["reference"]["half_width"] == pytest.approx(0.05, rel=1e-5)

@@ -131,7 +131,9 @@ def test_forces_between_steps_are_those_applied(hertz_probes: Path) -> None:
     levels = [0.123, 0.5, 0.987]
     for name, sign in (("press", 1.0), ("interface", -1.0)):
         rows = probe.probe_force(hertz_probes, levels, name)
-        assert [row["fy"] for row in rows] == pytest.approx([sign * LOAD * at for at in levels], rel=1e-9)
+        # A contact's is the sum of its pressures times their weights, not their integral.
+        close = 1e-9 if name == "press" else 2e-5
+        assert [row["fy"] for row in rows] == pytest.approx([sign * LOAD * at for at in levels], rel=close)
         assert {row["how"] for row in rows} == {SERIES}
 
 
@@ -161,8 +163,8 @@ def test_series_lead_to_the_stored_rows(scene: str, request: pytest.FixtureReque
 
 def test_friction_between_steps(rubbing: Path) -> None:
     (force,) = probe.probe_force(rubbing, [1.37], "interface")
-    assert force["fx"] == pytest.approx(-0.37 * 30.0, abs=1e-6)
-    assert force["fy"] == pytest.approx(226.566, rel=1e-8)
+    assert force["fx"] == pytest.approx(-0.37 * 30.0, rel=2e-5)
+    assert force["fy"] == pytest.approx(226.566, rel=2e-5)
     (contact,) = probe.probe_contact(rubbing, [1.37], "interface", ["traction", "pressure"])
     assert (np.abs(contact["traction"]) <= 0.3 * np.maximum(contact["pressure"], 0.0) + 1e-6).all()
     assert set(contact) == {"position", "how", "arc_length", "x", "y", "traction", "pressure"}

@@ -73,7 +73,7 @@ def test_a_signal_leaves_a_readable_run(number: signal.Signals, tmp_path: Path) 
     assert len(plot(tmp_path / "run")) >= 3
 
 
-@pytest.mark.parametrize(("text", "moments"), [(hertz(), (3, 15)), (SHEARED, (20,))])
+@pytest.mark.parametrize(("text", "moments"), [(hertz(growth=0.08), (3, 15)), (SHEARED, (20,))])
 def test_a_killed_process_is_resumed(text: str, moments: tuple[int, ...], tmp_path: Path) -> None:
     solve(text, tmp_path / "case")
     for kill in moments:
@@ -86,7 +86,10 @@ def test_a_killed_process_is_resumed(text: str, moments: tuple[int, ...], tmp_pa
         assert read_run(place / "run").path.rows >= kill
         assert "killed" in info(place / "run")["stop_reason"]
         again = start(place, text, "--quiet", command=("resume", "run"))
-        assert again.communicate(timeout=PATIENCE) == ("", "")
+        out, err = again.communicate(timeout=PATIENCE)
+        # The coarse block under friction has a warning of its own.
+        assert out == ""
+        assert all("strain energy of body block" in line for line in err.splitlines())
         assert again.returncode == 0
         assert differences(tmp_path / "case", place / "run") == []
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from mlsanm_cli.app import build, scene, symmetry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cli import main
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.operators import least_squares
 from tests.app.scenes import Quiet, assert_same_bits, hertz, solve
 from tests.app.test_loose import DISK, SMOOTH
 
@@ -81,6 +79,8 @@ FREE_PLATEN = (
 )
 EXACT = 'contact.interface.regularization.law="exact"'
 PUNCH = '{kind="polyline", points=[[-0.4, 1.0], [-0.4, 0.0], [0.4, 0.0], [0.4, 1.0]]}'
+HALF = "body.block.spacing=0.1"
+"""Where with the spacing of the others strain energy differs from work by more than a run may pass with."""
 FINER = "body.block.refine=[{at=[0.0, 0.0], spacing=0.05, radius=0.3, growth=0.1}]"
 LEVEL = "body.block.refine=[{at=[-0.6, -0.5], spacing=0.1, radius=0.2, growth=0.2}]"
 
@@ -100,14 +100,14 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "smooth contact": (hertz(), ("output.at=[0.4, 1.0]", "solver.tolerance=1e-11")),
     "platen moved": (hertz().replace("fy = -226.0", "uy = -0.002"), (EXACT,)),
     "platen that may turn and shift": (HEAD + HELD + FREE_PLATEN, ("load.press.fx=0.0",)),
-    "obstacle": (HEAD + HELD + UNDER + BESIDE, ()),
+    "obstacle": (HEAD + HELD + UNDER + BESIDE, (HALF,)),
     "polyline": (HEAD + HELD + UNDER, (f"contact.under.obstacle={PUNCH}",)),
     "loose": (DISK, ()),
     "loose and smooth": (DISK, (*SMOOTH, "solver.tolerance=1e-11")),
     "fit": (RINGS, ()),
     "body force": (HEAD + HELD + WEIGHT + BESIDE, ()),
     "tables on two sides": (HEAD + HELD + squeezed() + BOTH, ()),
-    "expressions on two sides": (HEAD + HELD + squeezed(*["pressure = '1 + y*y + x*x'"] * 2), ()),
+    "expressions on two sides": (HEAD + HELD + squeezed(*["pressure = '1 + y*y + x*x'"] * 2), (HALF,)),
     "tractions that are shared": (
         HEAD
         + HELD
@@ -130,12 +130,12 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
         HEAD.replace("nu = 0.3", "nu = 0.3\nalpha = 1e-3")
         + HELD
         + '[[load]]\nname = "heat"\nbody = "block"\nkind = "temperature"\ntemperature = 5.0\n',
-        (),
+        ("body.block.spacing=0.05",),
     ),
     **{f"degree {p}": (HEAD + SPRINGS + UNDER, (f"mls.degree={p}", FINER)) for p in (1, 2, 4)},
     # Contacts of this degree resist hardly any pressures that change from node to node.
     "degree 6": (HEAD + SPRINGS + WEIGHT + squeezed(), ("mls.degree=6",)),
-    "nearly incompressible": (HEAD + HELD + UNDER, ("material.stuff.nu=0.4999",)),
+    "nearly incompressible": (HEAD + HELD + UNDER, ("material.stuff.nu=0.4999", "body.block.spacing=0.05")),
     "wood": (
         HEAD.replace(
             "E = 200.0\nnu = 0.3", "E1 = 120.0\nE2 = 9.0\nG12 = 7.0\nnu12 = 0.4\nangle = 90.0"
@@ -146,30 +146,26 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
 }
 SAME = 1e-8
-FEWER_DIGITS = {"smooth contact": 1e-7, "loose and smooth": 1e-6, "nearly incompressible": 1e-6, "fit": 1e-3}
-"""Largest differences, relative to the largest value. In the fit nodes lie on nodes: of those equally far a
-stencil of one surface at the other's takes some, not the same on both sides."""
-
-
-class Strengths:
-    """How much the sums of a body's rows count, as a whole body found it, for its half as well.
-
-    It follows from the strongest of the sums, which in a whole body may be one that a half does not have.
-    """
-
-    def __init__(self) -> None:
-        self.proper = least_squares._strength
-        self.found: list[float] = []
-
-    def whole(self, small: FloatArray) -> float:
-        """The proper one, kept."""
-        strength = float(self.proper(small))
-        self.found.append(strength)
-        return strength
-
-    def half(self, small: FloatArray) -> float:
-        """The one that was kept first, for half of the rows' squares."""
-        return self.found.pop(0) * math.sqrt(0.5)
+FEWER_DIGITS = {
+    # Here triangles, and what the stencils at Gauss's points are made of, are not alike on both sides.
+    "platen and contact": 2e-4,
+    "smooth contact": 2e-4,
+    "platen moved": 2e-4,
+    "obstacle": 5e-6,
+    "loose": 2e-4,
+    "loose and smooth": 2e-4,
+    "expressions on two sides": 2e-6,
+    "level": 5e-6,
+    "heat": 5e-5,
+    "degree 1": 5e-4,
+    "degree 2": 2e-5,
+    "degree 4": 5e-6,
+    "nearly incompressible": 1e-3,
+    # Nodes lie on nodes: of those equally far a stencil of one surface at the other's takes some, not the
+    # same on both sides.
+    "fit": 1e-3,
+}
+"""Largest differences, relative to the largest value."""
 
 
 def solve_whole(
@@ -204,18 +200,12 @@ def results(directory: Path) -> dict[str, FloatArray]:
 @pytest.mark.parametrize("name", SCENES)
 def test_half_of_the_equations_is_enough(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text, overrides = SCENES[name]
-    strengths = Strengths()
-    with monkeypatch.context() as patch:
-        patch.setattr(least_squares, "_strength", strengths.whole)
-        summary = solve_whole(monkeypatch, text, tmp_path / "whole", *overrides)
+    summary = solve_whole(monkeypatch, text, tmp_path / "whole", *overrides)
     assert (summary["status"], summary["symmetry"]) == ("done", None), summary
-    with monkeypatch.context() as patch:
-        patch.setattr(least_squares, "_strength", strengths.half)
-        halved = solve(text, tmp_path / "half", *overrides)
+    halved = solve(text, tmp_path / "half", *overrides)
     assert (halved["status"], halved["symmetry"]) == ("done", "y = -0.5" if name == "level" else "x = 0"), (
         halved
     )
-    assert not strengths.found
     expected, found = results(tmp_path / "whole"), results(tmp_path / "half")
     assert expected.keys() == found.keys()
     for key, values in expected.items():
@@ -233,6 +223,15 @@ def test_half_of_the_equations_is_enough(name: str, tmp_path: Path, monkeypatch:
     assert one["displacement"] == pytest.approx(other["displacement"], rel=1e-2)
     # Of every second node pressures are not symmetric: a half takes those of one side for both.
     assert one["pressure"] == pytest.approx(other["pressure"], rel=0.15)
+
+
+@pytest.mark.parametrize("spacing", [0.1, 0.05, 0.04])
+def test_an_even_stress_is_exact_in_halves(spacing: float, tmp_path: Path) -> None:
+    pull = load("pull", "top", "traction", "traction = [0.0, 4.0]")
+    summary = solve(HEAD + ROLLING + MIDDLE + pull, tmp_path / "run", f"body.block.spacing={spacing}")
+    assert summary["symmetry"] == "x = 0"
+    stress = read_run(tmp_path / "run").states[-1].bodies["block"]["stress"]
+    assert np.abs(stress - [0.0, 4.0, 0.0]).max() <= 1e-9
 
 
 BESIDE_PLATEN = '[[load]]\nname = "press"\nboundary = "block.left"\nkind = "platen"\nux = 0.01\n'
@@ -264,9 +263,9 @@ WHOLE: dict[str, tuple[str, tuple[str, ...]]] = {
         HEAD + HELD + BESIDE_PLATEN,
         ("body.block.spacing=0.1",),
     ),
-    "obstacle beside": (SLIDING, ("contact.under.obstacle.center=[0.01, 3.0]",)),
+    "obstacle beside": (SLIDING, ("contact.under.obstacle.center=[0.01, 3.0]", HALF)),
     "monolithic": (hertz(), ("contact.interface.regularization.eta=0.1", 'solver.formulation="monolithic"')),
-    "outline": (HEAD.replace(*TRAPEZOID) + HELD + UNDER, ()),
+    "outline": (HEAD.replace(*TRAPEZOID) + HELD + UNDER, (HALF,)),
     "zone": (SLIDING, ("body.block.refine=[{at=[0.1, 0.0], spacing=0.1, radius=0.2, growth=0.2}]",)),
     "friction": (SLIDING, ("contact.under.friction=0.3",)),
     "collocation": (SLIDING, ('mls.scheme="collocation"', "body.block.spacing=0.1")),

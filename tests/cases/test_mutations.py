@@ -13,11 +13,12 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.rubbing_events import Barrier
 from mlsanm_cli.app.run import run
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.mechanics import assembly, body
 from mlsanm_cli.mechanics.equations import RowTable
+from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.springs import Held
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from tests.app.scenes import Quiet
@@ -55,11 +56,28 @@ def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., Fl
     return faulty
 
 
+@pytest.mark.parametrize("case", ["lame", "self_weight"])
+def test_pieces_that_know_of_no_load(case: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    proper = Pieces.entries
+
+    def faulty(pieces: Pieces, owner: IntArray, *rest: Any) -> tuple[IntArray, FloatArray, IntArray]:
+        rows, values, kept = proper(pieces, owner, *rest)
+        return rows, 0.0 * values, kept
+
+    monkeypatch.setattr(Pieces, "entries", faulty)
+    monkeypatch.setattr(Pieces, "of_force", lambda pieces, force: np.zeros(3 * pieces.count))
+    summary = outcome(case, tmp_path / "run")
+    assert summary["status"] == "failed"
+
+
 @pytest.mark.parametrize(
-    ("case", "overrides"), [("lame", ()), ("lame", ("mls.degree=2",)), ("patch", ()), ("hertz", (EXACT,))]
-)
-@pytest.mark.parametrize(
-    "factor", [lambda modulus: modulus, lambda modulus: 1e-3], ids=["in-stress", "light"]
+    ("case", "overrides", "factor"),
+    [
+        ("patch", (), lambda modulus: modulus),
+        ("patch", (), lambda modulus: 1e-3),
+        ("hertz", (EXACT,), lambda modulus: modulus),
+    ],
+    ids=["patch-in-stress", "patch-light", "hertz-in-stress"],
 )
 def test_dropped_weights_of_tractions(
     case: str,

@@ -8,11 +8,11 @@ import scipy.linalg as linalg
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
-from mlsanm_cli.contact.observers import cut_off, gap_rows, reaction_rows, resultant
-from mlsanm_cli.contact.pairing import Pairing, surface_fit, transfer
+from mlsanm_cli.contact.observers import gap_rows, reaction_rows
+from mlsanm_cli.contact.pairing import surface_fit
 from mlsanm_cli.contact.short_waves import SMOOTH
+from mlsanm_cli.contact.sources import _on_pieces
 from mlsanm_cli.contact.stability import contact_stability, relative_resistance
 from mlsanm_cli.mechanics.body import ElasticBody
 from tests.contact.scenes import Small, cylinder
@@ -57,12 +57,10 @@ def whole_solution(
             values[at, 1] = pressure * n_y - rubbed * n_x
             rhs += body.source(pairing.slave.name, values, held=False)
         else:
-            assert pairing.master is not None
-            carried = transfer(pairing, cloud) @ np.stack([pressure, rubbed], axis=1)
-            n_x, n_y = pairing.master.normal.T
-            values = -carried[:, :1] * pairing.master.normal
-            values -= carried[:, 1:] * np.stack([n_y, -n_x], axis=1)
-            rhs += body.source(pairing.master.name, values, held=False)
+            # The opposite of what the slave's pieces receive is tested with the sources.
+            tangential = rubbed if len(small.condensed.rubbing) else np.zeros(0)
+            unknowns = np.zeros(1), np.zeros(0), pressure, tangential
+            rhs += small.condensed.source(name, *unknowns).toarray()[:, 0]
         fields[name] = body.system.solve(sparse.csc_array(rhs[:, None])).reshape(-1, 2)
     return fields
 
@@ -152,7 +150,7 @@ def test_tractions_enter_the_forces(rubbed: Small) -> None:
     force = c.contact_forces["interface"](np.zeros(1), np.zeros(0), nothing, t)
     n_x, n_y = pairing.normal[pairing.candidate].T
     expected = [(7.0 * c.weight) @ n_y, -(7.0 * c.weight) @ n_x]
-    assert force == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert force == pytest.approx(expected, rel=1e-4, abs=1e-6 * np.abs(expected).max())
     # The platen carries what the contact does to its body; the other body's support takes the reaction.
     on_cylinder = force if pairing.slave_body == "cylinder" else -force
     assert c.forces["press"](np.zeros(1), np.zeros(0), nothing, t) == pytest.approx(-on_cylinder, rel=1e-9)
@@ -184,7 +182,9 @@ def test_reported_forces_are_integrals_of_the_stress(pushed: Small) -> None:
     pairing = pushed.pairing
     sizes = pushed.condensed.weight * state.pressure
     contact = pushed.condensed.contact_forces["interface"](*arguments)
-    assert contact == pytest.approx(sizes @ pairing.normal[pairing.candidate], rel=1e-12)
+    # Pressures are linear along the arc, not lumped at the nodes.
+    expected = sizes @ pairing.normal[pairing.candidate]
+    assert contact == pytest.approx(expected, rel=2e-5, abs=1e-6 * np.abs(expected).max())
     # Held by nothing but the platen, the body's balance gives the platen's force.
     platen = pushed.condensed.forces["press"](*arguments)
     on_cylinder = contact if pairing.slave_body == "cylinder" else -contact
@@ -236,44 +236,18 @@ def test_reaction_of_a_uniform_stress_is_exact(surface: str) -> None:
     center = (0.3, -0.2)
     mask = np.array(held[surface])
     got = reaction_rows(body, surface, center) @ u.ravel()
-    phi = cut_off(body, surface)
-    for name, other in cloud.surfaces.items():
-        # Where another surface holds the component, its stress is in the rows already.
-        known = mask & ~np.array(held.get(name, (False, False)))
-        if name != surface:
-            forces = (other.weight * phi[other.index])[:, None] * (other.normal @ sigma) * known
-            got -= resultant(forces, cloud.points[other.index], center).sum(axis=1)
     own = cloud.surfaces[surface]
-    forces = own.weight[:, None] * (own.normal @ sigma) * mask
-    expected = resultant(forces, cloud.points[own.index], center).sum(axis=1)
-    assert got[:2] == pytest.approx(expected[:2], abs=1e-11 * np.abs(sigma).max())
-    # The moment's lever varies along an edge, so that the sums over nodes and triangles differ a little.
-    assert got[2] == pytest.approx(expected[2], abs=5e-3 * np.abs(sigma).max())
+    start, end = cloud.points[own.index[[0, -1]]]
+    force = mask * (own.normal[0] @ sigma) * np.hypot(*(end - start))
+    x, y = 0.5 * (start + end) - np.array(center)
+    expected = [*force, x * force[1] - y * force[0]]
+    assert got == pytest.approx(expected, abs=1e-11 * np.abs(sigma).max())
 
 
 def test_certificate_is_positive_for_facing_clouds(forced: Small) -> None:
     # Scale-free: the same for a finer cloud.
     for small in (forced, cylinder(0.004)):
         assert contact_stability(small.condensed, small.exact().active) >= 0.9
-
-
-def sampled(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
-    """Each master node takes the pressure of the slave node nearest to it."""
-    window = transfer(pairing, master_cloud)
-    assert pairing.master is not None
-    s = pairing.slave.curve.closest(master_cloud.points[pairing.master.index])
-    nearest = np.abs(s[:, None] - pairing.arc[pairing.candidate]).argmin(axis=1)
-    rows = np.flatnonzero(np.diff(window.indptr))
-    return sparse.csr_array((np.ones(len(rows)), (rows, nearest[rows])), shape=window.shape)
-
-
-def test_certificate_is_negative_where_a_coarse_master_sees_part_of_the_pressures(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    whole = cylinder(0.004, master=0.016)
-    assert whole.stability > 0.0
-    monkeypatch.setattr("mlsanm_cli.contact.sources.transfer", sampled)
-    assert whole.again().stability < -0.5
 
 
 def test_certificate_is_the_smallest_quotient_of_energies() -> None:
@@ -308,8 +282,8 @@ def test_a_master_that_receives_nothing_does_not_pass(forced: Small, monkeypatch
         return float(np.abs(lack[2:]).max()) / 226.566
 
     assert lack_of_block(forced) <= 0.15
-    wrong = lambda *arguments: 0.0 * transfer(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.sources.transfer", wrong)
+    wrong = lambda *arguments: 0.0 * _on_pieces(*arguments)  # noqa: E731
+    monkeypatch.setattr("mlsanm_cli.contact.sources._on_pieces", wrong)
     assert lack_of_block(forced.again()) >= 0.9
 
 

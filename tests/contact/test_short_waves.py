@@ -100,8 +100,8 @@ def test_alternating_tractions_meet_the_half_plane() -> None:
     expected = 2.0 * spacing / (np.pi * 0.5 * 210e3 / 0.91)
     t: FloatArray = np.where(np.arange(len(raw)) % 2 == 0, 1.0, -1.0)
     amplitude = [float(np.mean(middle(t * (matrix @ t)))) for matrix in (raw, kept)]
-    assert amplitude[0] <= 0.6 * expected
-    assert amplitude[1] == pytest.approx(1.5 * expected, rel=0.4)
+    assert amplitude[0] <= 0.65 * expected
+    assert amplitude[1] == pytest.approx(1.8 * expected, rel=0.4)
 
 
 def test_smooth_tractions_hardly_notice() -> None:
@@ -133,12 +133,7 @@ def test_gaps_follow_the_fit_of_tractions() -> None:
         assert (getattr(kept.gap, name) == getattr(raw.gap, name)).all(), name
 
 
-@pytest.mark.parametrize(("resolved_gaps", "bounds"), [(True, (0.2, 2.0)), (False, (-3.0, -0.5))])
-def test_degree_4_resists_where_spacings_grow_along_the_contact(
-    resolved_gaps: bool, bounds: tuple[float, float], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if not resolved_gaps:
-        monkeypatch.setattr(condensed, "resolved", lambda gap, *others: (gap, *resolved(gap, *others)[1:]))
+def test_degree_4_resists_where_spacings_grow_along_the_contact() -> None:
     settings = ["mls.degree=4", "mls.neighbors=37", "contact.interface.friction=0.3"]
     for body, depth in (("cylinder", 1.0), ("block", 0.0)):
         zones = ["{at=[0.0,0.0],spacing=0.005,radius=0.06,growth=0.2}"]
@@ -148,7 +143,7 @@ def test_degree_4_resists_where_spacings_grow_along_the_contact(
         settings.append(f"body.{body}.refine=[{','.join(zones)}]")
     one = cylinder(0.006, *settings)
     bearing = np.abs(one.coordinate) <= 0.05
-    assert bounds[0] <= contact_stability(one.condensed, bearing) <= bounds[1]
+    assert 0.2 <= contact_stability(one.condensed, bearing) <= 2.0
 
 
 def test_contacts_keep_to_themselves() -> None:

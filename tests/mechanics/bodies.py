@@ -6,12 +6,14 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.settings import MlsSettings, Scheme
@@ -20,13 +22,13 @@ STEEL = isotropic(210.0, 0.3, "strain")
 Field = Callable[[FloatArray], FloatArray]
 
 
-def jittered_square(side: int, jitter: float = 0.25, seed: int = 0) -> Cloud:
-    """A lattice of ``side`` x ``side`` nodes on the unit square, inner ones moved by ``jitter`` h."""
-    h = 1.0 / (side - 1)
-    x = np.linspace(0.0, 1.0, side)
+def jittered_square(side: int, jitter: float = 0.25, seed: int = 0, size: float = 1.0) -> Cloud:
+    """A lattice of ``side`` x ``side`` nodes on a square, inner ones moved by ``jitter`` h."""
+    h = size / (side - 1)
+    x = np.linspace(0.0, size, side)
     inner = np.stack(np.meshgrid(x[1:-1], x[1:-1]), axis=-1).reshape(-1, 2)
     inner += jitter * h * np.random.default_rng(seed).uniform(-1.0, 1.0, inner.shape)
-    outline = rectangle((0.0, 1.0), (0.0, 1.0))
+    outline = rectangle((0.0, size), (0.0, size))
     surfaces, chain, first = {}, [], 0
     for name, curve in zip(outline.names, outline.curves, strict=True):
         s = np.linspace(0.0, curve.length, side)
@@ -60,19 +62,47 @@ def boundary_values(body: ElasticBody, displacement: Field, stress: Field) -> Fl
     cloud = body.model.cloud
     source = np.zeros(body.rows)
     for name, surface in cloud.surfaces.items():
-        at = cloud.points[surface.index]
-        s, n = stress(at), surface.normal
-        traction = np.stack(
-            [s[:, 0] * n[:, 0] + s[:, 2] * n[:, 1], s[:, 2] * n[:, 0] + s[:, 1] * n[:, 1]], axis=1
-        )
-        source += body.source(name, traction, held=False) + body.source(name, displacement(at), held=True)
+        at, arc = cloud.points[surface.index], Halves.of(surface, FINE).arc
+        traction = traction_of(stress(at), surface.normal)
+        between = traction_of(stress(surface.curve.points(arc)), surface.curve.normals(arc))
+        source += body.source(name, traction, held=False, between=between)
+        source += body.source(name, displacement(at), held=True)
     return source
 
 
-def with_body_force(body: ElasticBody, source: FloatArray, force: FloatArray) -> FloatArray:
-    """The same right-hand side (r,) with div sigma = -``force`` (n, 2) at the nodes."""
-    nodes = len(force)
-    loaded = source.copy()
-    loaded[:nodes] = -force[:, 0]
-    loaded[nodes : 2 * nodes] = -force[:, 1]
-    return loaded
+def with_body_force(body: ElasticBody, source: FloatArray, force: Field) -> FloatArray:
+    """The same right-hand side (r,) and div sigma = -``force`` (n, 2), a function of position.
+
+    Its force and moment on each piece are those of the function itself, not of its nodal values.
+    """
+    pieces, cloud = body.pieces, body.model.cloud
+    loaded = body.force_source(force(cloud.points))
+    mean = force(pieces.whole.middle)
+    exact = np.append((pieces.size[:, None] ** 2 * mean).T.ravel(), np.zeros(pieces.count))
+    node, points, area = _fine_cells(cloud)
+    for level in pieces.levels:
+        owner = level[node]
+        exact += pieces.gathered(owner, points, area[:, None] * (force(points) - mean[owner]))
+    loaded[body.rows - len(exact) :] = exact
+    return source + loaded
+
+
+def _fine_cells(cloud: Cloud) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Node (e,), place (e, 2) and area (e,) of quadrature over all cells, exact up to degree 6 where the
+    outline is straight."""
+    places, weights = np.polynomial.legendre.leggauss(4)
+    u, v = (one.ravel() for one in np.meshgrid(0.5 + 0.5 * places, 0.5 + 0.5 * places))
+    weight = 0.25 * np.outer(weights, weights).ravel() * u
+    nodes, points, areas = [], [], []
+    for turn in range(3):
+        corners = np.roll(cloud.triangles, -turn, axis=1)
+        a, center = cloud.points[corners[:, 0]], cloud.points[corners].mean(axis=1)
+        for other in (1, 2):
+            # The corner of the cell, half a side, the centroid; squares shrunk to triangles.
+            one, two = 0.5 * (cloud.points[corners[:, other]] - a), center - a
+            twice = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+            for x, y, part in zip(u * (1.0 - v), u * v, weight, strict=True):
+                nodes.append(corners[:, 0])
+                points.append(a + x * one + y * two)
+                areas.append(part * twice)
+    return np.concatenate(nodes), np.concatenate(points), np.concatenate(areas)

@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, recta
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.corners import inward_corners, inward_weight
+from mlsanm_cli.mechanics.corners import inward_corners, inward_weight, thickness
 from tests.mechanics.bodies import STEEL, boundary_values, build, with_body_force
 
 OPEN = sector((0.0, 0.0), (0.5, 1.5), (0.0, math.radians(359.5)))
@@ -53,7 +53,7 @@ def winding_error(cloud: Cloud, degree: int) -> tuple[ElasticBody, FloatArray, f
     exact = Winding()
     body = build(cloud, {"outer": (True, True)}, degree)
     source = boundary_values(body, exact.displacement, exact.stress)
-    source = with_body_force(body, source, exact.force(cloud.points))
+    source = with_body_force(body, source, exact.force)
     u = body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)
     expected = exact.displacement(cloud.points)
     return body, u, float(np.abs(u - expected).max() / np.abs(expected).max())
@@ -77,9 +77,9 @@ def test_without_sight_the_same_body_would_be_glued(monkeypatch: pytest.MonkeyPa
     assert winding_error(build_cloud(OPEN, Spacing(0.06), 0), 4)[2] > 0.5
 
 
-def bar(thickness: float) -> Cloud:
+def bar(across: float) -> Cloud:
     """A bar of length 12 with spacing 1."""
-    return build_cloud(rectangle((0.0, 12.0), (0.0, thickness)), Spacing(1.0), 0)
+    return build_cloud(rectangle((0.0, 12.0), (0.0, across)), Spacing(1.0), 0)
 
 
 def bent(at: FloatArray) -> FloatArray:
@@ -102,12 +102,12 @@ def bending_stress(at: FloatArray) -> FloatArray:
 def test_thin_parts_are_carried_or_refused(
     degree: int, refused: tuple[float, ...], enough: tuple[float, ...]
 ) -> None:
-    for thickness in refused:
+    for across in refused:
         with pytest.raises(NumericalError, match=r"nodes around \(.*\) cannot carry polynomials of degree"):
-            build(bar(thickness), {}, degree, held_nodes=((0, 0), (0, 1), (1, 1)))
-    for thickness in enough:
+            build(bar(across), {}, degree, held_nodes=((0, 0), (0, 1), (1, 1)))
+    for across in enough:
         # The stencils carry their whole polynomial space there: bending by moments is solved exactly.
-        body = build(bar(thickness), {"left": (True, True)}, degree)
+        body = build(bar(across), {"left": (True, True)}, degree)
         source = boundary_values(body, bent, bending_stress)
         u = body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)
         assert np.abs(u - bent(body.model.cloud.points)).max() <= 1e-8
@@ -138,10 +138,14 @@ def test_inward_corners_and_arcs_lower_the_weights_around_them() -> None:
     distance = np.hypot(*(angle.points - 1.0).T)
     assert weight.max() == 1.0
     far = distance > 0.1
-    assert weight[far] == pytest.approx(distance[far] / distance.max())
+    assert weight[far] == pytest.approx(np.minimum(distance[far] / thickness(angle), 1.0))
+    # An L of area 3 and perimeter 8.
+    assert thickness(angle) == pytest.approx(0.75, rel=1e-3)
     ring = build_cloud(annulus((0.0, 0.0), (0.5, 1.0)), Spacing(0.1), 0)
     assert not len(inward_corners(ring))
-    assert inward_weight(ring) == pytest.approx(np.hypot(*ring.points.T))
+    radius = np.hypot(*ring.points.T)
+    assert thickness(ring) == pytest.approx(0.5, rel=1e-2)
+    assert inward_weight(ring) == pytest.approx(np.minimum(radius / thickness(ring), 1.0))
     for plain in (rectangle((0.0, 1.0), (0.0, 1.0)), wedge(0.4)):
         assert (inward_weight(build_cloud(plain, Spacing(0.1), 0)) == 1.0).all()
 
@@ -170,7 +174,7 @@ def test_a_notched_plate_opens() -> None:
         u = body.system.solve(sparse.csc_array(body.source("top", pull, held=False)[:, None])).reshape(-1, 2)
         upper, lower = cloud.surfaces["upper"].index[0], cloud.surfaces["lower"].index[-1]
         openings.append(float(u[upper, 1] - u[lower, 1]))
-    # 33.72 is what degree 4 comes to on finer clouds; degree 2 comes to 27.1 here without sums of rows.
+    # 33.72 is what degree 4 comes to on finer clouds; degree 2 comes to 27.1 here without rows of pieces.
     assert 210.0 * openings[1] == pytest.approx(33.72, rel=0.003)
     assert 210.0 * openings[0] == pytest.approx(33.72, rel=0.01)
     assert 210.0 * openings[2] == pytest.approx(33.72, rel=0.01)

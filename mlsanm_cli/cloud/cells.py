@@ -1,0 +1,221 @@
+"""Cells of a cloud's nodes: the median dual of its triangles, closed by the body's true outline.
+
+A cell's inner faces run from the mid-sides of the triangles' edges to the triangles' centroids; on the
+outline the mid-side is the point of the curve halfway between two nodes, and the cell ends at the curve.
+Cells thus fill the body, and a flux integrated over all faces of a cell is what its divergence makes inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeAlias
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.values import dataclass
+
+Rule: TypeAlias = tuple[tuple[float, float], ...]
+"""Places on a face, from 0 to 1, and weights of a quadrature."""
+
+
+def _gauss(count: int) -> Rule:
+    places, weights = np.polynomial.legendre.leggauss(count)
+    return tuple(zip((0.5 + 0.5 * places).tolist(), (0.5 * weights).tolist(), strict=True))
+
+
+GAUSS: dict[int, Rule] = {count: _gauss(count) for count in range(1, 5)}
+"""Gauss's rules by their number of points."""
+FINE = GAUSS[4]
+"""That for functions of place that may be anything."""
+CLOSED = 1e-4
+"""What the normals of a closed cell may leave, as a part of the lengths: Gauss's rule on curves."""
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Inner faces (f,) between the cells of nodes ``one`` and ``other``, from ``start`` to ``end`` (f, 2)."""
+
+    one: IntArray
+    other: IntArray
+    start: FloatArray
+    end: FloatArray
+
+    def between(self, labels: IntArray) -> Faces:
+        """Those between nodes with different ``labels`` (n,)."""
+        return self.taken(labels[self.one] != labels[self.other])
+
+    def taken(self, kept: BoolArray) -> Faces:
+        """Those that are ``kept`` (f,)."""
+        return Faces(self.one[kept], self.other[kept], self.start[kept], self.end[kept])
+
+    def quadrature(self, rule: Rule = GAUSS[2]) -> tuple[FloatArray, FloatArray]:
+        """The g points (f, g, 2) of a ``rule`` on every face, and there the normals out of the cell of
+        ``one`` times the lengths they stand for (f, g, 2)."""
+        along = self.end - self.start
+        normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
+        points = np.stack([self.start + x * along for x, _ in rule], axis=1)
+        return points, np.stack([weight * normal for _, weight in rule], axis=1)
+
+    def edges(self, rule: Rule = GAUSS[2]) -> Edges:
+        """Both faces between the same two cells together, with the points of a ``rule`` on each."""
+        count = 1 + int(max(self.one.max(initial=0), self.other.max(initial=0)))
+        low, high = np.minimum(self.one, self.other), np.maximum(self.one, self.other)
+        key, first, edge = np.unique(low * count + high, return_index=True, return_inverse=True)
+        second = np.full(len(key), -1, dtype=np.int64)
+        later = np.flatnonzero(first[edge] != np.arange(len(edge)))
+        second[edge[later]] = later
+        points, normals = self.quadrature(rule)
+        normals = normals * np.where(self.one == low, 1.0, -1.0)[:, None, None]
+        alone = second < 0
+        others = normals[second]
+        others[alone] = 0.0
+        points = np.concatenate([points[first], points[np.where(alone, first, second)]], axis=1)
+        return Edges(key // count, key % count, points, np.concatenate([normals[first], others], axis=1))
+
+
+@dataclass(frozen=True)
+class Edges:
+    """All that separates the cells of nodes ``one`` and ``other`` (e,), the lower number first: g points
+    ``points`` (e, 2g, 2) of a rule on either face, and the ``normals`` (e, 2g, 2) out of the cell of ``one``
+    times the lengths they stand for, nothing on the second where there is one face only."""
+
+    one: IntArray
+    other: IntArray
+    points: FloatArray
+    normals: FloatArray
+
+    @property
+    def middle(self) -> FloatArray:
+        """The means (e, 2) of the points."""
+        return np.asarray(self.points.mean(axis=1))
+
+
+@dataclass(frozen=True)
+class Halves:
+    """Gauss's points on the halves of a surface between neighbouring nodes, each half in its node's cell.
+
+    Point g lies at arc length ``arc`` (g,), stands for ``length`` (g,) of the surface, and is in the cell of
+    the surface's node number ``own`` (g,); ``share`` (g,) is the linear function that is 1 at that node
+    and 0 at its neighbour number ``other`` (g,).
+    """
+
+    own: IntArray
+    other: IntArray
+    share: FloatArray
+    arc: FloatArray
+    length: FloatArray
+
+    @classmethod
+    def of(cls, surface: Surface, rule: Rule = GAUSS[2]) -> Halves:
+        """Those of a surface, by the places and weights of a quadrature ``rule``."""
+        arc, count = surface.arc_length, len(surface.index)
+        first, second = np.arange(count), np.arange(1, count + 1)
+        if surface.curve.closed:
+            arc, second = np.append(arc, surface.curve.length), second % count
+        first, second, step = first[: len(arc) - 1], second[: len(arc) - 1], np.diff(arc)
+        parts = []
+        for x, weight in rule:
+            length = 0.5 * weight * step
+            parts.append((first, second, 1.0 - 0.5 * x + 0.0 * step, arc[:-1] + 0.5 * x * step, length))
+            parts.append(
+                (second, first, 0.5 + 0.5 * x + 0.0 * step, arc[:-1] + 0.5 * (1.0 + x) * step, length)
+            )
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def dual_faces(points: FloatArray, triangles: IntArray, surfaces: Mapping[str, Surface]) -> Faces:
+    """The inner faces of all cells: three in each of the ``triangles`` (t, 3) of ``points`` (n, 2)."""
+    one, other = triangles.T.ravel(), np.roll(triangles, -1, axis=1).T.ravel()
+    middle, center = 0.5 * (points[one] + points[other]), np.tile(points[triangles].mean(axis=1), (3, 1))
+    key, middles = _outline_middles(len(points), surfaces)
+    wanted = np.minimum(one, other) * len(points) + np.maximum(one, other)
+    found = np.searchsorted(key, wanted)
+    on = key[np.minimum(found, len(key) - 1)] == wanted
+    middle[on] = middles[found[on]]
+    return Faces(one, other, middle, center)
+
+
+def cell_quadrature(
+    points: FloatArray, triangles: IntArray
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Quadrature over the cells of straight ``triangles`` (t, 3), exact up to quadratics: in each of a
+    triangle's six parts (corner, mid-side, centroid) three points.
+
+    Returns for every point the triangle's nodes (e, 3), of which the first has the cell, the point (e, 2),
+    the area (e,) it stands for, and the nodes' linear functions there (e, 3).
+    """
+    inner = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
+    nodes, shares = [], []
+    for turn in range(3):
+        for flip in (False, True):
+            corners = np.roll(triangles, -turn, axis=1)
+            part = np.array([[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [1.0 / 3.0] * 3])
+            corners = corners[:, [0, 2, 1]] if flip else corners
+            nodes.append(np.repeat(corners, 3, axis=0))
+            shares.append(np.tile(inner @ part, (len(triangles), 1)))
+    node, share = np.concatenate(nodes), np.concatenate(shares)
+    a, b, c = (points[node[:, corner]] for corner in range(3))
+    twice = np.abs((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))
+    return node, (share[:, :, None] * points[node]).sum(axis=1), twice / 36.0, share
+
+
+def _outline_middles(count: int, surfaces: Mapping[str, Surface]) -> tuple[IntArray, FloatArray]:
+    """Pairs of neighbours on the outline, as sorted numbers (b,), and the points of the curves halfway."""
+    keys, middles = [], []
+    for surface in surfaces.values():
+        arc, index = surface.arc_length, surface.index
+        if surface.curve.closed:
+            arc, index = np.append(arc, surface.curve.length), np.append(index, index[0])
+        middles.append(surface.curve.points(0.5 * (arc[1:] + arc[:-1])))
+        keys.append(np.minimum(index[1:], index[:-1]) * count + np.maximum(index[1:], index[:-1]))
+    key = np.concatenate(keys)
+    order = np.argsort(key)
+    return key[order], np.concatenate(middles)[order]
+
+
+@dataclass(frozen=True)
+class Measures:
+    """``area`` (k,) of cells or of groups of them, their ``middle`` (k, 2), and whether they are ``closed``
+    (k,): where triangles miss an edge of the outline, they are not."""
+
+    area: FloatArray
+    middle: FloatArray
+    closed: BoolArray
+
+
+def measure(points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], labels: IntArray) -> Measures:
+    """Of the groups of cells with the same ``labels`` (n,), not counting those with -1 nor numbers below the
+    smallest other, by integrals along their faces and the outline.
+
+    A = 1/2 oint x . n and, for the first moments, 1/2 oint x^2 n_x and 1/2 oint y^2 n_y.
+    """
+    chosen = np.flatnonzero(labels >= 0)
+    lowest = int(labels[chosen].min())
+    labels = np.where(labels >= 0, labels - lowest, -1)
+    count = int(labels.max()) + 1
+    nodes = np.bincount(labels[chosen], minlength=count)[:, None]
+    near = np.stack([np.bincount(labels[chosen], one, count) for one in points[chosen].T], axis=1) / nodes
+    outer = faces.between(labels)
+    at, normal = (values.reshape(-1, 2) for values in outer.quadrature())
+    one, other = labels[np.repeat(outer.one, 2)], labels[np.repeat(outer.other, 2)]
+    group, at, normal = np.append(one, other), np.tile(at, (2, 1)), np.concatenate([normal, -normal])
+    for surface in surfaces.values():
+        halves, curve = Halves.of(surface), surface.curve
+        group = np.append(group, labels[surface.index[halves.own]])
+        at = np.concatenate([at, curve.points(halves.arc)])
+        normal = np.concatenate([normal, halves.length[:, None] * curve.normals(halves.arc)])
+    kept = group >= 0
+    group, at, normal = group[kept], at[kept], normal[kept]
+    arm = at - near[group]
+
+    def total(values: FloatArray) -> FloatArray:
+        return np.stack([np.bincount(group, one, count) for one in values.T], axis=1)
+
+    lack, length = total(normal), np.bincount(group, np.hypot(*normal.T), count)
+    area = 0.5 * total(arm * normal).sum(axis=1)
+    closed = (np.hypot(*lack.T) <= CLOSED * length) & (area > 0.0)
+    first = 0.5 * total(arm**2 * normal)
+    middle = near + np.where(closed[:, None], first / np.where(closed, area, 1.0)[:, None], 0.0)
+    return Measures(area, middle, closed)

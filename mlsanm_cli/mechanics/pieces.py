@@ -1,0 +1,331 @@
+"""Equilibrium of a body's pieces: what flows through their faces is what acts on them.
+
+Least squares weigh the residuals of equilibrium node by node. A force that is lost a little everywhere on its
+way to the support then costs less than the discretisation error of a body that bends as it should: a clamped
+beam of 20 x 1 with five nodes across bent by half of what it should, and a ring by a tenth. In the norm that
+belongs to equilibrium, H^-1, long waves of the residual weigh more than short ones (Bramble, Lazarov and
+Pasciak 1997, doi:10.1090/S0025-5718-97-00848-X). So the equilibrium of connected pieces of some nodes, force
+x, force y and moment, are strong rows of their own:
+
+    - int_(inner faces) sigma n - int_(held sides) sigma n = int_(free sides) t + int_piece b
+
+and the same with arms about the piece's middle. Stresses at Gauss's points of the faces are those of moving
+least-squares fits, so that these are true fluxes: sums of the nodes' residuals lose as much as no sums.
+Fluxes through inner faces add up to nothing, so that what holds piece by piece holds for the whole body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, Measures, Rule, cell_quadrature, measure
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.mirror import Mirror
+from mlsanm_cli.cloud.pieces import divide, pair_up
+from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.mechanics.corners import REACH, thickness
+from mlsanm_cli.mechanics.elasticity import traction_of
+from mlsanm_cli.mechanics.springs import FREE, Held
+from mlsanm_cli.values import dataclass
+
+if TYPE_CHECKING:
+    from mlsanm_cli.mechanics.body import BodyModel
+
+SIZE = 16
+"""Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose
+some per cent near supports and fillets."""
+STRENGTH = 3000.0
+"""How much more the strain that a piece's lack of force stands for counts than another strain.
+
+A ring of radius over thickness 50 with five nodes across is 12 % too stiff with 100, 0.1 % with 1000; far
+beyond, the normal equations run out of digits. Pieces smaller than half a body's thickness are weaker in
+proportion: all forces count alike, as in H^-1, and clouds refined a thousandfold keep their digits.
+"""
+SOFTEST = 150.0
+"""Modulus over shear modulus up to which that is so. Beyond, where materials hardly change their volume, rows
+that tell shear have so few digits left that pieces must be weaker in proportion."""
+PAIRED = 10.0
+"""The same for pairs of nodes at contact surfaces, which tell one node's pressure from its neighbours'."""
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The division of a ``cloud`` into k pieces, each ``strength`` (k,) times as strong as a node's rows.
+
+    ``levels`` tell the piece of every node (n,), those behind the first only of some, and -1 of the others:
+    the first division is into connected pieces, the second has pairs of neighbours at contact surfaces.
+    ``whole`` measures the pieces. Their loads and fluxes are told in 3k rows: forces x of all, forces y, and
+    moments about the middles over the pieces' ``size`` (k,), the root of their areas.
+    """
+
+    cloud: Cloud
+    levels: tuple[IntArray, ...]
+    whole: Measures
+    size: FloatArray
+    strength: FloatArray
+
+    @classmethod
+    def of(cls, cloud: Cloud, touching: Collection[str] = (), held: Held = MappingProxyType({})) -> Pieces:
+        """Pieces of about SIZE nodes, and pairs along surfaces that are ``touching`` others."""
+        labels = divide(cloud, SIZE)
+        levels: tuple[IntArray, ...] = (labels,)
+        strength: FloatArray = np.full(int(labels.max()) + 1, STRENGTH)
+        stops = [name for name, components in held.items() if any(components)]
+        paired = pair_up(cloud, touching, stops) if touching else np.full(len(labels), -1)
+        if (paired >= 0).any():
+            first = len(strength)
+            strength = np.append(strength, np.full(int(paired.max()) + 1, PAIRED))
+            levels = (labels, np.where(paired >= 0, first + paired, -1))
+        parts = [measure(cloud.points, cloud.faces, cloud.surfaces, level) for level in levels]
+        whole = Measures(
+            *(np.concatenate(one) for one in zip(*(vars(m).values() for m in parts), strict=True))
+        )
+        nodal = sum(np.bincount(one[one >= 0], cloud.areas[one >= 0], len(strength)) for one in levels)
+        size = np.sqrt(np.where(whole.closed, whole.area, nodal))
+        main = slice(0, int(labels.max()) + 1)
+        strength[main] *= np.minimum(1.0, size[main] / (REACH * thickness(cloud)))
+        return cls(cloud, levels, whole, size, strength)
+
+    @property
+    def labels(self) -> IntArray:
+        """The piece (n,) of every node."""
+        return self.levels[0]
+
+    @property
+    def main(self) -> BoolArray:
+        """Which of the pieces (k,) are of the first level, that is, together the whole body."""
+        return np.asarray(np.arange(self.count) <= self.labels.max())
+
+    @property
+    def count(self) -> int:
+        """How many pieces there are (k)."""
+        return len(self.size)
+
+    def fluxes(self, model: BodyModel, held: Held, wanted: BoolArray) -> sparse.csr_array:
+        """Rows (3k, 2N) of minus the force and moment that leave every piece through its inner faces and
+        through ``held`` components of the outline, of ``wanted`` pieces (k,) at least."""
+        total: sparse.csr_array = sparse.csr_array((3 * self.count, model.unknowns))
+        for level in self.levels:
+            edges = self._edges(level, wanted, _rule(model))
+            forces = model.forces_through(edges.middle, edges.points, edges.normals)
+            out, into = (self._spread(level[at], edges.middle) for at in (edges.one, edges.other))
+            total = sparse.csr_array(total + (into - out) @ forces)
+        for name, components in held.items():
+            if any(components):
+                surface = self.cloud.surfaces[name]
+                halves = Halves.of(surface, _rule(model))
+                points, normals = _along(surface, halves)
+                forces = model.forces_through(points, points[:, None], normals[:, None])
+                kept = sparse.diags_array(np.repeat([*components, False], len(points)).astype(float))
+                for level in self.levels:
+                    spread = self._spread(level[surface.index[halves.own]], points)
+                    total = sparse.csr_array(total - spread @ (kept @ forces))
+        return total
+
+    def flux_of(
+        self, stress: Callable[[FloatArray, FloatArray], FloatArray], held: Held, rule: Rule = GAUSS[2]
+    ) -> FloatArray:
+        """The same (3k,) of a ``stress`` (e, t, 3) at points (e, t, 2) around places (e, 2), by a ``rule``
+        on every face."""
+        total = np.zeros(3 * self.count)
+        for level in self.levels:
+            edges = self._edges(level, np.ones(self.count, dtype=bool), rule)
+            points, normals = edges.points.reshape(-1, 2), edges.normals.reshape(-1, 2)
+            force = traction_of(stress(edges.middle, edges.points).reshape(-1, 3), normals)
+            one, other = (np.repeat(level[at], edges.points.shape[1]) for at in (edges.one, edges.other))
+            total += self.gathered(other, points, force) - self.gathered(one, points, force)
+        for name, components in held.items():
+            if any(components):
+                surface = self.cloud.surfaces[name]
+                halves = Halves.of(surface, rule)
+                points, normals = _along(surface, halves)
+                force = traction_of(stress(points, points[:, None])[:, 0], normals) * np.array(components)
+                for level in self.levels:
+                    total -= self.gathered(level[surface.index[halves.own]], points, force)
+        return total
+
+    def _edges(self, level: IntArray, wanted: BoolArray, rule: Rule) -> Edges:
+        """What separates ``wanted`` pieces (k,) of one level from the rest of the body."""
+        faces = self.cloud.faces.between(level)
+        chosen = np.append(wanted, False)
+        return faces.taken(chosen[level[faces.one]] | chosen[level[faces.other]]).edges(rule)
+
+    def _spread(self, owner: IntArray, center: FloatArray) -> sparse.csr_array:
+        """What adds forces x, y and moments about the ``center`` (e, 2) of each, (3e,), up to those on the
+        pieces ``owner`` (e,), -1 for none: (3k, 3e)."""
+        total, number = len(owner), np.flatnonzero(owner >= 0)
+        owner, center, count = owner[number], center[number], len(number)
+        arm = self.arm(owner, center)
+        lines = [owner, self.count + owner, *[2 * self.count + owner] * 3]
+        columns = [number, total + number, number, total + number, 2 * total + number]
+        values = [np.ones(count), np.ones(count), -arm[:, 1], arm[:, 0], 1.0 / self.size[owner]]
+        entries = (np.concatenate(values), (np.concatenate(lines), np.concatenate(columns)))
+        return sparse.csr_array(entries, shape=(3 * self.count, 3 * total))
+
+    def arm(self, owner: IntArray, points: FloatArray) -> FloatArray:
+        """Arms (e, 2) of ``points`` (e, 2) about the middles of pieces ``owner`` (e,), over their size."""
+        return np.asarray((points - self.whole.middle[owner]) / self.size[owner][:, None])
+
+    def loads(self, first_row: Mapping[str, int], rows: int, held: Held) -> sparse.csr_array:
+        """Force and moment (3k, rows) on the pieces, by right-hand sides of a body's rows, the last 3k of
+        which are such forces and moments themselves.
+
+        Tractions, of components that are not ``held``, are linear between nodes along normal and tangent of
+        the true outline. Those of equilibrium do nothing here: body forces are known by :meth:`of_force`.
+        """
+        own = np.arange(3 * self.count)
+        parts = [(own, rows - len(own) + own, np.ones(len(own)))]
+        for name, surface in self.cloud.surfaces.items():
+            parts += self._of_tractions(surface, first_row[name], held.get(name, FREE))
+        row, column, value = (np.concatenate(some) for some in zip(*parts, strict=True))
+        return sparse.csr_array((value, (row, column)), shape=(3 * self.count, rows))
+
+    def _of_tractions(
+        self, surface: Surface, first: int, held: tuple[bool, bool]
+    ) -> list[tuple[IntArray, IntArray, FloatArray]]:
+        """Entries (row, column, value) of :meth:`loads` by the rows of one surface, from the ``first`` on."""
+        halves, size = Halves.of(surface), len(surface.index)
+        points, normal = surface.curve.points(halves.arc), surface.curve.normals(halves.arc)
+        parts = []
+        for level in self.levels:
+            owner = level[surface.index[halves.own]]
+            for who, share in ((halves.own, halves.share), (halves.other, 1.0 - halves.share)):
+                turn = turned_along(surface.normal[who], normal) if not any(held) else _identity(len(who))
+                for axis in (0, 1):
+                    if held[axis]:
+                        continue
+                    column, force = (
+                        first + axis * size + who,
+                        (halves.length * share)[:, None] * turn[:, :, axis],
+                    )
+                    rows, values, kept = self.entries(owner, points, force)
+                    parts.append((rows, np.tile(column[kept], 3), values))
+        return parts
+
+    def entries(
+        self, owner: IntArray, points: FloatArray, force: FloatArray
+    ) -> tuple[IntArray, FloatArray, IntArray]:
+        """Rows (3e,) and values (3e,) of forces (e, 2) at ``points`` (e, 2) on pieces ``owner`` (e,), and
+        which of them (e,) these are: -1 has none."""
+        kept = np.flatnonzero(owner >= 0)
+        owner, force = owner[kept], force[kept]
+        arm = self.arm(owner, points[kept])
+        moment = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
+        rows = np.concatenate([owner, self.count + owner, 2 * self.count + owner])
+        return rows, np.concatenate([*force.T, moment]), kept
+
+    def of_traction(self, surface: Surface, traction: FloatArray) -> FloatArray:
+        """Force and moment (3k,) on the pieces by a ``traction`` (g, 2) at the FINE points of a surface's
+        halves."""
+        halves = Halves.of(surface, FINE)
+        points, force = surface.curve.points(halves.arc), halves.length[:, None] * traction
+        owners = [level[surface.index[halves.own]] for level in self.levels]
+        return np.asarray(sum(self.gathered(owner, points, force) for owner in owners))
+
+    def of_force(self, force: FloatArray) -> FloatArray:
+        """Force and moment (3k,) on the pieces by a body force that is linear between its nodal values
+        ``force`` (n, 2)."""
+        total, mean = np.zeros(3 * self.count), np.zeros((self.count + 1, 2))
+        for level in self.levels:
+            nodes = np.bincount(level[level >= 0], minlength=self.count)
+            for axis in (0, 1):
+                sums = np.bincount(level[level >= 0], force[level >= 0, axis], self.count)
+                mean[:-1, axis] += sums / np.maximum(nodes, 1)
+        # Forces that are alike all over a piece have no moment about its middle, true outline included.
+        total[: 2 * self.count] = (self.size[:, None] ** 2 * mean[:-1]).T.ravel()
+        if np.ptp(force, axis=0).any():
+            node, points, area, shares = cell_quadrature(self.cloud.points, self.cloud.triangles)
+            values = (shares[:, :, None] * force[node]).sum(axis=1)
+            for level in self.levels:
+                owner = level[node[:, 0]]
+                total += self.gathered(owner, points, area[:, None] * (values - mean[owner]))
+        return total
+
+    def gathered(self, owner: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
+        """Force and moment (3k,) on the pieces ``owner`` (e,), -1 for none, by forces (e, 2) at ``points``
+        (e, 2)."""
+        rows, values, _ = self.entries(owner, points, force)
+        return np.asarray(np.bincount(rows, values, 3 * self.count))
+
+    def totals(self, center: tuple[float, float]) -> sparse.csr_array:
+        """What the pieces' forces and moments (3k) add up to: force x, force y, and moment about a ``center``
+        (3, 3k)."""
+        one, none = self.main.astype(float), np.zeros(self.count)
+        x, y = one * (self.whole.middle - np.array(center)).T
+        lines = [[one, none, none], [none, one, none], [-y, x, one * self.size]]
+        return sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
+
+    def told(self, hidden: list[tuple[int, int]]) -> BoolArray:
+        """Which of the 3k rows can be told: those of closed pieces, but where single ``hidden`` (node,
+        component) pairs hold the body, whose forces no flux tells."""
+        known = np.tile(self.whole.closed, 3)
+        for node, component in hidden:
+            for level in self.levels:
+                if level[node] >= 0:
+                    known[[component * self.count + level[node], 2 * self.count + level[node]]] = False
+        return known
+
+
+def _rule(model: BodyModel) -> Rule:
+    """As many of Gauss's points as tell the moments of stresses of the degree exactly."""
+    return GAUSS[model.settings.degree // 2 + 1]
+
+
+def _along(surface: Surface, halves: Halves) -> tuple[FloatArray, FloatArray]:
+    """The points (g, 2) of a surface's halves, and the normals times the lengths they stand for (g, 2)."""
+    return surface.curve.points(halves.arc), halves.length[:, None] * surface.curve.normals(halves.arc)
+
+
+def turned_along(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Rotations (e, 2, 2) that turn unit vectors ``start`` (e, 2) into ``end`` (e, 2)."""
+    cosine = (start * end).sum(axis=1)
+    sine = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
+    return np.stack([np.stack([cosine, -sine], axis=1), np.stack([sine, cosine], axis=1)], axis=1)
+
+
+def _identity(count: int) -> FloatArray:
+    return np.broadcast_to(np.eye(2), (count, 2, 2))
+
+
+def reaction_rows(
+    model: BodyModel,
+    surface: Surface,
+    held: tuple[bool, bool],
+    center: tuple[float, float],
+    mirror: Mirror | None = None,
+    inside: float = 0.0,
+) -> sparse.csr_array:
+    """Force x, y and moment about ``center`` (3, 2N) of a held surface on its body, in ``held`` components:
+    what the rows of the pieces take for it, or the stress so many spacings ``inside``.
+
+    Where displacements are their own images in a ``mirror``, it is the force along it on its own side,
+    twice.
+    """
+    halves, curve = Halves.of(surface, _rule(model)), surface.curve
+    points, normals = curve.points(halves.arc), halves.length[:, None] * curve.normals(halves.arc)
+    if inside:
+        deep = inside * model.cloud.spacing[surface.index[halves.own]][:, None]
+        points = points - deep * curve.normals(halves.arc)
+    forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
+    x, y = (points - np.array(center)).T
+    along, times = np.array(held, dtype=float), np.ones(count)
+    if mirror is not None:
+        across = mirror.line.axis
+        times = 1.0 + np.sign(
+            mirror.side[surface.index[halves.own]] + mirror.side[surface.index[halves.other]]
+        )
+        along[across] = 0.0
+        x, y = (
+            np.full(count, mirror.line.at - center[k]) if k == across else z for k, z in enumerate((x, y))
+        )
+    one, none = times, np.zeros(count)
+    lines = [[one * along[0], none, none], [none, one * along[1], none]]
+    lines.append([-y * one * along[0], x * one * along[1], none])
+    sums = sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
+    return sparse.csr_array(sums @ forces)

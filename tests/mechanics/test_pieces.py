@@ -1,0 +1,305 @@
+"""Equilibrium of a body's pieces: fluxes and loads balance, thin bodies bend as they should."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.curves import annulus, disk, rectangle
+from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.mechanics import pieces
+from mlsanm_cli.mechanics.assembly import assemble
+from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
+from mlsanm_cli.mechanics.material import isotropic
+from mlsanm_cli.mechanics.pieces import Pieces, turned_along
+from mlsanm_cli.mechanics.rigid import FreeSystem
+from mlsanm_cli.mechanics.springs import Springs
+from mlsanm_cli.operators.linear.cholesky import CholeskySolver
+from mlsanm_cli.operators.settings import MlsSettings
+from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, with_body_force
+
+SOFT = isotropic(1.0, 0.3, "stress")
+Field = Callable[[FloatArray], FloatArray]
+HELDS: list[dict[str, tuple[bool, bool]]] = [
+    {},
+    {"bottom": (True, True)},
+    {"bottom": (False, True), "left": (True, False)},
+]
+
+
+def solved(body: ElasticBody, source: FloatArray) -> FloatArray:
+    """Displacements (n, 2)."""
+    return body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)
+
+
+def of_edges(stress: Field) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """A stress (n, 3) of places as pieces ask for it, by places (e, t, 2): (e, t, 3)."""
+    return lambda _, points: stress(points.reshape(-1, 2)).reshape(*points.shape[:2], 3)
+
+
+def uniform(at: FloatArray) -> FloatArray:
+    """An even stress."""
+    return np.tile([3.0, -2.0, 0.7], (len(at), 1))
+
+
+def linear(at: FloatArray) -> FloatArray:
+    """A stress linear in place, out of balance."""
+    slopes = np.array([[1.0, -0.4, 0.3], [0.6, 2.0, -1.1]])
+    return np.asarray(uniform(at) + at @ slopes)
+
+
+def linear_force(at: FloatArray) -> FloatArray:
+    """The body force that keeps it in equilibrium."""
+    return np.tile([-(1.0 - 1.1), -(0.3 + 2.0)], (len(at), 1))
+
+
+@pytest.mark.parametrize("held", HELDS)
+@pytest.mark.parametrize("touching", [(), ("top",)], ids=["", "pairs"])
+def test_fluxes_of_even_and_linear_stress_balance_on_every_piece(
+    held: dict[str, tuple[bool, bool]], touching: tuple[str, ...]
+) -> None:
+    cloud = build_cloud(
+        rectangle((0.0, 1.5), (0.0, 1.0)), Spacing(0.05, (Zone.around((0.2, 1.0), 0.02, 0.1, 0.12),)), 0
+    )
+    model = BodyModel.build("body", cloud, STEEL, MlsSettings(2))
+    body = assemble(model, held, (), CholeskySolver(), touching=touching)
+    assert body.pieces.main.sum() < body.pieces.count if touching else body.pieces.main.all()
+    for stress in (uniform, linear):
+        source = boundary_values(body, lambda at: 0.0 * at, stress)
+        if stress is linear:
+            source = with_body_force(body, source, linear_force)
+        out, loads = body.pieces.flux_of(of_edges(stress), body.gripped), body.loads @ source
+        assert np.abs(out).max() > 1e-2
+        np.testing.assert_allclose(loads, out, rtol=0.0, atol=1e-12)
+
+
+def test_fluxes_of_displacements_are_those_of_their_stress() -> None:
+    body = build(jittered_square(17), {"bottom": (True, True)}, 2)
+    gradient = np.array([[0.3, -0.2], [0.5, 0.1]])
+    u = body.model.cloud.points @ gradient.T
+    strain = np.array([gradient[0, 0], gradient[1, 1], gradient[0, 1] + gradient[1, 0]])
+    stress = STEEL.stiffness @ strain
+    whole = body.pieces.fluxes(body.model, body.gripped, np.ones(body.pieces.count, dtype=bool))
+    expected = body.pieces.flux_of(of_edges(lambda at: np.tile(stress, (len(at), 1))), body.gripped)
+    np.testing.assert_allclose(whole @ u.ravel(), expected, atol=1e-10 * np.abs(expected).max())
+    # Of some only, the others may be anything.
+    wanted = np.arange(body.pieces.count) % 3 == 0
+    some = body.pieces.fluxes(body.model, body.gripped, wanted) @ u.ravel()
+    np.testing.assert_allclose(some[np.tile(wanted, 3)], expected[np.tile(wanted, 3)], atol=1e-8)
+
+
+def test_what_flows_between_pieces_adds_up_to_nothing() -> None:
+    body = build(jittered_square(21), {})
+    inner = body.pieces.flux_of(of_edges(lambda at: np.sin(3.0 * at @ np.ones((2, 3)))), {})
+    assert np.abs(inner).max() > 1e-2
+    assert body.pieces.totals((0.3, -1.0)) @ inner == pytest.approx([0.0, 0.0, 0.0], abs=1e-13)
+
+
+def pressed(body: ElasticBody, name: str, pressure: float) -> FloatArray:
+    """Right-hand side (r,) of an even pressure on a surface."""
+    surface = body.model.cloud.surfaces[name]
+    between = -pressure * surface.curve.normals(Halves.of(surface, FINE).arc)
+    return body.source(name, -pressure * surface.normal, held=False, between=between)
+
+
+def test_loads_of_an_even_pressure_and_of_body_forces_have_exact_totals() -> None:
+    cloud = build_cloud(disk((0.3, -0.2), 1.0), Spacing(0.1), 0)
+    body = build(cloud, {})
+    (name,) = cloud.surfaces
+    # A pressure all around has no resultant, on half a disk the force on its diameter.
+    center = (0.7, 0.4)
+    assert body.resultants(center) @ pressed(body, name, 2.5) == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    weight = body.force_source(np.tile([0.0, -9.81], (len(cloud.points), 1)))
+    force = 9.81 * np.pi
+    assert body.resultants(center) @ weight == pytest.approx([0.0, -force, force * (0.7 - 0.3)], rel=1e-5)
+    # Body forces that turn: their moment is the polar moment of area.
+    arm = cloud.points - np.array([0.3, -0.2])
+    turning = body.force_source(np.stack([-arm[:, 1], arm[:, 0]], axis=1))
+    assert body.resultants((0.3, -0.2)) @ turning == pytest.approx([0.0, 0.0, 0.5 * np.pi], abs=1e-2)
+
+
+def test_loads_on_a_polygon_have_exact_totals() -> None:
+    cloud = build_cloud(rectangle((0.0, 2.0), (0.0, 1.0)), Spacing(0.1), 0)
+    body = build(cloud, {})
+    x, y = cloud.points.T
+    source = body.force_source(np.stack([1.0 + x - y, x], axis=1))
+    # int (1 + x - y) = 3, int x = 2, int (x x - y (1 + x - y)) = 8/3 - (1 + 1 - 2/3).
+    assert body.resultants() @ source == pytest.approx([3.0, 2.0, 4.0 / 3.0], rel=1e-12)
+    top = cloud.surfaces["top"]
+    shear = np.stack([1.0 + cloud.points[top.index, 0], np.zeros(len(top.index))], axis=1)
+    assert body.resultants((0.0, 0.5)) @ body.source("top", shear, held=False) == pytest.approx([4, 0, -2])
+
+
+@pytest.mark.parametrize("name", ["outer", "inner"])
+def test_without_values_between_the_nodes_a_pressure_is_turned_along_the_outline(name: str) -> None:
+    cloud = build_cloud(annulus((0.0, 0.0), (0.5, 1.0)), Spacing(0.1), 0)
+    body = build(cloud, {})
+    exact = body.loads @ pressed(body, name, 1.0)
+    source = body.source(name, -cloud.surfaces[name].normal, held=False)
+    assert np.abs(body.loads @ source - exact).max() <= 1e-6 * np.abs(exact).max()
+
+
+def test_vectors_are_turned_as_normals_are() -> None:
+    start, end = np.random.default_rng(0).uniform(0.0, 6.0, (2, 20))
+    one, other = (np.stack([np.cos(a), np.sin(a)], axis=1) for a in (start, end))
+    turn = turned_along(one, other)
+    np.testing.assert_allclose(np.einsum("eij,ej->ei", turn, one), other, atol=1e-14)
+    np.testing.assert_allclose(turn @ turn.transpose(0, 2, 1), np.tile(np.eye(2), (20, 1, 1)), atol=1e-14)
+
+
+@pytest.mark.parametrize("held", HELDS)
+def test_reactions_balance_all_loads(held: dict[str, tuple[bool, bool]]) -> None:
+    # What pieces lack adds up to what the supports hold: to the digits that strong rows have.
+    body = build(jittered_square(21), held)
+    cloud = body.model.cloud
+    source = body.force_source(np.stack([np.sin(cloud.points[:, 1]), cloud.points[:, 0]], axis=1))
+    pull = np.stack([np.ones(21), np.linspace(-1.0, 2.0, 21)], axis=1)
+    source += body.source("right", pull, held=False)
+    reactions = np.zeros(3)
+    u = solved(body, source)
+    for name in held:
+        reactions += body.reaction_rows(name) @ u.ravel()
+    loads = body.resultants() @ source
+    if held:
+        assert reactions == pytest.approx(-loads, rel=1e-3)
+    else:
+        # Nothing holds: inertia balances what there is.
+        assert isinstance(body.system, FreeSystem)
+        assert np.abs(loads).max() > 0.5
+        balanced = source + body.system.balance @ (body.system.work @ source)
+        assert np.abs(body.resultants() @ balanced).max() <= 1e-12
+
+
+def compliance(
+    cloud: Cloud,
+    traction: Callable[[str, FloatArray, FloatArray], FloatArray],
+    held: dict[str, tuple[bool, bool]],
+    degree: int = 2,
+) -> float:
+    """Work of a ``traction`` by surface, places and normals on the displacements that it causes."""
+    body = build(cloud, held, degree, SOFT)
+    source, parts = np.zeros(body.rows), []
+    for name, surface in cloud.surfaces.items():
+        if name in held:
+            continue
+        halves, curve = Halves.of(surface, FINE), surface.curve
+        between = traction(name, curve.points(halves.arc), curve.normals(halves.arc))
+        nodal = traction(name, cloud.points[surface.index], surface.normal)
+        source += body.source(name, nodal, held=False, between=between)
+        parts.append((surface, halves, between))
+    u = solved(body, source)
+    work = 0.0
+    for surface, halves, between in parts:
+        own, other = (u[surface.index[who]] for who in (halves.own, halves.other))
+        moved = halves.share[:, None] * own + (1.0 - halves.share[:, None]) * other
+        work += float(halves.length @ (between * moved).sum(axis=1))
+    return work
+
+
+CLAMPED = {"left": (True, True)}
+BEAM = 32034.2
+"""Compliance of a clamped beam of 20 x 1 under a unit shear force: finite elements of degree 19."""
+RING = 14252.57
+"""The same of a ring, radius over thickness 20, under two opposite pushes."""
+
+
+def shear(name: str, points: FloatArray, _: FloatArray) -> FloatArray:
+    """A unit force across the free end."""
+    return np.tile([0.0, 1.0 if name == "right" else 0.0], (len(points), 1))
+
+
+def beam(seed: int = 0, line: Line | None = None, across: int = 5) -> Cloud:
+    return build_cloud(rectangle((0.0, 20.0), (-0.5, 0.5)), Spacing(1.0 / (across - 1)), seed, line=line)
+
+
+@pytest.mark.parametrize("degree", [2, 4])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slender_clamped_beam_bends_as_it_should(degree: int, seed: int) -> None:
+    assert compliance(beam(seed), shear, CLAMPED, degree) == pytest.approx(BEAM, rel=0.01)
+
+
+@pytest.mark.parametrize("line", [Line(0, 10.0), Line(1, 0.0)], ids=["upright", "level"])
+def test_so_it_does_on_a_cloud_that_is_its_own_mirror_image(line: Line) -> None:
+    cloud = beam(line=line)
+    assert cloud.mirror is not None
+    assert compliance(cloud, shear, CLAMPED) == pytest.approx(BEAM, rel=0.01)
+
+
+def test_with_pieces_as_weak_as_nodes_it_is_too_stiff(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pieces, "STRENGTH", 1.0)
+    assert compliance(beam(), shear, CLAMPED) <= 0.8 * BEAM
+
+
+def opposite_pushes(name: str, points: FloatArray, _: FloatArray) -> FloatArray:
+    """Unit forces down and up on two thicknesses to each side of the outer surface's ends."""
+    half = 2.0 / 20.5
+    angle = np.arctan2(points[:, 0], np.abs(points[:, 1]))
+    bump = np.cos(0.5 * np.pi * angle / half) ** 2 / (half * 20.5)
+    pressure = np.where((np.abs(angle) < half) & (name == "outer"), bump, 0.0)
+    return np.stack([np.zeros(len(points)), -pressure * np.sign(points[:, 1])], axis=1)
+
+
+@pytest.mark.parametrize("degree", [2, 4])
+def test_a_thin_ring_bends_as_it_should(degree: int) -> None:
+    cloud = build_cloud(annulus((0.0, 0.0), (19.5, 20.5)), Spacing(0.25), 0)
+    assert compliance(cloud, opposite_pushes, {}, degree) == pytest.approx(RING, rel=0.01)
+
+
+def sprung(springs: Springs) -> ElasticBody:
+    """A block that nothing but springs hold."""
+    cloud = build_cloud(rectangle((0.0, 2.0), (0.0, 1.0)), Spacing(0.1), 0)
+    model = BodyModel.build("body", cloud, STEEL, MlsSettings(2))
+    return assemble(model, {}, (), CholeskySolver(), springs)
+
+
+@pytest.mark.parametrize("stiffness", [1e-3, 1e-2, 1.0])
+def test_a_block_on_springs_alone_moves_by_force_over_stiffness(stiffness: float) -> None:
+    # Springs that are soft against the block: it moves as a whole, 2 wide, and hardly changes its shape.
+    body = sprung({"bottom": (stiffness, 3.0 * stiffness)})
+    assert body.soft_springs
+    pull = 1e-3 * stiffness * np.array([1.0, -6.0])
+    source = body.force_source(np.tile(pull, (len(body.model.cloud.points), 1)))
+    u = solved(body, source)
+    # The pull in x, 1/2 above the springs, turns the block about their middle: k_y L^3 / 12 per angle.
+    turn = -0.5 * pull[0] * 2.0 / (3.0 * stiffness * 8.0 / 12.0)
+    x, y = body.model.cloud.points.T
+    expected = np.stack(
+        [pull[0] / stiffness - turn * y, pull[1] / (3.0 * stiffness) + turn * (x - 1.0)], axis=1
+    )
+    assert np.abs(u - expected).max() <= 0.01 * stiffness * np.abs(expected).max()
+
+
+def test_stiff_springs_hold_by_the_stress_inside() -> None:
+    body = sprung({"bottom": (1e4, 1e4)})
+    assert not body.soft_springs
+    assert body.gripped == {"bottom": (True, True)}
+    weight = body.force_source(np.tile([0.0, -1.0], (len(body.model.cloud.points), 1)))
+    u = solved(body, weight)
+    assert body.reaction_rows("bottom", (1.0, 0.0)) @ u.ravel() == pytest.approx([0.0, 2.0, 0.0], abs=2e-3)
+
+
+def test_what_single_held_nodes_hold_is_not_told() -> None:
+    cloud = jittered_square(17)
+    whole = Pieces.of(cloud)
+    assert whole.told([]).all()
+    known = whole.told([(40, 1)])
+    piece = whole.labels[40]
+    assert set(np.flatnonzero(~known)) == {whole.count + piece, 2 * whole.count + piece}
+
+
+def test_pieces_smaller_than_the_thickness_are_weaker_in_proportion() -> None:
+    zone = Zone.around((0.5, 1.0), 0.002, 0.01, 0.15)
+    cloud = build_cloud(rectangle((0.0, 1.0), (0.0, 1.0)), Spacing(0.1, (zone,)), 0)
+    found = Pieces.of(cloud)
+    # Half of the thickness, twice the area over the perimeter.
+    expected = pieces.STRENGTH * np.minimum(1.0, found.size / 0.25)
+    assert found.strength == pytest.approx(expected, rel=1e-2)
+    assert found.strength.min() < 0.1 * pieces.STRENGTH
+    assert found.size**2 @ np.ones(found.count) == pytest.approx(1.0)
