@@ -200,10 +200,8 @@ class Pieces:
                 for axis in (0, 1):
                     if held[axis]:
                         continue
-                    column, force = (
-                        first + axis * size + who,
-                        (halves.length * share)[:, None] * turn[:, :, axis],
-                    )
+                    column = first + axis * size + who
+                    force = (halves.length * share)[:, None] * turn[:, :, axis]
                     rows, values, kept = self.entries(owner, points, force)
                     parts.append((rows, np.tile(column[kept], 3), values))
         return parts
@@ -307,11 +305,11 @@ def reaction_rows(
     Where displacements are their own images in a ``mirror``, it is the force along it on its own side,
     twice.
     """
-    halves, curve = Halves.of(surface, _rule(model)), surface.curve
-    points, normals = curve.points(halves.arc), halves.length[:, None] * curve.normals(halves.arc)
+    halves = Halves.of(surface, _rule(model))
+    points, normals = _along(surface, halves)
     if inside:
         deep = inside * model.cloud.spacing[surface.index[halves.own]][:, None]
-        points = points - deep * curve.normals(halves.arc)
+        points = points - deep * surface.curve.normals(halves.arc)
     forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
     x, y = (points - np.array(center)).T
     along, times = np.array(held, dtype=float), np.ones(count)
