@@ -35,7 +35,8 @@ from mlsanm_cli.app.clock import Clock  # noqa: E402
 from mlsanm_cli.app.homotopy import lowered  # noqa: E402
 from mlsanm_cli.app.paths import path_of  # noqa: E402
 from mlsanm_cli.app.series_path import coupling_of, problem_of, regularization, start_point  # noqa: E402
-from mlsanm_cli.app.states import PathStep, factors_at  # noqa: E402
+from mlsanm_cli.app.stages import factors_at  # noqa: E402
+from mlsanm_cli.app.states import PathStep  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.case import load_case  # noqa: E402
 from mlsanm_cli.contact.active_set import solve_exact  # noqa: E402

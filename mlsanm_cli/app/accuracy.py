@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.near import grid_errors
 from mlsanm_cli.app.states import State
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.accuracy import corrected_state, halved_pressure, l2
@@ -99,7 +100,12 @@ def assess_accuracy(built: Built) -> Accuracy:
         error, pressure = _corrected(built, state, bodies)
     except NumericalError:  # what was changed but a little has no contact state at all
         return Accuracy(None, untold, untold, state, largest, defects, solutions)
-    from_contact = {pair.name: _distance(built, pair, state, halved) for pair in condensed.pairings}
+    from_contact = {
+        pair.name: _distance(built, pair, state, halved)
+        if pair.near is None
+        else float(np.linalg.norm(grid_errors(condensed, pair.name, [state])))
+        for pair in condensed.pairings
+    }
     from_bulk = {pair.name: _distance(built, pair, state, pressure) for pair in condensed.pairings}
     displacement = float(np.sqrt(error / size)) if size > 0.0 else None
     return Accuracy(displacement, from_bulk, from_contact, state, largest, defects, solutions)
@@ -131,12 +137,13 @@ def _corrected(built: Built, state: ExactState, bodies: Mapping[str, Corrected])
     condensed, scene = built.condensed, built.scene
     after = corrected_state(condensed, scene, state, {name: one.change for name, one in bodies.items()})
     motion = after.motion - state.motion
-    moved = np.concatenate([np.zeros(len(state.factors)), motion, after.pressure - state.pressure])
+    nothing, pressure = np.zeros(len(state.factors)), after.pressure - state.pressure
+    moved = (nothing, motion, pressure, np.zeros(len(state.traction)))
     error = 0.0
     for name, body in scene.bodies.items():
-        source = sparse.csc_array((condensed.sources[name] @ moved)[:, None])
-        followed = bodies[name].response(body, source)[:, 0]
+        followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
         change = bodies[name].change + followed + scene.loose_patterns(name) @ motion
+        change = change + condensed.near_fields(scene, name, moved)[0].ravel()
         error += float((change**2).sum())
     return error, after.pressure
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +17,8 @@ from mlsanm_cli.app.contacts import refuse_overlap
 from mlsanm_cli.app.estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.linear import direct_solver
 from mlsanm_cli.app.scene import NOTHING, Prepared, equip, prepare
-from mlsanm_cli.app.stages import stage_factors
+from mlsanm_cli.app.near import find_grids
+from mlsanm_cli.app.stages import factors_at, stage_factors
 from mlsanm_cli.app.symmetry import line_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
@@ -153,7 +155,20 @@ def complete(
         bodies = before.bodies if before is not None else NOTHING
         scene = equip(case, prepared, direct_solver(case), factorising, memo, bodies)
     stages = stage_factors(case)
-    condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console, memo)
+    found = None
+    if prepared.clear:
+        with clock.phase("condensation"):
+            console.phase("finding the contacts' grids")
+            search = partial(_searched, case, stages)
+            found = find_grids(case, scene, prepared.pairings, prepared.clear, search, memo)
+    if found is None:
+        if prepared.clear:
+            with clock.phase("operators"):
+                prepared = replace(prepared, clear={})
+                scene = equip(case, prepared, direct_solver(case), factorising, memo)
+        condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console, memo)
+    else:
+        condensed, ends = found
     with clock.phase("condensation"):
         stability = certify(case, scene, condensed, ends, memo)
     return Built(case, scene, condensed, stages, ends, stability)
@@ -195,6 +210,28 @@ def _condense(
         f"the contact zone was still growing after {WIDENINGS} enlargements",
         "refine the surfaces over the whole zone that comes into contact, or set contact.NAME.reach",
     )
+
+
+def _searched(
+    case: Case, stages: FloatArray, condensed: Condensed, starts: Sequence[BoolArray], every: bool
+) -> tuple[ExactState, ...]:
+    """Exact states at the ends of the stages, or ``every`` state that counts with those where fields are
+    wanted."""
+    factors = stages
+    if every:
+        positions = sorted({*range(len(stages)), *case.output.at})
+        factors = np.stack([factors_at(stages, position) for position in positions])
+    if len(condensed.rubbing):
+        return _rubbing_ends(condensed, factors)
+    ends: list[ExactState] = []
+    for number, wanted in enumerate(factors[1:]):
+        start = starts[number] if len(starts) == len(factors) - 1 else None
+        ends.append(solve_exact(condensed, wanted, start if start is not None else _last(ends)))
+    return tuple(ends)
+
+
+def _last(ends: Sequence[ExactState]) -> BoolArray | None:
+    return ends[-1].active if ends else None
 
 
 def _exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:

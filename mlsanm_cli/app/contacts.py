@@ -92,7 +92,7 @@ def _fitted(pairing: Pairing, interference: float) -> Pairing:
         message = f"the surfaces overlap by {-gap:g} near ({x:g}, {y:g}), more than the interference"
         hint = "the interference is the overlap where it is deepest, drawn or not"
     else:
-        return replace(pairing, gap=pairing.gap - gap, interference=interference)
+        return replace(pairing, gap=pairing.gap - gap, interference=interference, closed_by=gap)
     raise CaseError((CaseProblem(f"contact.{pairing.name}.interference", message, hint=hint),))
 
 

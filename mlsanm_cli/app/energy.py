@@ -39,17 +39,18 @@ def energy_error(
     else:
         fields, _ = fields_of(built, [state], stress=True)[0]
     energies, works, least = {}, {}, {}
+    near = _near_work(built, state)
     for name, body in built.scene.bodies.items():
         cloud, material, found = body.model.cloud, body.model.material, fields[name]
-        energies[name] = twice_strain_energy(cloud, material, found.stress)
         single = single_nodes(built.case, name, cloud)
-        works[name] = work_on(
-            built.scene, built.condensed, name, state.unknowns, found.displacement, found.stress, single
-        )
+        moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns, cloud.points)
+        rest = found.displacement - moved, found.stress - stressed
+        energies[name] = twice_strain_energy(cloud, material, rest[1])
+        works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         strain = UNSTRAINED * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
         free = float(built.scene.degrees(name) @ state.factors) * material.expansion
         blocked = free @ material.stiffness @ free
-        least[name] = cloud.areas.sum() * (material.modulus * strain**2 + HEATED * blocked)
+        least[name] = near[name] + cloud.areas.sum() * (material.modulus * strain**2 + HEATED * blocked)
     # A body whose energy is no number must not hide which one it is.
     total = float(np.nansum([energies[name] + abs(works[name]) for name in works]))
     least_of_all = total * max(SMALL, _faded(built, state))
@@ -60,6 +61,30 @@ def energy_error(
         errors[name] = 0.0 if scale == 0.0 else float((energies[name] - work) / scale)
     worst = max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))
     return EnergyVerdict(errors[worst], errors)
+
+
+def _near_work(built: Built, state: State) -> dict[str, float]:
+    """What contacts on grids of their own work on every body, as far as its softness has a part in them: with
+    little of it in the rest, that rest need not be known well."""
+    condensed = built.condensed
+    gap = condensed.gap.pressure @ state.pressure + condensed.gap.traction @ state.traction
+    slip = condensed.slip.pressure @ state.pressure + condensed.slip.traction @ state.traction
+    found = dict.fromkeys(built.scene.bodies, 0.0)
+    for pairing in condensed.pairings:
+        if pairing.near is None:
+            continue
+        span = condensed.spans[pairing.name]
+        work = float(condensed.weight[span] @ (state.pressure[span] * gap[span]))
+        if pairing.name in condensed.tangential:
+            own = condensed.tangential[pairing.name]
+            work += float(condensed.weight[span] @ (state.traction[own] * slip[own]))
+        chosen = pairing.normal[pairing.candidate]
+        softness = [
+            float(built.scene.bodies[body].model.material.softness(chosen).mean()) for body in pairing.bodies
+        ]
+        for body, part in zip(pairing.bodies, softness, strict=True):
+            found[body] += abs(work) * part / sum(softness)
+    return found
 
 
 def _faded(built: Built, state: State) -> float:

@@ -173,6 +173,8 @@ def judge_spacing(built: Built, state: State) -> None:
     """NumericalError where surfaces press on each other whose spacings are too unlike."""
     clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
     for pairing in built.condensed.pairings:
+        if pairing.near is not None:
+            continue
         closed = np.zeros_like(pairing.candidate)
         closed[pairing.candidate] = state.closed[built.condensed.spans[pairing.name]]
         pressed = replace(pairing, candidate=closed)

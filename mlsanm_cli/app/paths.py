@@ -9,7 +9,8 @@ import numpy as np
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.marks import BEGINNING, Start
-from mlsanm_cli.app.states import PathStep, State, factors_at, stops, wanted_positions
+from mlsanm_cli.app.stages import factors_at
+from mlsanm_cli.app.states import PathStep, State, stops, wanted_positions
 from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.sets import OPEN, SLIP

@@ -70,15 +70,16 @@ def assess(case: Case, prepared: Prepared, memo: Memo = AFRESH) -> Quality:
     }
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
+    nodal = [pairing for pairing in prepared.pairings if pairing.name not in prepared.clear]
     warnings = [
         text for name, cloud in bodies.items() for text in _cloud_warnings(name, cloud, name in brought)
     ]
     warnings += [
         ratio_message(pairing, ratios[pairing.name])
-        for pairing in prepared.pairings
+        for pairing in nodal
         if ratios[pairing.name] > RATIO * (1.0 + ROUND_OFF)
     ]
-    warnings += [text for pairing in prepared.pairings for text in _stiffness_warnings(prepared, pairing)]
+    warnings += [text for pairing in nodal for text in _stiffness_warnings(prepared, pairing)]
     if any(model.settings.degree == 1 for model in prepared.models.values()):
         warnings.append(
             "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"

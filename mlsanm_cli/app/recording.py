@@ -42,7 +42,7 @@ class Fields:
 
 def slave_points(built: Built, pairing: Pairing) -> FloatArray:
     """Reference positions (m, 2) of a contact's candidates."""
-    return built.scene.bodies[pairing.slave_body].model.cloud.points[pairing.node[pairing.candidate]]
+    return pairing.points[pairing.candidate]
 
 
 def slave_arc(pairing: Pairing) -> FloatArray:
@@ -220,13 +220,15 @@ def fields_of(
 
 
 def _fields(built: Built, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
-    """Fields of one body by its ``displacement`` (N, 2), ghosts last."""
+    """Fields of one body by the ``displacement`` (N, 2) of its elastic system, ghosts last."""
     model = built.scene.bodies[name].model
     degrees = float(built.scene.degrees(name) @ state.factors)
     elastic = displacement - degrees * model.free_expansion
-    sigma = model.stress(elastic) if stress else np.zeros((0, 3))
+    moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns)
+    sigma = model.stress(elastic) + stressed if stress else np.zeros((0, 3))
     across = model.material.across_stress(sigma, degrees)
-    return Fields(displacement[: len(model.cloud.points)], sigma, across, von_mises(sigma, across))
+    whole = (displacement + moved)[: len(model.cloud.points)]
+    return Fields(whole, sigma, across, von_mises(sigma, across))
 
 
 def _displacements(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -15,6 +15,7 @@ from mlsanm_cli.app.contacts import pair
 from mlsanm_cli.app.loads import Acting, acting
 from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.movers import components, movers
+from mlsanm_cli.app.near_geometry import Clear, clear_contacts
 from mlsanm_cli.app.restraints import restrained
 from mlsanm_cli.app.symmetry import even_scene
 from mlsanm_cli.case import Case, Displacement, Platen, split_boundary
@@ -44,7 +45,8 @@ class Prepared:
 
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
     by one, ``acting`` the loads' values, ``movers`` all that moves rigidly, ``probes`` the points to observe,
-    ``notes`` what a person should know, ``line`` about what the scene is its own mirror image.
+    ``notes`` what a person should know, ``line`` about what the scene is its own mirror image if half of it
+    is solved, ``clear`` the contacts that may have grids of their own.
     """
 
     models: Mapping[str, BodyModel]
@@ -56,6 +58,7 @@ class Prepared:
     movers: tuple[mechanics.Mover, ...]
     notes: tuple[str, ...]
     line: Line | None = None
+    clear: Mapping[str, Clear] = field(default_factory=dict)
 
 
 def mls_settings(case: Case) -> MlsSettings:
@@ -108,6 +111,9 @@ def prepare(
     moving, notes = restrained(case, clouds, pairings, free, loads)
     probes = _probes(case, clouds)
     prepared = Prepared(models, pairings, held, held_nodes, loads, probes, moving, notes)
+    clear = clear_contacts(case, models, pairings)
+    if clear:
+        return replace(prepared, clear=clear)
     even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
     if even is None:
         return prepared
@@ -120,6 +126,8 @@ def _touching(prepared: Prepared) -> dict[str, tuple[str, ...]]:
     """The surfaces of every body that are in contact."""
     found: dict[str, set[str]] = {name: set() for name in prepared.models}
     for pairing in prepared.pairings:
+        if pairing.name in prepared.clear:
+            continue
         found[pairing.slave_body].add(pairing.slave.name)
         if pairing.master is not None and pairing.master_body is not None:
             found[pairing.master_body].add(pairing.master.name)

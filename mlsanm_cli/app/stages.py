@@ -14,3 +14,11 @@ def stage_factors(case: Case) -> FloatArray:
     for stage in case.stage:
         factors.append(np.array([stage.get(n, old) for n, old in zip(case.moved, factors[-1], strict=True)]))
     return np.array(factors)
+
+
+def factors_at(stages: FloatArray, position: float) -> FloatArray:
+    """Load factors (L,) at a path position."""
+    stage = min(int(position), len(stages) - 2)
+    fraction = position - stage
+    result: FloatArray = (1.0 - fraction) * stages[stage] + fraction * stages[stage + 1]
+    return result

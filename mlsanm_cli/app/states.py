@@ -94,11 +94,3 @@ def stops(built: Built) -> list[float]:
     """The start, the stages' ends and the wanted positions, in order."""
     ends = np.arange(0.0, len(built.case.stage) + 1.0).tolist()
     return sorted({*ends, *wanted_positions(built)})
-
-
-def factors_at(stages: FloatArray, position: float) -> FloatArray:
-    """Load factors (L,) at a path position."""
-    stage = min(int(position), len(stages) - 2)
-    fraction = position - stage
-    result: FloatArray = (1.0 - fraction) * stages[stage] + fraction * stages[stage + 1]
-    return result

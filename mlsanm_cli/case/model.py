@@ -131,6 +131,8 @@ class Contact(Section):
     """By how much the surfaces overlap on purpose where they do so most."""
     friction: Annotated[float, Field(ge=0.0), NUMBER] = 0.0
     """Coulomb's coefficient; 0 leaves every tangential unknown out."""
+    accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
+    """Error of the pressures that their grid is refined to, relative to the largest."""
     reach: Annotated[AutoLength, LENGTH] = "auto"
     """Nodes with a larger initial gap are left out; a run in which one of them closes fails."""
     regularization: Regularization = Regularization()

@@ -10,7 +10,8 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.condensed import Condensed, spans
+from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.drivers import spans
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows
 from mlsanm_cli.mechanics.scene import Platen, Scene

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.drivers import Drivers
 from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.mechanics.scene import LooseBody, Mover, Obstacle, Platen, RigidMotion, Scene
@@ -20,31 +21,44 @@ Held = tuple[str, str]
 class Forces:
     """Everything that pushes on a body, as force x, y and moment (3 rows) in the condensed unknowns.
 
-    ``sources[body]`` (r, total) are the bodies' right-hand sides, of which what acts on their pieces is
+    ``sources[body]`` (r, drivers) are the bodies' right-hand sides, of which what acts on their pieces is
     known. ``measured[body, surface]`` is what :func:`reaction_rows` finds, moments about that platen's
     centre; ``springs[body, surface]`` the force of soft springs, moments about the origin.
     """
 
     scene: Scene
-    pairings: tuple[Pairing, ...]
-    spans: Mapping[str, slice]
-    tangential: Mapping[str, slice]
-    columns: Columns
+    drivers: Drivers
     sources: Mapping[str, sparse.csc_array]
     measured: Mapping[Held, LinearMap]
     springs: Mapping[Held, LinearMap]
 
+    @property
+    def pairings(self) -> tuple[Pairing, ...]:
+        """The contacts."""
+        return self.drivers.pairings
+
+    @property
+    def columns(self) -> Columns:
+        """The columns of the unknowns."""
+        return self.drivers.unknowns
+
     def contact(self, pairing: Pairing, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
         """What a contact exerts on one of its bodies."""
-        first = self.columns.loads + self.columns.motions
-        spans = [slice(first + self.spans[pairing.name].start, first + self.spans[pairing.name].stop)]
-        if pairing.name in self.tangential:
-            span, first = self.tangential[pairing.name], first + self.columns.pressures
-            spans.append(slice(first + span.start, first + span.stop))
-        total, resultants = np.zeros((3, self.columns.total)), self._resultants(body, center)
+        drivers = self.drivers
+        if pairing.near is not None:
+            result = drivers.unknowns.zeros(3)
+            pressure, traction = pairing.near.resultants(body == pairing.slave_body, center)
+            result.pressure[:, drivers.spans[pairing.name]] = pressure
+            if pairing.friction:
+                result.traction[:, drivers.tangential[pairing.name]] = traction
+            return result
+        total, resultants = np.zeros((3, drivers.columns.total)), self._resultants(body, center)
+        spans = [drivers.places(pairing)]
+        if pairing.friction:
+            spans.append(drivers.tangential_places(pairing))
         for span in spans:
             total[:, span] = (resultants @ self.sources[body][:, span]).toarray()
-        return self.columns.split(total)
+        return drivers.by_unknowns(total)
 
     def applied(self, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
         """What prescribed tractions and body forces, and the springs, add up to on a body."""

@@ -19,7 +19,7 @@ the other is the same for symmetric pressures, and leaves the compliance positiv
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property, partial
 
@@ -29,12 +29,16 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.balance import Forces, balance_of_movers, body_imbalance, reported_forces
 from mlsanm_cli.contact.dense import scales
-from mlsanm_cli.contact.linear_map import Columns, LinearMap
-from mlsanm_cli.contact.observation import Observation, observe, used_columns
+from mlsanm_cli.contact.drivers import Drivers
+from mlsanm_cli.contact.linear_map import LinearMap, stack
+from mlsanm_cli.contact.near_answers import add_fields, add_singular, near_answers, sides
+from mlsanm_cli.contact.near_fields import fields_of
+from mlsanm_cli.contact.observation import Observation, Observed, observe, used_columns
 from mlsanm_cli.contact.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.short_waves import resolved
 from mlsanm_cli.contact.sources import body_sources
+from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo, digest
@@ -83,6 +87,7 @@ class Condensed:
     solves: int
     content: str
     probes: Mapping[str, LinearMap] = field(default_factory=dict)
+    drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
 
     @cached_property
     def whole(self) -> FloatArray:
@@ -117,7 +122,7 @@ class Condensed:
         self, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> sparse.csc_array:
         """Right-hand side (r, 1) of a body in one state."""
-        return sparse.csc_array((self.sources[body] @ np.concatenate([f, q, p, t]))[:, None])
+        return sparse.csc_array((self.sources[body] @ self.drivers.drive(f, q, p, t))[:, None])
 
     def overlap(self, gap: FloatArray) -> bool:
         """Whether some ``gap`` (m,) is negative by more than surfaces drawn touching may have it."""
@@ -149,13 +154,45 @@ class Condensed:
         f, q, p, t = unknowns
         source = self.source(body, f, q, p, t)
         if body in self.solutions:
-            return (self.solutions[body] @ np.concatenate([f, q, p, t]))[:, None], source
+            return (self.solutions[body] @ self.drivers.drive(f, q, p, t))[:, None], source
         return scene.bodies[body].system.solve(source), source
 
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
         """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts included and last."""
         solution = self.solution(scene, body, unknowns)[0][:, 0]
-        return (solution + scene.loose_patterns(body) @ unknowns[1]).reshape(-1, 2)
+        rest = (solution + scene.loose_patterns(body) @ unknowns[1]).reshape(-1, 2)
+        return np.asarray(rest + self.near_fields(scene, body, unknowns)[0])
+
+    def near_fields(
+        self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Displacements (e, 2) and stresses (e, 3) of the fields in closed form at ``points`` (e, 2) of a
+        body, or at its nodes, in a state f, q, p, t. What its elastic system tells is the rest of both."""
+        model = scene.bodies[body].model
+        place = as_complex(model.nodes if points is None else points)
+        displacement, stress = np.zeros((len(place), 2)), np.zeros((len(place), 3))
+        for pairing in self.pairings:
+            if pairing.near is None or body not in pairing.bodies:
+                continue
+            pressure, traction = self.contact_values(pairing, unknowns)
+            if not (pressure.any() or traction.any()):
+                continue
+            for own, slave, sign in sides(pairing):
+                if own == body:
+                    loads = pressure[:, None], traction[:, None]
+                    found = fields_of(pairing.near, model.kernel, slave, place, *loads)
+                    displacement, stress = displacement + sign * found[0][:, :, 0], stress + sign * found[1][:, :, 0]
+        return displacement, stress
+
+    def contact_values(
+        self, pairing: Pairing, unknowns: Sequence[FloatArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Pressures and tractions (m,) of one contact's candidates."""
+        _, _, pressures, tractions = unknowns
+        pressure = pressures[self.spans[pairing.name]]
+        if pairing.name not in self.tangential:
+            return pressure, np.zeros_like(pressure)
+        return pressure, tractions[self.tangential[pairing.name]]
 
     def checked_displacements(
         self,
@@ -181,57 +218,101 @@ class Condensed:
         return [(solution[:, k] + one).reshape(-1, 2) for k, one in enumerate(moved)], worth
 
 
-def condense(scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -> Condensed:
-    """Condense the scene on the candidates of ``pairings``.
+@dataclass(frozen=True)
+class Answers:
+    """How the bodies of a scene answer to their ``sources`` (r, drivers), seen by an ``observation`` (rows,
+    drivers), and without contact the ``solutions`` (n, drivers) themselves. Contact grids have no part in it
+    but by their samples."""
+
+    observation: Observation
+    sources: Mapping[str, sparse.csc_array]
+    observed: FloatArray
+    solutions: Mapping[str, FloatArray]
+    content: str
+
+    @classmethod
+    def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -> Answers:
+        """Solve for them, with the fields in closed form added."""
+        observation, drivers = Observation.of(scene, pairings), _drivers(scene, pairings)
+        sources = {name: body_sources(scene, name, pairings, drivers.columns) for name in scene.bodies}
+        observed, solutions = observe(observation, sources, drivers.columns, memo)
+        if any(pairing.near is not None for pairing in pairings):
+            observed += near_answers(observation, drivers)
+        content = digest(scene, _told_apart(pairings))
+        return cls(observation, sources, observed, solutions, content)
+
+    def smooth(self, pairing: Pairing) -> FloatArray:
+        """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""
+        near, drivers = pairing.near, _drivers(self.observation.scene, self.observation.pairings)
+        assert near is not None
+        columns = np.r_[drivers.places(pairing), drivers.tangential_places(pairing)]
+        seen = self.observation.parted(self.observed).gaps[pairing.name]
+        return seen[: 2 * near.count, columns]
+
+
+def condense(
+    scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH, answers: Answers | None = None
+) -> Condensed:
+    """Condense the scene on the candidates of ``pairings``, with its bodies' ``answers`` if these are known.
 
     Coefficients of friction above 0 are in none of the matrices, so that all of them share what is kept.
     """
-    content = digest(
-        scene, [replace(pairing, friction=float(pairing.friction > 0.0)) for pairing in pairings]
-    )
-    kept = memo.value("condensed", content, partial(_condensed, scene, pairings, content, memo))
-    return replace(kept, pairings=pairings, friction=_friction(pairings))
+    content = digest(scene, _told_apart(pairings))
+
+    def made() -> Condensed:
+        known = answers or Answers.of(scene, pairings, memo)
+        return _condensed(scene, pairings, content, known)
+
+    kept = memo.value("condensed", content, made)
+    drivers = replace(kept.drivers, pairings=pairings)
+    return replace(kept, pairings=pairings, drivers=drivers, friction=_friction(pairings))
 
 
-def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: Memo) -> Condensed:
-    observation = Observation.of(scene, pairings)
-    rough = observation.rough
-    normal, tangential = _places(pairings), _places(rough)
-    columns = Columns(len(scene.loads), len(scene.unknown_motions), _count(pairings), _count(rough))
-    sources = {name: body_sources(scene, name, pairings, columns) for name in scene.bodies}
-    like = columns.like(observation.images[1])
-    observed, solutions = observe(observation, sources, columns, memo)
-    seen = observation.parted(observed)
+def _told_apart(pairings: tuple[Pairing, ...]) -> list[Pairing]:
+    """The pairings but for coefficients of friction."""
+    return [replace(pairing, friction=float(pairing.friction > 0.0)) for pairing in pairings]
 
+
+def _drivers(scene: Scene, pairings: tuple[Pairing, ...]) -> Drivers:
+    return Drivers(len(scene.loads), len(scene.unknown_motions), pairings)
+
+
+def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answers: Answers) -> Condensed:
+    drivers, sources = _drivers(scene, pairings), answers.sources
+    like = drivers.columns.like(answers.observation.images[1])
+    seen = answers.observation.parted(answers.observed)
+
+    nodal = tuple(pairing for pairing in pairings if pairing.near is None)
     candidate = _candidates(pairings)
+    gaps = [_gaps(scene, drivers, pairing, seen.gaps[pairing.name]) for pairing in pairings]
+    gap = stack(gaps, drivers.unknowns)
     side = np.concatenate([np.zeros(0, dtype=np.int64), *(pairing.side for pairing in pairings)])
-    gap = columns.split(seen.gaps, np.concatenate([[], *(pairing.gap for pairing in pairings)]))
     gap.pressure[:] *= 1.0 + np.outer(side, side[candidate])
-    gap = gap + of_obstacles(scene, pairings, columns, "normal") + of_fits(scene, pairings, columns)
+    gap = gap + of_obstacles(scene, pairings, drivers.unknowns, "normal")
+    gap = gap + of_fits(scene, pairings, drivers.unknowns)
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
     forces = Forces(
         scene,
-        pairings,
-        normal,
-        tangential,
-        columns,
+        drivers,
         sources,
-        {where: columns.split(rows) for where, rows in seen.held.items()},
-        {where: columns.split(rows) for where, rows in seen.sprung.items()},
+        {where: drivers.by_unknowns(rows) for where, rows in seen.held.items()},
+        {where: drivers.by_unknowns(rows) for where, rows in seen.sprung.items()},
     )
     modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
-    slip = columns.split(seen.slips) + of_obstacles(scene, rough, columns, "tangent")
-    slip = slip.take(_candidates(rough))
+    slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.rough]
+    slip = stack(slips, drivers.unknowns) + of_obstacles(scene, drivers.rough, drivers.unknowns, "tangent")
+    slip = slip.take(_candidates(drivers.rough))
+    rough = tuple(pairing for pairing in nodal if pairing.friction)
     along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
-    gap, slip, beyond = resolved(gap, slip, rough, normal, tangential, along)
-    rubbing = _numbers([normal[pairing.name] for pairing in rough])
+    gap, slip, beyond = resolved(gap, slip, rough, drivers.spans, drivers.tangential, along)
+    rubbing = _numbers([drivers.spans[pairing.name] for pairing in drivers.rough])
     return Condensed(
         pairings=pairings,
-        spans=normal,
+        spans=drivers.spans,
         weight=weight,
         modulus=modulus,
-        tangential=tangential,
+        tangential=drivers.tangential,
         rubbing=rubbing,
         friction=_friction(pairings),
         gap=gap,
@@ -246,21 +327,49 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, memo: 
         },
         imbalance=body_imbalance(forces),
         sources=sources,
-        solutions=solutions,
+        solutions=answers.solutions,
         solves=sum(len(np.unique(like[used_columns(source)])) for source in sources.values()),
         content=content,
         probes={
-            probe.name: _seen(scene, probe, columns, rows)
+            probe.name: _seen(scene, probe, drivers, rows)
             for probe, rows in zip(scene.probes, seen.probes, strict=True)
         },
+        drivers=drivers,
     )
 
 
-def _seen(scene: Scene, probe: Probe, columns: Columns, rows: FloatArray) -> LinearMap:
+def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray) -> LinearMap:
+    """A contact's gaps (w,) by what was seen of them."""
+    if pairing.near is None:
+        return drivers.by_unknowns(seen, pairing.gap)
+    result = drivers.by_unknowns(_means(pairing, seen, 0), pairing.gap)
+    add_singular(result, scene, drivers, pairing, 0)
+    return result
+
+
+def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> LinearMap:
+    """The slips (w,) of a contact with friction."""
+    if pairing.near is None:
+        return drivers.by_unknowns(seen.slips[pairing.name])
+    result = drivers.by_unknowns(_means(pairing, seen.gaps[pairing.name], 1))
+    add_singular(result, scene, drivers, pairing, 1)
+    return result
+
+
+def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
+    """Gaps, or slips, of a contact on a grid of its own and of what is watched beyond (w, drivers)."""
+    assert pairing.near is not None
+    means = pairing.near.means[which]
+    return np.concatenate([means @ seen[: means.shape[1]], seen[means.shape[1] :]])
+
+
+def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> LinearMap:
     """What a probe observes: displacement, and the stress of all but free expansion."""
     free = stress_of_expansion(scene.bodies[probe.body].model.material)
-    rows[-len(free) :, : columns.loads] -= np.outer(free, scene.degrees(probe.body))
-    return columns.split(rows)
+    rows[-len(free) :, : drivers.loads] -= np.outer(free, scene.degrees(probe.body))
+    result = drivers.by_unknowns(rows)
+    add_fields(result, drivers, scene, probe)
+    return result
 
 
 def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:
@@ -277,23 +386,9 @@ def _friction(pairings: tuple[Pairing, ...]) -> FloatArray:
     )
 
 
-def _count(pairings: tuple[Pairing, ...]) -> int:
-    return sum(int(pairing.candidate.sum()) for pairing in pairings)
-
-
-def _places(pairings: tuple[Pairing, ...]) -> dict[str, slice]:
-    return spans([pairing.name for pairing in pairings], [int(pair.candidate.sum()) for pair in pairings])
-
-
 def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:
     return np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
 
 
 def _numbers(spans: list[slice]) -> IntArray:
     return np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(s.start, s.stop) for s in spans)])
-
-
-def spans(names: Iterable[str], counts: Sequence[int]) -> dict[str, slice]:
-    """Places of every contact's nodes when they are counted through all contacts."""
-    ends = np.cumsum([0, *counts]).tolist()
-    return {name: slice(a, b) for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}

@@ -28,6 +28,7 @@ from mlsanm_cli.contact.balance import Forces, balance_of_movers
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coupling import Local, row_scales, slip_places
 from mlsanm_cli.contact.elimination import Elimination, plan_elimination
+from mlsanm_cli.contact.drivers import Drivers
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
 from mlsanm_cli.contact.regularization import Regularization
@@ -239,8 +240,8 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
         )
         for name, own in condensed.sources.items()
     }
-    spans = (condensed.spans, condensed.tangential)
-    return balance_of_movers(Forces(scene, condensed.pairings, *spans, columns, sources, measured, springs))
+    drivers = Drivers(len(scene.loads), columns.motions, condensed.pairings)
+    return balance_of_movers(Forces(scene, drivers, sources, measured, springs))
 
 
 def _entries(

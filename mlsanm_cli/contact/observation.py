@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.linear_map import Columns
-from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
+from mlsanm_cli.contact.observers import gap_rows, reaction_rows, sampled_rows, slip_rows, spring_rows
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, probe_rows
@@ -25,10 +25,10 @@ Surface: TypeAlias = tuple[str, str]
 
 @dataclass(frozen=True)
 class Observed:
-    """Rows of what was observed, kind by kind, as :class:`Observation` has them."""
+    """Rows of what was observed, kind by kind, as :class:`Observation` has them; ``gaps`` by contact."""
 
-    gaps: FloatArray
-    slips: FloatArray
+    gaps: Mapping[str, FloatArray]
+    slips: Mapping[str, FloatArray]
     held: Mapping[Surface, FloatArray]
     probes: list[FloatArray]
     sprung: Mapping[Surface, FloatArray]
@@ -36,8 +36,9 @@ class Observed:
 
 @dataclass(frozen=True)
 class Observation:
-    """Gaps of the ``pairings``, slips of the ``rough`` ones, which have friction, reactions of ``held``
-    surfaces, what the scene's probes see, and pulls of ``sprung`` surfaces: rows in this order."""
+    """Rows in this order: of the ``pairings`` the gaps of nodes, or what is sampled of contacts on grids of
+    their own; slips of the ``rough`` ones, which have friction and pressures of nodes; reactions of ``held``
+    surfaces; what the scene's probes see; pulls of ``sprung`` surfaces."""
 
     scene: Scene
     pairings: tuple[Pairing, ...]
@@ -48,23 +49,25 @@ class Observation:
     @classmethod
     def of(cls, scene: Scene, pairings: tuple[Pairing, ...]) -> Observation:
         """All that the contact problem of a scene needs and reports."""
-        rough = tuple(pairing for pairing in pairings if pairing.friction)
+        rough = tuple(pairing for pairing in pairings if pairing.friction and pairing.near is None)
         held = tuple((name, s) for name, body in scene.bodies.items() for s in body.gripped)
         sprung = tuple((name, s) for name, body in scene.bodies.items() for s in body.soft_springs)
         return cls(scene, pairings, rough, held, sprung)
 
     @property
     def counts(self) -> list[int]:
-        """Rows of gaps, slips, every held surface, every probe and every sprung surface."""
-        relative = [sum(len(pairing.position) for pairing in some) for some in (self.pairings, self.rough)]
+        """Rows of every contact's gaps, every rough one's slips, every held surface, every probe and every
+        sprung surface."""
+        gaps = [_rows_of(pairing) for pairing in self.pairings]
+        slips = [len(pairing.position) for pairing in self.rough]
         pulls = [3] * len(self.sprung)
-        return [*relative, *(3 for _ in self.held), *(ROWS for _ in self.scene.probes), *pulls]
+        return [*gaps, *slips, *(3 for _ in self.held), *(ROWS for _ in self.scene.probes), *pulls]
 
     @property
     def of_stress(self) -> slice:
         """Rows that stresses make, of held surfaces: free expansion, which has none, is no part of them."""
-        counts = self.counts
-        return slice(sum(counts[:2]), sum(counts[: 2 + len(self.held)]))
+        counts, first = self.counts, len(self.pairings) + len(self.rough)
+        return slice(sum(counts[:first]), sum(counts[: first + len(self.held)]))
 
     @cached_property
     def images(self) -> tuple[IntArray, IntArray]:
@@ -73,6 +76,10 @@ class Observation:
         rows, first = np.arange(sum(self.counts)), 0
         pressures = [np.zeros(0, dtype=np.int64)]
         for pairing in self.pairings:
+            if pairing.near is not None:
+                first += _rows_of(pairing)
+                pressures.append(np.arange(pairing.near.count) + sum(map(len, pressures)))
+                continue
             own = np.arange(len(pairing.position))
             same = own if pairing.image is None else np.maximum(own, pairing.image)
             rows[first : first + len(own)] = first + same
@@ -84,7 +91,13 @@ class Observation:
     def rows(self, name: str) -> sparse.csr_array:
         """What each row (sum of counts, n) takes of the unknowns of one body."""
         scene, body = self.scene, self.scene.bodies[name]
-        relative = [gap_rows(body, name, self.pairings), slip_rows(body, name, self.rough)]
+        gaps = [
+            gap_rows(body, name, (pairing,))
+            if pairing.near is None
+            else sampled_rows(body, name, pairing, pairing.normal)
+            for pairing in self.pairings
+        ]
+        slips = [slip_rows(body, name, (pairing,)) for pairing in self.rough]
         reactions = [
             reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None
             for owner, surface in self.held
@@ -93,21 +106,30 @@ class Observation:
         pulls = [spring_rows(body, surface) if owner == name else None for owner, surface in self.sprung]
         blocks = [
             sparse.csr_array((count, body.model.unknowns)) if block is None else block
-            for count, block in zip(self.counts, [*relative, *reactions, *probed, *pulls], strict=True)
+            for count, block in zip(self.counts, [*gaps, *slips, *reactions, *probed, *pulls], strict=True)
         ]
-        return sparse.csr_array(sparse.vstack(blocks, format="csr"))
+        return sparse.csr_array(sparse.vstack([sparse.csr_array((0, body.model.unknowns)), *blocks], format="csr"))
 
     def parted(self, observed: FloatArray) -> Observed:
         """What was observed, (sum of counts, c), taken apart."""
-        gaps, slips, *rest = np.split(observed, np.cumsum(self.counts)[:-1])
-        probes = rest[len(self.held) : len(rest) - len(self.sprung)]
-        return Observed(
-            gaps,
-            slips,
-            dict(zip(self.held, rest[: len(self.held)], strict=True)),
-            probes,
-            dict(zip(self.sprung, rest[len(rest) - len(self.sprung) :], strict=True)),
-        )
+        parts = np.split(observed, np.cumsum(self.counts)[:-1]) if self.counts else []
+
+        def taken(count: int) -> list[FloatArray]:
+            some, parts[:] = parts[:count], parts[count:]
+            return some
+
+        gaps = dict(zip((p.name for p in self.pairings), taken(len(self.pairings)), strict=True))
+        slips = dict(zip((p.name for p in self.rough), taken(len(self.rough)), strict=True))
+        held = dict(zip(self.held, taken(len(self.held)), strict=True))
+        probes = taken(len(self.scene.probes))
+        return Observed(gaps, slips, held, probes, dict(zip(self.sprung, taken(len(self.sprung)), strict=True)))
+
+
+def _rows_of(pairing: Pairing) -> int:
+    """How many rows are observed of a contact's gaps, or of its samples and what is watched."""
+    if pairing.near is None:
+        return len(pairing.position)
+    return 2 * pairing.near.count + int((~pairing.candidate).sum())
 
 
 def observe(

@@ -5,39 +5,79 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
 
 
 def gap_rows(body: ElasticBody, name: str, pairings: tuple[Pairing, ...]) -> sparse.csr_array:
-    """A body's share (w, 2n) in the change of every paired node's gap, contact after contact."""
-    return _relative_rows(body, name, pairings, [pairing.normal for pairing in pairings])
+    """A body's share (w, 2n) in the change of every place's gap, contact after contact."""
+    return _stacked(body, [_changes(body, name, pairing, tangential=False) for pairing in pairings])
 
 
 def slip_rows(body: ElasticBody, name: str, pairings: tuple[Pairing, ...]) -> sparse.csr_array:
-    """A body's share (w, 2n) in every paired node's slip, contact after contact."""
-    return _relative_rows(body, name, pairings, [pairing.tangent for pairing in pairings])
+    """A body's share (w, 2n) in every place's slip, contact after contact."""
+    return _stacked(body, [_changes(body, name, pairing, tangential=True) for pairing in pairings])
 
 
-def _relative_rows(
-    body: ElasticBody, name: str, pairings: tuple[Pairing, ...], directions: list[FloatArray]
+def _stacked(body: ElasticBody, blocks: list[sparse.csr_array]) -> sparse.csr_array:
+    nothing = sparse.csr_array((0, body.model.unknowns))
+    return sparse.csr_array(sparse.vstack([nothing, *blocks], format="csr"))
+
+
+def _changes(body: ElasticBody, name: str, pairing: Pairing, tangential: bool) -> sparse.csr_array:
+    direction = pairing.tangent if tangential else pairing.normal
+    if pairing.near is None:
+        return relative_rows(body, name, pairing, direction)
+    means = pairing.near.means[1 if tangential else 0]
+    some = sampled_rows(body, name, pairing, direction)
+    count = means.shape[1]
+    return _stacked(body, [sparse.csr_array(means @ some[:count]), some[count:]])
+
+
+def sampled_rows(
+    body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray
 ) -> sparse.csr_array:
-    """Motion of the slave relative to the master along the ``directions`` (w, 2) of every contact.
+    """A body's share (2k + v, 2n) in what is observed of a contact on a grid of its own: motions x and y of
+    the slave relative to the master at all samples, and along a ``direction`` (w, 2) at the v nodes that are
+    watched."""
+    near, blocks = pairing.near, []
+    assert near is not None
+    for own, slave, sign in ((pairing.slave_body, True, 1.0), (pairing.master_body, False, -1.0)):
+        if own != name:
+            continue
+        place = near.facing.side(near.samples, slave)[0]
+        points = np.stack([place.real, place.imag], axis=1)
+        for axis in np.eye(2):
+            blocks.append(sign * body.model.values_along(points, np.tile(axis, (near.count, 1))))
+    samples = sparse.csr_array((2 * near.count, body.model.unknowns))
+    if len(blocks) == 4:
+        blocks = [blocks[0] + blocks[2], blocks[1] + blocks[3]]
+    if blocks:
+        samples = sparse.csr_array(sparse.vstack(blocks, format="csr"))
+    watched = np.flatnonzero(~pairing.candidate)
+    beyond = relative_rows(body, name, pairing, direction, watched)
+    return sparse.csr_array(sparse.vstack([samples, beyond], format="csr"))
+
+
+def relative_rows(
+    body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray, at: IntArray | None = None
+) -> sparse.csr_array:
+    """Motion (w, 2n) of the slave relative to the master along a ``direction`` (w, 2), of all or some nodes.
 
     The slave moves with its node, the master with its moving least-squares value at the virtual node.
     """
+    at = np.arange(len(pairing.position)) if at is None else at
     nodes = len(body.model.nodes)
-    blocks = [sparse.csr_array((0, 2 * nodes))]
-    for pairing, direction in zip(pairings, directions, strict=True):
-        block = sparse.csr_array((len(pairing.position), 2 * nodes))
-        if pairing.slave_body == name:
-            block = block + nodal_pairs(pairing.node, direction, nodes)
-        if pairing.master_body == name:
-            block = block - body.model.values_along(pairing.partner, direction)
-        blocks.append(sparse.csr_array(block))
-    return sparse.csr_array(sparse.vstack(blocks, format="csr"))
+    block = sparse.csr_array((len(at), 2 * nodes))
+    if not len(at):
+        return block
+    if pairing.slave_body == name:
+        block = block + nodal_pairs(pairing.node[at], direction[at], nodes)
+    if pairing.master_body == name:
+        block = block - body.model.values_along(pairing.partner[at], direction[at])
+    return sparse.csr_array(block)
 
 
 def reaction_rows(body: ElasticBody, surface_name: str, center: tuple[float, float]) -> sparse.csr_array:

@@ -11,6 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.obstacles import Shape
 from mlsanm_cli.values import dataclass
 
@@ -29,14 +30,18 @@ WINDOW_SHARPNESS = 4.0
 
 @dataclass(frozen=True)
 class Pairing:
-    """The slave nodes of one contact that have a partner on the master (w of them, along the surface).
+    """The places of one contact on the slave that have a partner on the master (w of them).
 
-    ``position`` (w,) counts along the slave surface, ``partner`` (w, 2) are the virtual nodes on the master,
-    ``normal`` (w, 2) the master's outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,)
-    marks the nodes that can touch; the others are only watched. ``friction`` is Coulomb's coefficient,
-    ``interference`` what the gaps lose when the load of this contact's name is at 1. A contact with a rigid
-    obstacle has neither ``master_body`` nor ``master``; its virtual nodes lie on the obstacle.
-    In a scene that is its own mirror image, ``image`` (w,) is where every node's image stands.
+    ``position`` (w,) tells which of the slave surface's nodes they are, -1 for places between nodes;
+    ``points`` (w, 2) where they lie, ``arc`` (w,) their arc lengths along the slave, increasing over the
+    candidates, past the start of a closed surface going on, ``weight`` (w,) the length of slave surface they
+    stand for. ``partner`` (w, 2) are the virtual nodes on the master, ``normal`` (w, 2) the master's outward
+    normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,) marks the places that can touch; the
+    others are only watched. ``friction`` is Coulomb's coefficient, ``interference`` what the gaps lose when
+    the load of this contact's name is at 1, ``closed_by`` what they have lost to surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor
+    ``master``; its virtual nodes lie on the obstacle. In a scene that is its own mirror image, ``image`` (w,)
+    is where every node's image stands. With ``near`` the candidates are the places of a contact grid, and
+    gaps and normals means over its functions.
     """
 
     name: str
@@ -45,6 +50,9 @@ class Pairing:
     master_body: str | None
     master: Surface | None
     position: IntArray
+    points: FloatArray
+    arc: FloatArray
+    weight: FloatArray
     partner: FloatArray
     normal: FloatArray
     gap: FloatArray
@@ -52,7 +60,9 @@ class Pairing:
     candidate: BoolArray
     friction: float = 0.0
     interference: float = 0.0
+    closed_by: float = 0.0
     image: IntArray | None = None
+    near: Near | None = None
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -71,25 +81,15 @@ class Pairing:
         return turned(self.normal)
 
     @property
-    def arc(self) -> FloatArray:
-        """Arc lengths (w,) along the slave, increasing: past the start of a closed surface they go on."""
-        s = self.slave.arc_length[self.position]
-        return np.asarray(s + self.slave.curve.length * (s < s[:1]))
-
-    @property
     def node(self) -> IntArray:
         """Node numbers (w,) in the slave body."""
         return self.slave.index[self.position]
 
     @property
-    def weight(self) -> FloatArray:
-        """Length of slave surface per node (w,)."""
-        return self.slave.weight[self.position]
-
-    @property
     def all_around(self) -> bool:
         """Whether the candidates are all nodes of a closed surface, with neighbours across its seam."""
-        return self.slave.curve.closed and int(self.candidate.sum()) == len(self.slave.index)
+        count = int(self.candidate.sum())
+        return self.near is None and self.slave.curve.closed and count == len(self.slave.index)
 
     def with_reach(self, reach: float) -> Pairing:
         """The same pairs with the nodes of initial gap up to ``reach`` as candidates."""
@@ -111,6 +111,32 @@ class Pairing:
         """A reach to begin with: the widest gap where the slave's spacing is within 1.5 of the finest."""
         fine = self.spacing <= 1.5 * self.spacing.min()
         return float(max(self.gap[fine].max(), self.gap.min()))
+
+
+def on_grid(pairing: Pairing, near: Near) -> Pairing:
+    """The contact of nodes ``pairing`` with pressures on a contact grid; its nodes beyond are watched."""
+    hats, facing = near.hats, near.facing
+    beyond = (pairing.arc < near.first) | (pairing.arc > near.last)
+    partner = facing.opposite(hats.place)[0]
+    gap = hats.at_places(facing.gap(hats.points)[:, None])[:, 0] - pairing.closed_by
+    count = len(hats.place)
+
+    def joined(own: FloatArray, others: FloatArray) -> FloatArray:
+        return np.concatenate([own, others[beyond]])
+
+    return replace(
+        pairing,
+        position=np.concatenate([np.full(count, -1), pairing.position[beyond]]),
+        points=joined(facing.points(hats.place), pairing.points),
+        arc=joined(hats.place, pairing.arc),
+        weight=joined(hats.weight, pairing.weight),
+        partner=joined(partner, pairing.partner),
+        normal=joined(hats.at_places(near.directions[0]), pairing.normal),
+        gap=joined(gap, pairing.gap),
+        spacing=joined(hats.weight, pairing.spacing),
+        candidate=np.arange(count + int(beyond.sum())) < count,
+        near=near,
+    )
 
 
 def turned(normal: FloatArray) -> FloatArray:
@@ -165,6 +191,7 @@ def _paired(
     # Surfaces drawn in one place neither overlap nor gape by the last bits of their coordinates.
     gap[np.abs(gap) <= ROUND_OFF * np.abs(points).max()] = 0.0
     position = _along(slave, np.flatnonzero(facing & (tangential < 1e-6 * spacing)), gap)
+    arc = slave.arc_length[position]
     return Pairing(
         name=name,
         slave_body=slave_body,
@@ -172,6 +199,9 @@ def _paired(
         master_body=master[0],
         master=master[1],
         position=position,
+        points=points[position],
+        arc=arc + slave.curve.length * (arc < arc[:1]),
+        weight=slave.weight[position],
         partner=partner[position],
         normal=normal[position],
         gap=gap[position],

@@ -12,6 +12,7 @@ from mlsanm_cli.contact.linear_map import Columns
 from mlsanm_cli.contact.pairing import Pairing, feet, transfer, turned
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.pieces import turned_along
+from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.scene import Scene
 
 
@@ -43,11 +44,30 @@ def body_sources(
                     few[:, : columns.loads] += np.outer(source, motion.prescribed)
             unknown += motion.prescribed is None
     blocks = [sparse.csc_array(few)]
-    blocks += [_contact_sources(body, name, pairing, tangential=False) for pairing in pairings]
-    blocks += [
-        _contact_sources(body, name, pairing, tangential=True) for pairing in pairings if pairing.friction
-    ]
+    sampled = {
+        pairing.name: np.hsplit(_sample_sources(body, name, pairing), 2)
+        for pairing in pairings
+        if pairing.near is not None
+    }
+    for tangential in (False, True):
+        for pairing in pairings:
+            if pairing.near is not None:
+                blocks.append(sparse.csc_array(sampled[pairing.name][tangential]))
+            elif pairing.friction or not tangential:
+                blocks.append(_contact_sources(body, name, pairing, tangential))
     return sparse.csc_array(sparse.hstack(blocks, format="csc"))
+
+
+def _sample_sources(body: ElasticBody, name: str, pairing: Pairing) -> FloatArray:
+    """Right-hand sides (r, 2k) of the remainders of what forces x, then y, on the slave at a contact's
+    samples, and the opposite ones on the master, do to the body called ``name``."""
+    near = pairing.near
+    assert near is not None
+    total = np.zeros((body.rows, 2 * near.count))
+    for own, slave, sign in ((pairing.slave_body, True, 1.0), (pairing.master_body, False, -1.0)):
+        if own == name:
+            total += sign * remainder_sources(body, near.forces(body.model.kernel, slave))
+    return total
 
 
 def _contact_sources(body: ElasticBody, name: str, pairing: Pairing, tangential: bool) -> sparse.csc_array:

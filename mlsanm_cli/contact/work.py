@@ -12,6 +12,8 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.condensed import Condensed
+from mlsanm_cli.contact.near_answers import sides
+from mlsanm_cli.contact.near_fields import traction_beside
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
@@ -29,16 +31,18 @@ def work_on(
     unknowns: Sequence[FloatArray],
     displacement: FloatArray,
     stress: FloatArray,
+    near: FloatArray,
     single: Sequence[tuple[int, int]] = (),
 ) -> float:
     """Work on a body per unit thickness in a state f, q, p, t, less that of its stress on free expansion.
 
     ``displacement`` (n, 2) and ``stress`` (n, 3), that of strain beyond the free one, are nodal; ``single``
-    are (node, component) pairs held at zero. What is held has the displacements prescribed.
+    are (node, component) pairs held at zero. What is held has the displacements prescribed. Displacements
+    ``near`` (n, 2) in closed form are taken off all of it: of the rest the work is told.
     """
     elastic = scene.bodies[body]
     cloud, material = elastic.model.cloud, elastic.model.material
-    moved, origin, bent = _paths(scene, body, unknowns, displacement, single)
+    moved, origin, bent = _paths(scene, body, unknowns, displacement, near, single)
     path = moved - origin
     factors = unknowns[0]
     total = inner_work(cloud, stress, origin) if bent else 0.0
@@ -46,7 +50,7 @@ def work_on(
     given = _given_tractions(scene, condensed, body, unknowns)
     for name, surface in cloud.surfaces.items():
         springs = np.array(elastic.springs.get(name, NO_SPRING))
-        pulled = given[name] - springs * displacement[surface.index]
+        pulled = given[name] - springs * (displacement + near)[surface.index]
         # What holds the body pulls at it by the stress beneath.
         inner = traction_of(stress[surface.index], surface.normal)
         traction = np.where(elastic.gripped.get(name, FREE), inner, pulled)
@@ -68,6 +72,7 @@ def _paths(
     body: str,
     unknowns: Sequence[FloatArray],
     displacement: FloatArray,
+    near: FloatArray,
     single: Sequence[tuple[int, int]],
 ) -> tuple[FloatArray, FloatArray, bool]:
     """Displacements (n, 2), prescribed where they are, those (n, 2) that forces count from, and whether the
@@ -88,10 +93,10 @@ def _paths(
         for component in (0, 1):
             surfaces[surface.index, component] += surface.weight * components[component]
             if elastic.held.get(name, FREE)[component]:
-                moved[surface.index, component] = prescribed[name][:, component]
+                moved[surface.index, component] = (prescribed[name] - near[surface.index])[:, component]
     for node, component in single:
         nodes[node, component] = 1.0
-        moved[node, component] = 0.0
+        moved[node, component] = -near[node, component]
     origin = rigid_part(cloud, moved, [nodes, surfaces])
     held = (nodes > 0.0) | (surfaces > 0.0)
     beyond = np.where(held, moved - origin, 0.0)
@@ -129,8 +134,15 @@ def _given_tractions(
         if load.body == body and not load.held:
             total[load.surface] += factors[load.number] * load.values
     for pairing in condensed.pairings:
-        pressure, traction = _of_contact(condensed, pairing, unknowns)
-        if pairing.slave_body == body:
+        pressure, traction = condensed.contact_values(pairing, unknowns)
+        if pairing.near is not None:
+            kernel = scene.bodies[body].model.kernel
+            for own, slave, sign in sides(pairing):
+                if own == body:
+                    for name, surface in surfaces.items():
+                        beside = traction_beside(pairing.near, kernel, slave, surface, pressure, traction)
+                        total[name] -= sign * beside
+        elif pairing.slave_body == body:
             total[pairing.slave.name] += _on_slave(pairing, pressure, traction)
     return total
 
@@ -143,9 +155,9 @@ def _on_master(
     total = 0.0
     for pairing in condensed.pairings:
         master = pairing.master
-        if pairing.master_body != body or master is None:
+        if pairing.master_body != body or master is None or pairing.near is not None:
             continue
-        pressure, traction = _of_contact(condensed, pairing, unknowns)
+        pressure, traction = condensed.contact_values(pairing, unknowns)
         given, slave = _on_slave(pairing, pressure, traction), pairing.slave
         halves = Halves.of(slave, FINE)
         share = halves.share[:, None]
@@ -155,17 +167,6 @@ def _on_master(
         moved = [np.interp(arc, master.arc_length, one, period=around) for one in path[master.index].T]
         total -= float((force * np.stack(moved, axis=1)).sum())
     return total
-
-
-def _of_contact(
-    condensed: Condensed, pairing: Pairing, unknowns: Sequence[FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Pressures and tractions (m,) of one contact's candidates."""
-    _, _, pressures, tractions = unknowns
-    pressure = pressures[condensed.spans[pairing.name]]
-    if pairing.name not in condensed.tangential:
-        return pressure, np.zeros_like(pressure)
-    return pressure, tractions[condensed.tangential[pairing.name]]
 
 
 def _beyond_nodes(body: ElasticBody, load: SurfaceLoad, path: FloatArray) -> float:

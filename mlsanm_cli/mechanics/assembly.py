@@ -97,7 +97,10 @@ def assemble(
     chosen = [held, held_nodes, springs, solver.name, halved, sorted(touching)]
     content = digest(model.rows_content, weight, curves, chosen)
     equations = Equations(content, factorise)
-    body = ElasticBody(model, held, springs, free, first_row, count, pieces, equations, timed, halved)
+    single_held = tuple(held_nodes)
+    body = ElasticBody(
+        model, held, springs, free, first_row, count, pieces, equations, timed, halved, single_held
+    )
     if not free.components:
         return body
     pinned = replace(body, timed=nullcontext)

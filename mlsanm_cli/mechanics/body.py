@@ -36,6 +36,7 @@ from mlsanm_cli.mechanics.elasticity import (
 )
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.near_field import Kernel, kernel_of
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import Freedom
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
@@ -117,6 +118,11 @@ class BodyModel:
         if mirror is not None:
             stencils, near = reflected(stencils, mirror), reflected_numbers(near, mirror)
         return cls(name, cloud, material, settings, ghosts, nodes, tree, near, stencils)
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """The field of forces on the surface in closed form."""
+        return kernel_of(self.material)
 
     @cached_property
     def content(self) -> str:
@@ -267,6 +273,8 @@ class ElasticBody:
     behind those of the nodes are three for each of the k ``pieces``, whose right-hand sides are what the
     loads on it are beyond those that the nodes' right-hand sides stand for.
     ``equations`` are factorised within ``timed()``. If ``halved``, they are one half's, for symmetric loads.
+    ``held_nodes`` are the (node, component) pairs that supports hold one by one, whose rows follow those of
+    the surfaces.
     """
 
     model: BodyModel
@@ -279,6 +287,7 @@ class ElasticBody:
     equations: Equations
     timed: Timed = nullcontext
     halved: bool = False
+    held_nodes: tuple[tuple[int, int], ...] = ()
 
     @property
     def system(self) -> LinearSystem:

@@ -1,0 +1,194 @@
+"""Contacts whose pressures act by their fields in closed form, on a grid of their own.
+
+A body's answer to the force f at s' of the contact, observed at s, is::
+
+    G(s, s') = L ln|s - s'| + T sgn(s - s') + S(s, s')
+
+with the material's own tensors L and T. S is smooth: what the closed-form field has beyond, and the remainder
+that the body's cloud answers with (:mod:`mlsanm_cli.mechanics.remainder`). It is known at Chebyshev's points
+of the contact's range, from which any number of pressures and gaps between have it.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.contact.grid import Hats, chebyshev, lagrange
+from mlsanm_cli.contact.obstacles import Shape
+from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex
+from mlsanm_cli.values import dataclass
+
+STEP = 1e-4
+"""Difference quotients along a contact are taken over this part of its range."""
+
+
+@dataclass(frozen=True)
+class Facing:
+    """The two surfaces of a contact as functions of the arc length ``s`` along the slave, on past the start
+    of a closed one: the slave's points, and the closest points of the ``master`` or the rigid ``obstacle``."""
+
+    slave: Curve
+    master: Curve | None
+    obstacle: Shape | None
+
+    def _arc(self, s: FloatArray) -> FloatArray:
+        return np.mod(s, self.slave.length) if self.slave.closed else s
+
+    def points(self, s: FloatArray) -> FloatArray:
+        """Points (e, 2) of the slave."""
+        return self.slave.points(self._arc(s))
+
+    def outward(self, s: FloatArray) -> FloatArray:
+        """Outward normals (e, 2) of the slave."""
+        return self.slave.normals(self._arc(s))
+
+    def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The closest points (e, 2) of the master, and its outward normals (e, 2) there."""
+        points = self.points(s)
+        if self.master is None:
+            assert self.obstacle is not None
+            return self.obstacle.closest(points, self.outward(s))
+        arc = self.master.closest(points)
+        return self.master.points(arc), self.master.normals(arc)
+
+    def normal(self, s: FloatArray) -> FloatArray:
+        """The directions (e, 2) of pressures on the slave: the master's outward normals."""
+        return self.opposite(s)[1]
+
+    def gap(self, s: FloatArray) -> FloatArray:
+        """Initial gaps (e,)."""
+        partner, normal = self.opposite(s)
+        return np.asarray(((self.points(s) - partner) * normal).sum(axis=1))
+
+    def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
+        """Places (e,) on one of the two surfaces and unit normals (e,) into its body."""
+        if slave:
+            return as_complex(self.points(s)), -as_complex(self.outward(s))
+        partner, normal = self.opposite(s)
+        return as_complex(partner), -as_complex(normal)
+
+
+@dataclass(frozen=True)
+class Near:
+    """A contact's range from ``first`` to ``last``, the ``count`` of its samples, and the ``hats`` of its
+    pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one."""
+
+    facing: Facing
+    first: float
+    last: float
+    count: int
+    hats: Hats
+    centers: tuple[complex | None, complex | None] = (None, None)
+
+    @cached_property
+    def samples(self) -> FloatArray:
+        """Arc lengths (k,) of the samples."""
+        return chebyshev(self.first, self.last, self.count)
+
+    def forces(self, kernel: Kernel, slave: bool) -> SurfaceForces:
+        """Unit forces at the samples on one of the two bodies."""
+        place, inward = self.facing.side(self.samples, slave)
+        return SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
+
+    @cached_property
+    def _shares(self) -> FloatArray:
+        """The samples' polynomials (g, k) at the hats' points."""
+        return lagrange(self.hats.points, self.samples)
+
+    @cached_property
+    def directions(self) -> tuple[FloatArray, FloatArray]:
+        """Directions (g, 2) of pressures and of tractions on the slave at the hats' points: the master's
+        outward normals, and these turned by -90 degrees."""
+        normal = self.facing.normal(self.hats.points)
+        return normal, np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+
+    def spread(self, direction: FloatArray) -> FloatArray:
+        """Forces (2k, m) x and y at the samples that stand for tractions of the hats along a ``direction``
+        (g, 2); transposed, what makes integrals with hats of displacements along it."""
+        parts = [self.hats.integrals @ (direction[:, c, None] * self._shares) for c in (0, 1)]
+        return np.concatenate([part.T for part in parts])
+
+    @cached_property
+    def spreads(self) -> tuple[FloatArray, FloatArray]:
+        """:meth:`spread` of pressures and of tractions."""
+        normal, tangent = self.directions
+        return self.spread(normal), self.spread(tangent)
+
+    @cached_property
+    def means(self) -> tuple[FloatArray, FloatArray]:
+        """Means (m, 2k) over the hats of displacements at the samples, along pressures and along tractions."""
+        normal, tangent = self.spreads
+        return normal.T / self.hats.weight[:, None], tangent.T / self.hats.weight[:, None]
+
+    def smooth(self, kernel: Kernel, slave: bool) -> FloatArray:
+        """What the closed-form field has of S (2k, 2k) at the samples, for one of the two bodies: components
+        x of all and y of all, by forces x of all and y of all."""
+        z, inward = self.facing.side(self.samples, slave)
+        log, turn = self.singular(kernel, slave)
+        way = self._way(slave)
+        center = self.centers[0 if slave else 1]
+        count = len(z)
+        w, apart = z[:, None] - z, self.samples[:, None] - self.samples
+        own = np.eye(count, dtype=bool)
+        base = np.broadcast_to(inward if center is None else (z - center)[:, None], w.shape)
+        stretch, tangent = np.abs(way), way / np.abs(way)
+        found = kernel.displacement(np.where(own, 1.0, w), base)
+        found -= np.log(np.abs(np.where(own, 1.0, apart)))[..., None, None] * log
+        found -= np.sign(apart)[..., None, None] * turn
+        both = [kernel.displacement(one, np.diagonal(base)) for one in (tangent, -tangent)]
+        found[own] = 0.5 * (both[0] + both[1]) + np.log(stretch)[:, None, None] * log
+        if center is not None:
+            other = z - center
+            found -= kernel.displacement(other, other)[:, None]
+        return np.ascontiguousarray(found.transpose(2, 0, 3, 1)).reshape(2 * count, 2 * count)
+
+    def singular(self, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
+        """The tensors L and T (2, 2) of one of the two bodies."""
+        way, inward = self._way(slave)[0], self.facing.side(self.samples[:1], slave)[1][0]
+        tangent = np.array([way / np.abs(way)])
+        base = np.array([inward])
+        ahead, behind = kernel.displacement(tangent, base)[0], kernel.displacement(-tangent, base)[0]
+        log = (kernel.displacement(2.0 * tangent, base)[0] - ahead) / np.log(2.0)
+        return log, 0.5 * (ahead - behind)
+
+    def _way(self, slave: bool) -> ComplexArray:
+        """Derivatives (k,) of the places on one of the two surfaces by the arc length."""
+        step = STEP * (self.last - self.first)
+        ahead, behind = (self.facing.side(self.samples + sign * step, slave)[0] for sign in (1.0, -1.0))
+        return np.asarray((ahead - behind) / (2.0 * step))
+
+    def pairs(self, log: FloatArray, turn: FloatArray) -> list[list[FloatArray]]:
+        """Integrals (m, m) with both hats of L ln|s - s'| + T sgn(s - s'), along and by pressures and
+        tractions: rows by what is observed."""
+        return [
+            [self.hats.pairs(log, turn, one, other) for other in self.directions] for one in self.directions
+        ]
+
+    def resultants(self, slave: bool, center: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+        """Force x, y and moment about a ``center`` (3, m) on one of the two bodies by unit pressures, and by
+        unit tractions."""
+        z, sign = self.facing.side(self.hats.points, slave)[0], 1.0 if slave else -1.0
+        x, y = z.real - center[0], z.imag - center[1]
+        found = []
+        for direction in self.directions:
+            moment = x * direction[:, 1] - y * direction[:, 0]
+            found.append(sign * (self.hats.integrals @ np.stack([*direction.T, moment], axis=1)).T)
+        return found[0], found[1]
+
+    def last_coefficients(self, kernel: FloatArray) -> float:
+        """The largest of the last two Chebyshev coefficients, along either argument, of a sampled kernel (2k,
+        2k)."""
+        count = self.count
+        order = np.arange(count)[:, None]
+        basis = np.cos(np.pi * order * (np.arange(count) + 0.5) / count) * (2.0 / count)
+        blocks = kernel.reshape(2, count, 2, count).transpose(0, 2, 1, 3)
+        table = np.abs(basis @ blocks @ basis.T)
+        return float(max(table[..., -2:, :].max(), table[..., -2:].max()))
+
+    def samples_differ(self, other: Near) -> bool:
+        """Whether another grid of the same contact has other samples."""
+        return (self.first, self.last, self.count) != (other.first, other.last, other.count)

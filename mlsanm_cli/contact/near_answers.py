@@ -1,0 +1,150 @@
+"""What the fields in closed form of contacts on grids of their own add to all that is observed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.drivers import Drivers
+from mlsanm_cli.contact.linear_map import LinearMap
+from mlsanm_cli.contact.near import Near
+from mlsanm_cli.contact.near_fields import fields_of
+from mlsanm_cli.contact.observation import Observation
+from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.mechanics.near_field import SurfaceForces, as_complex
+from mlsanm_cli.mechanics.probes import Probe
+from mlsanm_cli.mechanics.remainder import reaction_of, spring_pull_of
+from mlsanm_cli.mechanics.scene import Scene
+
+Side = tuple[str, bool, float]
+"""A body, whether it is a contact's slave, and the sign of forces and motions on it."""
+
+
+def sides(pairing: Pairing) -> Iterator[Side]:
+    """The bodies of a contact."""
+    yield pairing.slave_body, True, 1.0
+    if pairing.master_body is not None:
+        yield pairing.master_body, False, -1.0
+
+
+def near_answers(observation: Observation, drivers: Drivers) -> FloatArray:
+    """What is to be added to all that is observed (sum of counts, drivers), but for the singular part of what
+    contacts do to themselves, and for probes."""
+    scene = observation.scene
+    total = np.zeros((sum(observation.counts), drivers.columns.total))
+    firsts = np.concatenate([[0], np.cumsum(observation.counts)])
+    for pairing in drivers.pairings:
+        if pairing.near is None:
+            continue
+        columns = np.r_[drivers.places(pairing), drivers.tangential_places(pairing)]
+        for body, slave, sign in sides(pairing):
+            elastic = scene.bodies[body]
+            forces = pairing.near.forces(elastic.model.kernel, slave)
+            blocks = [
+                *(_on_contact(scene, one, pairing, body, forces, slave) for one in observation.pairings),
+                *(_along(one, body, forces, one.tangent) for one in observation.rough),
+                *(
+                    reaction_of(elastic, surface, scene.center(owner, surface), forces)
+                    if owner == body
+                    else None
+                    for owner, surface in observation.held
+                ),
+                *(None for _ in scene.probes),
+                *(
+                    spring_pull_of(elastic, surface, forces) if owner == body else None
+                    for owner, surface in observation.sprung
+                ),
+            ]
+            for block, first, last in zip(blocks, firsts[:-1], firsts[1:], strict=True):
+                if block is not None:
+                    total[first:last, columns] += sign * block
+    return total
+
+
+def _on_contact(
+    scene: Scene, seen: Pairing, by: Pairing, body: str, forces: SurfaceForces, slave: bool
+) -> FloatArray | None:
+    """What forces at the samples of a contact ``by`` move of another that is ``seen``, or of itself, by the
+    field in one body."""
+    if body not in seen.bodies:
+        return None
+    if seen.near is None:
+        return _along(seen, body, forces, seen.normal)
+    total = np.zeros((2 * seen.near.count, 2 * len(forces.place)))
+    for own, is_slave, sign in sides(seen):
+        if own != body:
+            continue
+        if seen.name == by.name and is_slave == slave:
+            total += sign * seen.near.smooth(scene.bodies[body].model.kernel, slave)
+        else:
+            place = seen.near.facing.side(seen.near.samples, is_slave)[0]
+            total += sign * _flat(forces.displacement(place))
+    watched = np.flatnonzero(~seen.candidate)
+    beyond = _along(seen, body, forces, seen.normal)[watched]
+    return np.concatenate([total, beyond])
+
+
+def _flat(table: FloatArray) -> FloatArray:
+    """Displacements (e, k, 2, 2) as rows x of all, y of all, by forces x of all, y of all (2e, 2k)."""
+    e, k = table.shape[:2]
+    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(2 * e, 2 * k)
+
+
+def _along(pairing: Pairing, body: str, forces: SurfaceForces, direction: FloatArray) -> FloatArray:
+    """Motions (w, 2k) of a contact's slave relative to its master along a ``direction`` (w, 2), as far as the
+    field in one body makes them."""
+    total = np.zeros((len(direction), 2 * len(forces.place)))
+    for own, slave, sign in sides(pairing):
+        if own == body:
+            place = as_complex(pairing.points if slave else pairing.partner)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                moved = forces.displacement(place)
+            along = sign * np.einsum("ec,ekcd->edk", direction, moved)
+            total += along.reshape(len(direction), -1)
+    return total
+
+
+def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int) -> None:
+    """Add to the gaps (``which`` 0) or slips (1) of a contact what its own pressures and tractions do by the
+    singular part of their fields."""
+    near = pairing.near
+    assert near is not None
+    log, turn = np.zeros((2, 2)), np.zeros((2, 2))
+    for body, slave, _ in sides(pairing):
+        more = near.singular(scene.bodies[body].model.kernel, slave)
+        log, turn = log + more[0], turn + more[1]
+    count = len(near.hats.place)
+    means = 1.0 / near.hats.weight[:, None]
+    own = near.directions[which]
+    pressed = means * near.hats.pairs(log, turn, own, near.directions[0])
+    linear.pressure[:count, drivers.spans[pairing.name]] += pressed
+    if pairing.friction:
+        rubbed = means * near.hats.pairs(log, turn, own, near.directions[1])
+        linear.traction[:count, drivers.tangential[pairing.name]] += rubbed
+
+
+def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:
+    """Add to what a probe observes the fields in closed form."""
+    for pairing in drivers.pairings:
+        near = pairing.near
+        if near is None:
+            continue
+        for body, slave, sign in sides(pairing):
+            if body == probe.body:
+                pressed, rubbed = _probed(near, scene, body, slave, probe)
+                linear.pressure[:, drivers.spans[pairing.name]] += sign * pressed
+                if pairing.friction:
+                    linear.traction[:, drivers.tangential[pairing.name]] += sign * rubbed
+
+
+def _probed(near: Near, scene: Scene, body: str, slave: bool, probe: Probe) -> tuple[FloatArray, FloatArray]:
+    """Displacement and stress (5, m) at a probe by unit pressures, and by unit tractions."""
+    unit, nothing = np.eye(len(near.hats.place)), np.zeros((len(near.hats.place),) * 2)
+    kernel = scene.bodies[body].model.kernel
+    found = []
+    for loads in ((unit, nothing), (nothing, unit)):
+        displacement, stress = fields_of(near, kernel, slave, as_complex(probe.point), *loads)
+        found.append(np.concatenate([displacement[0], stress[0]]))
+    return found[0], found[1]

@@ -1,0 +1,146 @@
+"""Displacements and stresses in a body under the pressures and tractions of a contact grid, in closed form.
+
+Integrals along the contact are Gauss's; over intervals close to the point that is looked at, the arc length
+is s0 + d sinh(v), which takes the near pole of the fields away (Johnston and Elliott 2005,
+doi:10.1002/nme.1208).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.contact.grid import RULE
+from mlsanm_cli.contact.near import Near
+from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex
+from mlsanm_cli.values import dataclass
+
+FAR = 3.0
+"""Intervals farther away than so many of their lengths are integrated by the points of the grid."""
+POINTS = 24
+"""Gauss's points over an interval nearby."""
+BESIDE = 1e-3
+"""Points nearer to the surface than this part of the interval beneath are moved so far inside: on it, fields
+jump."""
+AT_ONCE = 100_000
+"""Pairs of points and places that are worked on together, for the sake of memory."""
+
+
+@dataclass(frozen=True)
+class _Loads:
+    """Nodal ``pressure`` and ``traction`` (m + 2, c) along a contact, and where they act on one body."""
+
+    near: Near
+    slave: bool
+    kernel: Kernel
+    pressure: FloatArray
+    traction: FloatArray
+
+    def forces(self, interval: IntArray, share: FloatArray) -> tuple[SurfaceForces, FloatArray]:
+        """Unit forces at places (e,) within intervals (e,), by the share of the way along these, and the
+        tractions (e, 2, c) on the slave there."""
+        hats = self.near.hats
+        s = hats.nodes[interval] + share * hats.steps[interval]
+        place, inward = self.near.facing.side(s, self.slave)
+        normal, part = self.near.facing.normal(s), share[:, None]
+        pressure, traction = (
+            (1.0 - part) * one[interval] + part * one[interval + 1] for one in (self.pressure, self.traction)
+        )
+        tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+        total = normal[:, :, None] * pressure[:, None] + tangent[:, :, None] * traction[:, None]
+        return SurfaceForces(self.kernel, place, inward, self.near.centers[0 if self.slave else 1]), total
+
+
+def fields_of(
+    near: Near, kernel: Kernel, slave: bool, z: ComplexArray, pressure: FloatArray, traction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Displacements (e, 2, c) and stresses (e, 3, c) at points ``z`` (e,) of a body by nodal ``pressure`` and
+    ``traction`` (m, c) on the hats, as these act on the slave: on the master it is the opposite."""
+    loads = _Loads(near, slave, kernel, *(np.pad(one, ((1, 1), (0, 0))) for one in (pressure, traction)))
+    ends, size = near.facing.side(near.hats.nodes, slave)[0], near.hats.steps
+    parts = []
+    step = max(1, AT_ONCE // (len(RULE) * len(size)))
+    for first in range(0, len(z), step):
+        some = z[first : first + step]
+        foot = _feet(some, ends)
+        some = _inside(near, slave, some, ends, foot)
+        away = np.abs(some[:, None] - (ends[:-1] + foot * np.diff(ends)))
+        close = away < FAR * size
+        far, beside = _far(loads, some, close), _close(loads, some, close, foot, away)
+        parts.append([one + other for one, other in zip(far, beside, strict=True)])
+    if not parts:
+        return np.zeros((0, 2, pressure.shape[1])), np.zeros((0, 3, pressure.shape[1]))
+    displacement, stress = (np.concatenate(some) for some in zip(*parts, strict=True))
+    return displacement, stress
+
+
+def _feet(z: ComplexArray, ends: ComplexArray) -> FloatArray:
+    """Where on the chord of every interval the place closest to each point is (e, i), from 0 to 1."""
+    chord = np.diff(ends)
+    way = ((z[:, None] - ends[:-1]) * np.conj(chord)).real / np.abs(chord) ** 2
+    return np.asarray(np.clip(way, 0.0, 1.0))
+
+
+def _inside(near: Near, slave: bool, z: ComplexArray, ends: ComplexArray, foot: FloatArray) -> ComplexArray:
+    """The points, those on the contact's surface a little inside."""
+    away = z[:, None] - (ends[:-1] + foot * np.diff(ends))
+    interval = np.argmin(np.abs(away), axis=1)
+    every = np.arange(len(z))
+    s = near.hats.nodes[interval] + foot[every, interval] * near.hats.steps[interval]
+    place, inward = near.facing.side(s, slave)
+    deep, size = ((z - place) * np.conj(inward)).real, BESIDE * near.hats.steps[interval]
+    on = np.abs(away[every, interval]) <= 2.0 * near.hats.steps[interval]
+    return np.where(on & (deep < size), z + (size - deep) * inward, z)
+
+
+def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """What intervals that are not ``close`` (e, i) do."""
+    size, count = loads.near.hats.steps, loads.near.hats.steps.shape[0]
+    interval = np.arange(count)
+    total: list[FloatArray] = []
+    for share, weight in RULE:
+        forces, traction = loads.forces(interval, np.full(count, share))
+        factor = np.where(close, 0.0, weight * size)
+        fields = forces.displacement(z), forces.stress(z)
+        some = [np.einsum("ei,eicd,idk->eck", factor, field, traction, optimize=True) for field in fields]
+        total = some if not total else [one + other for one, other in zip(total, some, strict=True)]
+    return total[0], total[1]
+
+
+def _close(
+    loads: _Loads, z: ComplexArray, close: BoolArray, foot: FloatArray, away: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What intervals do that are ``close`` (e, i), seen from ``away`` (e, i) over their ``foot`` (e, i)."""
+    row, interval = np.nonzero(close)
+    columns = loads.pressure.shape[1]
+    displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
+    size, at = loads.near.hats.steps[interval], foot[row, interval]
+    distance = np.maximum(away[row, interval], 1e-12 * size) / size
+    low, high = np.arcsinh(-at / distance), np.arcsinh((1.0 - at) / distance)
+    for place, weight in zip(*np.polynomial.legendre.leggauss(POINTS), strict=True):
+        v = 0.5 * (low + high) + 0.5 * (high - low) * place
+        share = np.clip(at + distance * np.sinh(v), 0.0, 1.0)
+        length = 0.5 * weight * (high - low) * distance * np.cosh(v) * size
+        forces, traction = loads.forces(interval, share)
+        moved, stressed = forces.at_each(z[row])
+        np.add.at(displacement, row, length[:, None, None] * (moved @ traction))
+        np.add.at(stress, row, length[:, None, None] * (stressed @ traction))
+    return displacement, stress
+
+
+def traction_beside(
+    near: Near, kernel: Kernel, slave: bool, surface: Surface, pressure: FloatArray, traction: FloatArray
+) -> FloatArray:
+    """Tractions (b, 2) at the nodes of a body's surface of the fields by nodal ``pressure`` and ``traction``
+    (m,) on the slave, less these themselves where they act."""
+    loads = _Loads(near, slave, kernel, *(np.pad(one, 1)[:, None] for one in (pressure, traction)))
+    size, count = near.hats.steps, len(near.hats.steps)
+    z = as_complex(surface.curve.points(surface.arc_length))
+    curvature = surface.curve.curvature(surface.arc_length)
+    total = np.zeros((len(z), 2))
+    for share, weight in RULE:
+        forces, on = loads.forces(np.arange(count), np.full(count, share))
+        found = forces.traction(z, as_complex(surface.normal), curvature)
+        total += np.einsum("i,eicd,id->ec", weight * size, found, on[:, :, 0])
+    return total

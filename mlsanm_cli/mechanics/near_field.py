@@ -1,0 +1,239 @@
+"""The field of forces on a body's surface in closed form: stresses that run radially from every force.
+
+A force F at the place zeta of the surface, w = z - zeta, makes the stresses -(2/pi) (F . w) w w^T / |w|^4 in
+an isotropic body (the simple radial distribution of Flamant and Boussinesq; Johnson, Contact Mechanics, 1985,
+doi:10.1017/CBO9781139171731, section 2.2), whatever the tangent of the surface: they are in equilibrium
+inside, and on a smooth surface through zeta their traction is F there and smooth elsewhere. What a body's
+answer differs by from this field is therefore smooth up to zeta.
+
+Places and vectors are complex numbers x + i y. Displacements by unit forces in x and y come as (..., 2, 2)
+arrays, components first, stresses xx, yy and xy as (..., 3, 2).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.values import dataclass
+
+ComplexArray = NDArray[np.complex128]
+
+ALIKE = 1e-8
+"""Stiffnesses that differ from an isotropic one's by less than this part are isotropic: the roots of nearly
+isotropic materials are nearly equal, and their fields differences of large numbers."""
+
+
+class Kernel(Protocol):
+    """The field of a unit force at the origin on the surface of a body of one material."""
+
+    def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
+        """Displacements (..., 2, 2) at ``w`` (...), of which angles count from ``base`` (...): a cut runs
+        from the force along -base."""
+        ...
+
+    def stress(self, w: ComplexArray) -> FloatArray:
+        """Stresses (..., 3, 2) at ``w`` (...)."""
+        ...
+
+    def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
+        """Force (..., 2, 2) that the stresses send through any line from ``first`` to ``last`` (...) seen
+        under less than two right angles, to its right; it has no moment about the origin."""
+        ...
+
+    def along(self, tangent: ComplexArray) -> FloatArray:
+        """Traction (..., 2, 2) on the surface beside the force, over the surface's curvature there, which is
+        positive where the material is convex; ``tangent`` (...) are unit vectors."""
+        ...
+
+
+@dataclass(frozen=True)
+class Isotropic:
+    """Kernel of an isotropic material with a ``shear`` modulus and Muskhelishvili's constant ``kappa``, 3 - 4
+    nu in plane strain and (3 - nu) / (1 + nu) in plane stress."""
+
+    shear: float
+    kappa: float
+
+    def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
+        distance, turn = (self.kappa + 1.0) * np.log(np.abs(w)), (self.kappa - 1.0) * np.angle(w / base)
+        twice = w / np.conj(w)
+        rows = [[twice.real - distance, turn + twice.imag], [twice.imag - turn, -distance - twice.real]]
+        return _table(rows) / (4.0 * np.pi * self.shear)
+
+    def stress(self, w: ComplexArray) -> FloatArray:
+        x, y, factor = w.real, w.imag, -2.0 / (np.pi * np.abs(w) ** 4)
+        products = (factor * x * x, factor * y * y, factor * x * y)
+        return _table([[one * x, one * y] for one in products])
+
+    def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
+        turn, twice = np.angle(last / first), 0.5 * (last / np.conj(last) - first / np.conj(first))
+        rows = [[turn + twice.imag, -twice.real], [-twice.real, turn - twice.imag]]
+        return -_table(rows) / np.pi
+
+    def along(self, tangent: ComplexArray) -> FloatArray:
+        x, y = tangent.real, tangent.imag
+        return -_table([[x * x, x * y], [y * x, y * y]]) / np.pi
+
+
+@dataclass(frozen=True)
+class Anisotropic:
+    """Kernel of a material by the ``roots`` (2,) of its characteristic equation and what makes displacements
+    of the potentials, ``p`` and ``q`` (2,).
+
+    Lekhnitskii, Theory of Elasticity of an Anisotropic Body, 1963, chapters 2 and 3: with z_k = x + root_k y
+    and the potentials Phi_k = C_k log z_k, stresses are 2 Re sum (root_k^2, 1, -root_k) Phi_k' and
+    displacements 2 Re sum (p_k, q_k) Phi_k.
+    """
+
+    roots: ComplexArray
+    p: ComplexArray
+    q: ComplexArray
+
+    @cached_property
+    def _strengths(self) -> ComplexArray:
+        """C_k by unit forces x and y (2, 2)."""
+        system = np.stack([np.ones(2), self.roots])
+        return np.asarray(np.linalg.solve(system, np.array([[0.0, -1j], [1j, 0.0]]) / (2.0 * np.pi)))
+
+    def _own(self, w: ComplexArray) -> ComplexArray:
+        """z_k (..., 2) of places or vectors (...)."""
+        return np.asarray(w.real[..., None] + self.roots * w.imag[..., None])
+
+    def _sums(self, factors: list[ComplexArray], values: ComplexArray) -> FloatArray:
+        """2 Re sum factor_k value_k C_k (..., len(factors), 2)."""
+        table = 2.0 * np.einsum("rk,...k,kd->...rd", np.stack(factors), values, self._strengths)
+        return np.ascontiguousarray(table.real)
+
+    def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
+        own = self._own(w)
+        logarithm = np.log(np.abs(own)) + 1j * np.angle(own / self._own(base))
+        return self._sums([self.p, self.q], logarithm)
+
+    def stress(self, w: ComplexArray) -> FloatArray:
+        return self._sums([self.roots**2, self.roots**0, -self.roots], 1.0 / self._own(w))
+
+    def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
+        return self._sums([self.roots, -(self.roots**0)], np.log(self._own(last) / self._own(first)))
+
+    def along(self, tangent: ComplexArray) -> FloatArray:
+        # The first terms of sigma(w) n(w) along w = e t - e^2 n / 2 on a surface of curvature 1.
+        normal, own = -1j * tangent, self._own(tangent)
+        steeper = self._sums([self.roots**2, self.roots**0, -self.roots], -self._own(normal) / own**2)
+        return traction(self.stress(tangent), tangent) - 0.5 * traction(steeper, normal)
+
+
+def kernel_of(material: PlaneMaterial) -> Kernel:
+    """The kernel of a material."""
+    c = material.stiffness
+    shear, first = c[2, 2], c[0, 1]
+    even = np.array([[first + 2.0 * shear, first, 0.0], [first, first + 2.0 * shear, 0.0], [0.0, 0.0, shear]])
+    if np.abs(c - even).max() <= ALIKE * np.abs(c).max():
+        return Isotropic(float(shear), float((first + 3.0 * shear) / (first + shear)))
+    a = np.linalg.inv(c)
+    found = np.roots(
+        [a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]]
+    )
+    roots = np.asarray(found[found.imag > 0.0], dtype=np.complex128)
+    p = a[0, 0] * roots**2 + a[0, 1] - a[0, 2] * roots
+    q = a[0, 1] * roots + a[1, 1] / roots - a[1, 2]
+    return Anisotropic(roots, p, q)
+
+
+def traction(stress: FloatArray, normal: ComplexArray) -> FloatArray:
+    """Tractions (..., 2, 2) of stresses (..., 3, 2) on ``normal`` vectors (...)."""
+    x, y = normal.real[..., None], normal.imag[..., None]
+    xx, yy, xy = np.moveaxis(stress, -2, 0)
+    return np.stack([xx * x + xy * y, xy * x + yy * y], axis=-2)
+
+
+def as_complex(vectors: FloatArray) -> ComplexArray:
+    """Vectors (..., 2) as complex numbers (...)."""
+    return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
+
+
+def _table(rows: list[list[FloatArray]]) -> FloatArray:
+    """Rows of arrays (...) as one array (..., rows, columns)."""
+    return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
+
+
+@dataclass(frozen=True)
+class SurfaceForces:
+    """Unit forces in x and y at k places of a body's surface, by the ``kernel`` of its material.
+
+    ``place`` (k,) and ``inward`` (k,) unit normals into the body. In hollows the field of every force ends at
+    a ``center`` in the void, where the opposite force acts: the line from the force to it is the cut across
+    which displacements jump. Elsewhere the cut runs outwards along the normal.
+    """
+
+    kernel: Kernel
+    place: ComplexArray
+    inward: ComplexArray
+    center: complex | None = None
+
+    def displacement(self, z: ComplexArray) -> FloatArray:
+        """Displacements (e, k, 2, 2) at places ``z`` (e,), none of which is a force's."""
+        w = z[:, None] - self.place
+        if self.center is None:
+            return self.kernel.displacement(w, np.broadcast_to(self.inward, w.shape))
+        other = np.broadcast_to((z - self.center)[:, None], w.shape)
+        return self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
+
+    def stress(self, z: ComplexArray) -> FloatArray:
+        """Stresses (e, k, 3, 2) at places ``z`` (e,)."""
+        own = self.kernel.stress(z[:, None] - self.place)
+        return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
+
+    def at_each(self, z: ComplexArray) -> tuple[FloatArray, FloatArray]:
+        """Displacements (k, 2, 2) and stresses (k, 3, 2) at one of the places ``z`` (k,) for each force."""
+        w = z - self.place
+        if self.center is None:
+            return self.kernel.displacement(w, self.inward), self.kernel.stress(w)
+        other = z - self.center
+        moved = self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
+        return moved, self.kernel.stress(w) - self.kernel.stress(other)
+
+    def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
+        """Tractions (e, k, 2, 2) at places ``z`` (e,) of the surface with outward ``normal`` and ``curvature``
+        (e,); at a force's own place what is left beside it."""
+        w = z[:, None] - self.place
+        at = np.abs(w) <= ALMOST * np.abs(z).max(initial=0.0)
+        outward = np.broadcast_to(normal[:, None], w.shape)
+        found = traction(self.kernel.stress(np.where(at, 1.0, w)), outward)
+        e, k = np.nonzero(at)
+        found[e, k] = curvature[e, None, None] * self.kernel.along(1j * normal[e])
+        if self.center is not None:
+            found -= traction(self.kernel.stress((z - self.center)[:, None]), normal[:, None])
+        return found
+
+    def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
+        """Force (e, k, 2, 2) sent out through parts of the outline from ``first`` to ``last`` (e,), less the
+        forces on them themselves; it acts at the forces' places, but for :meth:`through_center`."""
+        one, other = first[:, None] - self.place, last[:, None] - self.place
+        ahead = -1j * self.inward
+        # At the end of a part the way along the outline stands for the line of sight.
+        none = TINY * np.abs(last - first)[:, None]
+        starts, ends = np.abs(one) <= none, np.abs(other) <= none
+        one, other = np.where(starts, ahead, one), np.where(ends, -ahead, other)
+        behind, before = (one / ahead).real < 0.0, (other / ahead).real > 0.0
+        near = np.maximum(np.abs(one), np.abs(other)) <= ON * np.abs(last - first)[:, None]
+        return self.kernel.through(np.where(behind & before & near, -one, one), other)
+
+    def through_center(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
+        """The same (e, 2, 2) of the force at the center, which acts there."""
+        assert self.center is not None
+        return -self.kernel.through(first - self.center, last - self.center)
+
+
+ALMOST = 5e-6
+"""Places of the outline closer to a force than this part of the coordinates have the traction there: w . n,
+which is of the order of |w|^2, drowns in their round-off."""
+TINY = 1e-9
+"""Distances below this part of a part of the outline are none."""
+ON = 1.01
+"""A force lies on a part of the outline if both its ends are no farther than the part's length times this."""

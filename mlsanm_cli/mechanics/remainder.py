@@ -1,0 +1,169 @@
+"""What is left of a body's answer to forces on its surface once their fields in closed form are taken off.
+
+The remainder is smooth up to the forces: least squares find it on a cloud that knows nothing of them. Its
+data are the opposite of the fields' tractions on the outline, of their displacements where the body is held,
+and of both where springs pull.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.near_field import SurfaceForces, as_complex
+from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
+
+
+def remainder_sources(body: ElasticBody, forces: SurfaceForces) -> FloatArray:
+    """Right-hand sides (r, 2k) of the remainders of the body's answers to unit forces: those in x of all k
+    places, then those in y."""
+    cloud, pieces = body.model.cloud, body.pieces
+    count = len(forces.place)
+    source = np.zeros((body.rows, count, 2))
+    loads = np.zeros((3 * pieces.count, count, 2))
+    for name, surface in cloud.surfaces.items():
+        z, normal = as_complex(cloud.points[surface.index]), as_complex(surface.normal)
+        values = -forces.traction(z, normal, surface.curve.curvature(surface.arc_length))
+        held, springs = body.held.get(name, FREE), np.array(body.springs.get(name, NO_SPRING))
+        if any(held) or springs.any():
+            moved = forces.displacement(z)
+            values -= springs[:, None] * moved
+            values = np.where(np.array(held)[:, None], -moved, values)
+        for component in (0, 1):
+            source[body.condition_rows(name, component)] = values[:, :, component]
+        loads += _on_pieces(body, name, surface, forces)
+    first = 2 * (len(cloud.points) + sum(len(surface.index) for surface in cloud.surfaces.values()))
+    for number, (node, component) in enumerate(body.held_nodes):
+        moved = forces.displacement(as_complex(cloud.points[node : node + 1]))
+        source[first + number] = -moved[0, :, component]
+    flat = source.reshape(body.rows, -1)
+    lack = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
+    flat[body.rows - len(lack) :] = lack
+    return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
+
+
+def _on_pieces(body: ElasticBody, name: str, surface: Surface, forces: SurfaceForces) -> FloatArray:
+    """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface.
+
+    On a free surface they are exact, by what the fields send through each cell's part of the outline.
+    """
+    pieces, gripped = body.pieces, np.array(body.gripped.get(name, FREE))
+    springs = np.array(body.soft_springs.get(name, NO_SPRING))
+    count = len(forces.place)
+    total = np.zeros((3 * pieces.count, count, 2))
+    if gripped.all():
+        return total
+    if not gripped.any():
+        first, last, own = _parts(surface)
+        ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
+        through = forces.through(*ends)
+        at_center = None if forces.center is None else forces.through_center(*ends)
+        for level in pieces.levels:
+            owner = level[surface.index[own]]
+            _add(body, total, owner, -through, np.stack([forces.place.real, forces.place.imag], axis=1))
+            if at_center is not None and forces.center is not None:
+                center = np.array([[forces.center.real, forces.center.imag]])
+                _add(body, total, owner, -np.repeat(at_center[:, None], count, axis=1), center)
+    if gripped.any() or springs.any():
+        halves = Halves.of(surface, FINE)
+        points, z = surface.curve.points(halves.arc), as_complex(surface.curve.points(halves.arc))
+        values = -springs[:, None] * forces.displacement(z) if springs.any() else 0.0
+        if gripped.any():
+            normal = as_complex(surface.curve.normals(halves.arc))
+            values = values - forces.traction(z, normal, surface.curve.curvature(halves.arc))
+        force = halves.length[:, None, None, None] * np.where(gripped[:, None], 0.0, values)
+        for level in pieces.levels:
+            owner = level[surface.index[halves.own]]
+            total += _gathered(body, owner, points, force)
+    return total
+
+
+def _parts(surface: Surface) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Arc lengths where halves of the way between neighbouring nodes begin and end, and their nodes."""
+    arc, count = surface.arc_length, len(surface.index)
+    nodes = np.arange(count)
+    after = nodes[1:]
+    if surface.curve.closed:
+        arc, after = np.append(arc, surface.curve.length), np.append(after, 0)
+    middle = 0.5 * (arc[1:] + arc[:-1])
+    first, last = np.concatenate([arc[:-1], middle]), np.concatenate([middle, arc[1:]])
+    return first, last, np.concatenate([nodes[: len(middle)], after])
+
+
+def _sums(owner: IntArray, count: int) -> sparse.csr_array:
+    """What adds up values (e, ...) by their ``owner`` (e,), -1 for none: (count, e)."""
+    kept = np.flatnonzero(owner >= 0)
+    return sparse.csr_array((np.ones(len(kept)), (owner[kept], kept)), shape=(count, len(owner)))
+
+
+def _add(body: ElasticBody, total: FloatArray, owner: IntArray, force: FloatArray, at: FloatArray) -> None:
+    """Add ``force`` (e, k, 2, 2) on the pieces ``owner`` (e,), acting along lines through ``at`` (k or 1, 2)."""
+    pieces, shape = body.pieces, force.shape[1:]
+    sums = (_sums(owner, pieces.count) @ force.reshape(len(force), -1)).reshape(-1, *shape)
+    arm = (at - pieces.whole.middle[:, None]) / pieces.size[:, None, None]
+    moment = arm[:, :, :1] * sums[:, :, 1] - arm[:, :, 1:] * sums[:, :, 0]
+    total += np.concatenate([sums[:, :, 0], sums[:, :, 1], moment])
+
+
+def _gathered(body: ElasticBody, owner: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
+    """Force and moment (3p, k, 2) on the pieces ``owner`` (e,) by ``force`` (e, k, 2, 2) at ``points``
+    (e, 2)."""
+    pieces, shape = body.pieces, force.shape[1:]
+    arm = np.where((owner >= 0)[:, None], pieces.arm(owner, points), 0.0)
+    moment = arm[:, 0, None, None] * force[:, :, 1] - arm[:, 1, None, None] * force[:, :, 0]
+    sums = _sums(owner, pieces.count)
+    parts = [force[:, :, 0], force[:, :, 1], moment]
+    return np.concatenate([(sums @ one.reshape(len(one), -1)).reshape(-1, shape[0], 2) for one in parts])
+
+
+def reaction_of(
+    body: ElasticBody, name: str, center: tuple[float, float], forces: SurfaceForces
+) -> FloatArray:
+    """Force x, y and moment about a ``center`` (3, 2k) of a held surface on the body, by the fields of unit
+    forces in x at all places, then in y."""
+    surface, held = body.model.cloud.surfaces[name], np.array(body.gripped[name])
+    halves = Halves.of(surface, FINE)
+    points = surface.curve.points(halves.arc)
+    z, normal = as_complex(points), as_complex(surface.curve.normals(halves.arc))
+    found = forces.traction(z, normal, surface.curve.curvature(halves.arc))
+    force = halves.length[:, None, None, None] * np.where(held[:, None], found, 0.0)
+    total = _total(points - np.array(center), force)
+    if held.all():
+        first, last, _ = _parts(surface)
+        ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
+        whole = forces.through(*ends).sum(axis=0)
+        arm = np.stack([forces.place.real, forces.place.imag], axis=1) - np.array(center)
+        total = _moment(arm, whole)
+        if forces.center is not None:
+            more = np.repeat(forces.through_center(*ends).sum(axis=0)[None], len(arm), axis=0)
+            about = np.array([[forces.center.real, forces.center.imag]]) - np.array(center)
+            total = total + _moment(about, more)
+    return np.ascontiguousarray(np.moveaxis(total, 2, 1)).reshape(3, -1)
+
+
+def spring_pull_of(body: ElasticBody, name: str, forces: SurfaceForces) -> FloatArray:
+    """Force x, y and moment about the origin (3, 2k) of the soft springs along a surface on the body, by the
+    fields of unit forces in x at all places, then in y."""
+    surface, springs = body.model.cloud.surfaces[name], np.array(body.soft_springs[name])
+    halves = Halves.of(surface, FINE)
+    points = surface.curve.points(halves.arc)
+    moved = forces.displacement(as_complex(points))
+    total = _total(points, -halves.length[:, None, None, None] * springs[:, None] * moved)
+    return np.ascontiguousarray(np.moveaxis(total, 2, 1)).reshape(3, -1)
+
+
+def _total(arm: FloatArray, force: FloatArray) -> FloatArray:
+    """Sums (3, k, 2) of ``force`` (e, k, 2, 2) and its moments by ``arm`` (e, 2)."""
+    x, y = arm[:, 0, None, None], arm[:, 1, None, None]
+    moment = x * force[:, :, 1] - y * force[:, :, 0]
+    return np.stack([force[:, :, 0].sum(axis=0), force[:, :, 1].sum(axis=0), moment.sum(axis=0)])
+
+
+def _moment(arm: FloatArray, force: FloatArray) -> FloatArray:
+    """``force`` (k, 2, 2) with its moments by ``arm`` (k or 1, 2): (3, k, 2)."""
+    moment = arm[:, :1] * force[:, 1] - arm[:, 1:] * force[:, 0]
+    return np.stack([force[:, 0], force[:, 1], moment])
