@@ -84,7 +84,7 @@ def _add(found: hashlib.blake2b, part: object) -> None:
         found.update(f"sequence {len(part)}".encode())
         for inner in part:
             _add(found, inner)
-    elif part is None or isinstance(part, str | bool | int | float | np.generic):
+    elif part is None or isinstance(part, str | bool | int | float | complex | np.generic):
         text = repr(part).encode()
         found.update(f"{type(part).__name__} {len(text)} ".encode() + text)
     elif is_dataclass(part) and not isinstance(part, type):

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.near import grid_errors

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 
@@ -16,8 +16,8 @@ from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.contacts import refuse_overlap
 from mlsanm_cli.app.estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.linear import direct_solver
-from mlsanm_cli.app.scene import NOTHING, Prepared, equip, prepare
 from mlsanm_cli.app.near import find_grids
+from mlsanm_cli.app.scene import NOTHING, Prepared, equip, prepare
 from mlsanm_cli.app.stages import factors_at, stage_factors
 from mlsanm_cli.app.symmetry import line_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
@@ -28,6 +28,7 @@ from mlsanm_cli.contact.condensed import Condensed, condense
 from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.set_search import EndlessError, NoStateError
+from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.scene import Scene
@@ -213,7 +214,7 @@ def _condense(
 
 
 def _searched(
-    case: Case, stages: FloatArray, condensed: Condensed, starts: Sequence[BoolArray], every: bool
+    case: Case, stages: FloatArray, condensed: Condensed, starts: Sequence[Sets], every: bool
 ) -> tuple[ExactState, ...]:
     """Exact states at the ends of the stages, or ``every`` state that counts with those where fields are
     wanted."""
@@ -222,11 +223,11 @@ def _searched(
         positions = sorted({*range(len(stages)), *case.output.at})
         factors = np.stack([factors_at(stages, position) for position in positions])
     if len(condensed.rubbing):
-        return _rubbing_ends(condensed, factors)
+        return _rubbing_ends(condensed, factors, starts if len(starts) == len(factors) - 1 else ())
     ends: list[ExactState] = []
     for number, wanted in enumerate(factors[1:]):
-        start = starts[number] if len(starts) == len(factors) - 1 else None
-        ends.append(solve_exact(condensed, wanted, start if start is not None else _last(ends)))
+        start = starts[min(number, len(starts) - 1)] if starts and number < len(starts) else None
+        ends.append(solve_exact(condensed, wanted, _last(ends) if start is None else start.closed))
     return tuple(ends)
 
 
@@ -243,17 +244,28 @@ def _exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, .
     return tuple(ends)
 
 
-def _rubbing_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
+def _rubbing_ends(
+    condensed: Condensed, stages: FloatArray, starts: Sequence[Sets] = ()
+) -> tuple[ExactState, ...]:
     """One increment per stage as far as the loads can be carried; of the first at least a part."""
     ends: list[ExactState] = []
     state = unloaded(condensed, stages[0])
-    for factors in stages[1:]:
+    for number, factors in enumerate(stages[1:]):
         try:
-            state, solves = increment(condensed, state, factors)
+            state, solves = _incremented(condensed, state, factors, starts[number] if starts else None)
         except NoStateError:
             break
         ends.append(_end(condensed, state, solves))
     return tuple(ends) if ends else (_first_end(condensed, state, stages[1]),)
+
+
+def _incremented(
+    condensed: Condensed, state: CoulombState, factors: FloatArray, guess: Sets | None
+) -> tuple[CoulombState, int]:
+    if guess is not None:
+        with suppress(NoStateError):
+            return increment(condensed, state, factors, guess=guess)
+    return increment(condensed, state, factors)
 
 
 def _first_end(condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:

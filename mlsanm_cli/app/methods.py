@@ -59,7 +59,7 @@ def chosen_methods(case: Case, asked: Iterable[str]) -> tuple[Method, ...]:
 def _own(case: Case) -> Iterator[str]:
     if case.contact and case.contact[0].regularization.law == "exact":
         yield ACTIVE_SET
-    if case.solver.polish:
+    if case.solver.polish is True:
         yield POLISHED
     yield case.solver.method
     yield case.solver.formulation
@@ -69,6 +69,6 @@ def law_of(case: Case) -> str:
     """What a method's states at the levels obey; states of equal laws differ by tolerances only."""
     regular = case.contact[0].regularization
     holonomic = any(c.friction and c.regularization.friction_law == "holonomic" for c in case.contact)
-    if regular.law == "exact" or case.solver.polish:
+    if regular.law == "exact" or case.polished:
         return "exact holonomic" if holonomic else "exact"
     return "holonomic" if holonomic else "hyperbolic"

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.near_geometry import Clear
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.active_set import ExactState
 from mlsanm_cli.contact.condensed import Answers, Condensed, condense
@@ -22,12 +22,16 @@ from mlsanm_cli.contact.grid import Hats
 from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.near_answers import sides
 from mlsanm_cli.contact.pairing import Pairing, on_grid
+from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 
 FIRST = 24
-"""Intervals of the first grid over all that faces."""
+"""Intervals of an even grid over all that faces."""
+FINEST, GROWTH = 1e-3, 1.3
+"""The first grid has intervals so much finer where surfaces are nearest, growing by this factor: where bodies
+roll on each other, a few places alone cannot balance their loads."""
 SAMPLES = 12
 """Samples of a range at first."""
 MOST_SAMPLES = 96
@@ -39,18 +43,20 @@ MARGIN = 0.6
 """The range goes on past the outermost contact by this part of the width between."""
 NARROWED = 0.6
 """Ranges that would become narrower than this part of themselves are narrowed."""
+WIDE = 0.05
+"""Half the width of the patches that a search begins with, as a part of the range."""
 ROUNDS = 60
 MOST = 2000
 """Grids of more intervals are not halved any more."""
 SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 ACCURACY = 0.3
-"""Grids are refined until their estimated error is this part of the accuracy asked for: the estimate is that
-of the best piecewise linear pressures, and within a factor of two."""
+"""Grids without friction are refined until their estimated error is this part of the accuracy asked for: that
+costs next to nothing. With friction the work grows with the square of the places."""
 
-Search = Callable[[Condensed, Sequence[BoolArray], bool], tuple[ExactState, ...]]
-"""The exact states of a condensed scene, searched from sets of closed places if there are any: all that count,
-or only those at the ends of the stages."""
+Search = Callable[[Condensed, Sequence[Sets], bool], tuple[ExactState, ...]]
+"""The exact states of a condensed scene, searched from sets if there are any: all that count, or only those at
+the ends of the stages."""
 
 
 def find_grids(
@@ -63,15 +69,18 @@ def find_grids(
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """The scene condensed on grids that are wide and fine enough, and the exact states at the ends of its
     stages; None where a contact comes too close to a corner."""
-    accuracy = {contact.name: ACCURACY * contact.accuracy for contact in case.contact}
+    accuracy = {
+        contact.name: contact.accuracy * (1.0 if contact.friction else ACCURACY) for contact in case.contact
+    }
     grids = {name: _first(one) for name, one in clear.items()}
     answers: Answers | None = None
-    starts: list[BoolArray] = []
+    starts: list[Sets] = []
     every = False
     for _ in range(ROUNDS):
         some = _on_grids(pairings, grids)
         answers = answers or Answers.of(scene, some, memo)
         condensed = condense(scene, some, memo, answers)
+        starts = starts or [_near_enough(some)]
         states = search(condensed, starts, every)
         wanted = _ranged(condensed, grids, clear, states)
         if wanted is None:
@@ -88,7 +97,7 @@ def find_grids(
         if any(wanted[name].samples_differ(grids[name]) for name in grids):
             answers = None
         grids = wanted
-        starts = [_moved(some, _on_grids(pairings, grids), state.active) for state in states]
+        starts = [_moved(condensed, _on_grids(pairings, grids), state) for state in states]
     raise NumericalError(
         f"the contact grid was still changing after {ROUNDS} rounds", "raise contact.NAME.accuracy"
     )
@@ -99,8 +108,16 @@ def _same(one: Mapping[str, Near], other: Mapping[str, Near]) -> bool:
 
 
 def _first(clear: Clear) -> Near:
-    """A coarse grid over all that faces."""
-    hats = Hats(np.linspace(clear.first, clear.last, FIRST + 1))
+    """A coarse grid over all that faces, finer towards where the surfaces are nearest."""
+    widest = (clear.last - clear.first) / FIRST
+    parts = [np.array([clear.nearest])]
+    for sign, room in ((-1.0, clear.nearest - clear.first), (1.0, clear.last - clear.nearest)):
+        steps = [FINEST * widest]
+        while sum(steps) < room:
+            steps.append(min(GROWTH * steps[-1], widest))
+        away = np.cumsum(steps)
+        parts.append(clear.nearest + sign * away * room / away[-1])
+    hats = Hats(np.unique(np.concatenate([*parts, [clear.first, clear.last]]).clip(clear.first, clear.last)))
     return Near(clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers)
 
 
@@ -110,17 +127,40 @@ def _on_grids(pairings: Sequence[Pairing], grids: Mapping[str, Near]) -> tuple[P
     )
 
 
-def _moved(before: Sequence[Pairing], after: Sequence[Pairing], closed: BoolArray) -> BoolArray:
-    """The ``closed`` candidates (m,) of a scene on other grids."""
-    found, first = [], 0
-    for old, new in zip(before, after, strict=True):
-        count = int(old.candidate.sum())
-        own, first = closed[first : first + count], first + count
+def _near_enough(pairings: Sequence[Pairing]) -> Sets:
+    """Sets to begin a search with: wide patches about where surfaces are nearest. Searches from
+    few places may roll a body out of its contact."""
+    found = [np.zeros(0, dtype=bool)]
+    for pairing in pairings:
+        gap = pairing.gap[pairing.candidate]
+        if pairing.near is None:
+            found.append(gap <= gap.min())
+            continue
+        place, least = pairing.near.hats.place, int(np.argmin(gap))
+        beside = np.abs(place - place[least]) <= WIDE * (pairing.near.last - pairing.near.first)
+        found.append(gap <= gap[beside].max())
+    stuck = [closed for closed, pairing in zip(found[1:], pairings, strict=True) if pairing.friction]
+    sticking = np.concatenate([np.zeros(0, dtype=bool), *stuck])
+    return Sets(np.concatenate(found), sticking, np.zeros(len(sticking)))
+
+
+def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) -> Sets:
+    """The sets of a state on other grids."""
+    closed, stuck, sense = ([np.zeros(0)] for _ in range(3))
+    for old, new in zip(condensed.pairings, after, strict=True):
+        span = condensed.spans[old.name]
+        own = [state.active[span].astype(float), state.stuck[span].astype(float)]
+        if old.friction:
+            own.append(np.sign(state.traction[condensed.tangential[old.name]]))
         if old.near is not None and new.near is not None:
-            share = np.interp(new.near.hats.place, old.near.hats.place, own.astype(float), 0.0, 0.0)
-            own = share >= 0.5
-        found.append(own)
-    return np.concatenate(found)
+            place, before = new.near.hats.place, old.near.hats.place
+            own = [np.interp(place, before, values, 0.0, 0.0) for values in own]
+        closed.append(own[0])
+        if old.friction:
+            stuck.append(own[1])
+            sense.append(np.where((own[0] >= 0.5) & (own[1] < 0.5), np.where(own[2] < 0.0, -1.0, 1.0), 0.0))
+    touch, stick = (np.concatenate(some) >= 0.5 for some in (closed, stuck))
+    return Sets(touch, stick, np.concatenate(sense))
 
 
 def _ranged(

@@ -26,16 +26,19 @@ APART = 3.0
 """Nodes farther apart along the surface than so many spacings are not neighbours."""
 LOOKED_AT = 400
 RAYS = 17
+LOOKS = 8
 CHORDS = 200
 
 
 @dataclass(frozen=True)
 class Clear:
-    """A contact's range from ``first`` to ``last`` off all corners, and where fields end in hollows."""
+    """A contact's range from ``first`` to ``last`` off all corners, the place ``nearest`` to the other
+    surface, and where fields end in hollows."""
 
     facing: Facing
     first: float
     last: float
+    nearest: float
     centers: tuple[complex | None, complex | None]
 
 
@@ -80,7 +83,17 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
         if not found:
             return None
         centers += found
-    return Clear(facing, first, last, (centers[0], centers[1] if len(centers) > 1 else None))
+    closest = _minimum(facing, s[max(nearest - 1, 0)], s[min(nearest + 1, len(s) - 1)])
+    return Clear(facing, first, last, closest, (centers[0], centers[1] if len(centers) > 1 else None))
+
+
+def _minimum(facing: Facing, first: float, last: float) -> float:
+    """Where between two places the gap is smallest, by ever finer looks."""
+    for _ in range(LOOKS):
+        s = np.linspace(first, last, RAYS)
+        least = int(np.argmin(facing.gap(s)))
+        first, last = s[max(least - 1, 0)], s[min(least + 1, len(s) - 1)]
+    return 0.5 * float(first + last)
 
 
 def _off_ends(surface: Surface, cloud: Cloud, arc: FloatArray) -> BoolArray:

@@ -35,7 +35,7 @@ class ExactMark:
 
 def load_path(built: Built, start: Start = BEGINNING) -> Iterator[PathStep]:
     """The path of the scene, or what of it is left, polished where the case asks for it."""
-    if not built.case.solver.polish:
+    if not built.case.polished:
         return path_of(built, start)
     from mlsanm_cli.app.polish import PolishMark, polished
 

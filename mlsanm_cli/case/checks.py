@@ -258,7 +258,7 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
             hint = "one law in all contacts; mixed laws are not supported yet"
             report.add(("contact", index, "regularization", "law"), message, hint)
     _check_friction_laws(draft, report)
-    if draft.solver and draft.solver.polish and first != "hyperbolic":
+    if draft.solver and draft.solver.polish is True and first != "hyperbolic":
         why = "the exact contact law needs none" if first else "there is no [[contact]]"
         report.add(("solver", "polish"), f"nothing to polish: {why}", "remove it, or set it to false")
     method = draft.solver.method if draft.solver else "auto"

@@ -188,8 +188,9 @@ class Solver(Section):
     """Largest scaled residual anywhere on the path."""
     pade: bool = True
     """Use Padé approximants where they lengthen a step."""
-    polish: bool = False
-    """End every saved level with the exact laws."""
+    polish: bool | Literal["auto"] = "auto"
+    """End every saved level with the exact laws; auto does where these need no history: not with friction
+    that remembers."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """A path that needs more steps fails."""
     linear: Literal["auto", "superlu", "pardiso", "mumps"] = "auto"
@@ -248,6 +249,16 @@ class Case(Section):
     def moved(self) -> tuple[str, ...]:
         """What has a load factor: the loads, then the contacts with an interference."""
         return (*(load.name for load in self.load), *(c.name for c in self.contact if c.interference))
+
+    @property
+    def polished(self) -> bool:
+        """Whether saved levels end with the exact laws."""
+        if self.solver.polish != "auto":
+            return self.solver.polish
+        first = self.contact[0].regularization if self.contact else None
+        if first is None or first.law == "exact" or self.solver.formulation == "monolithic":
+            return False
+        return not any(c.friction and c.regularization.friction_law == "memory" for c in self.contact)
 
     @model_validator(mode="before")
     @classmethod

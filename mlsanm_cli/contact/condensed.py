@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -181,7 +181,10 @@ class Condensed:
                 if own == body:
                     loads = pressure[:, None], traction[:, None]
                     found = fields_of(pairing.near, model.kernel, slave, place, *loads)
-                    displacement, stress = displacement + sign * found[0][:, :, 0], stress + sign * found[1][:, :, 0]
+                    displacement, stress = (
+                        displacement + sign * found[0][:, :, 0],
+                        stress + sign * found[1][:, :, 0],
+                    )
         return displacement, stress
 
     def contact_values(

@@ -62,10 +62,14 @@ def acts(condensed: Condensed, change: FloatArray) -> bool:
 
 
 def increment(
-    condensed: Condensed, state: CoulombState, factors: FloatArray, slipping: bool = True
+    condensed: Condensed,
+    state: CoulombState,
+    factors: FloatArray,
+    slipping: bool = True,
+    guess: Sets | None = None,
 ) -> tuple[CoulombState, int]:
     """The state after one finite increment to ``factors`` (L,), friction by return mapping; and the systems
-    solved. Without ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError, with
+    solved, the search beginning with a ``guess`` if there is one. Without ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError, with
     ``slipping`` FloatingError where surfaces that were apart would touch without pressure."""
     before = state.values.slip
     closed = state.sets.closed | (state.values.gap <= 0.0)
@@ -82,7 +86,8 @@ def increment(
         values = system.state(factors, before)
         return system, values, values.slip - before
 
-    sets, _, values, count = find_sets(condensed, Sets(closed, stuck, sense), watch, solve)
+    first = Sets(closed, stuck, sense) if guess is None else guess
+    sets, _, values, count = find_sets(condensed, first, watch, solve)
     pressed = values.pressure.max() > NOTHING * moving(condensed, values)
     if floating and slipping and not pressed and acts(condensed, factors - state.factors):
         raise FloatingError

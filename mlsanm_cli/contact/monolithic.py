@@ -27,8 +27,8 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.balance import Forces, balance_of_movers
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.coupling import Local, row_scales, slip_places
-from mlsanm_cli.contact.elimination import Elimination, plan_elimination
 from mlsanm_cli.contact.drivers import Drivers
+from mlsanm_cli.contact.elimination import Elimination, plan_elimination
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.observers import gap_rows, reaction_rows, slip_rows, spring_rows
 from mlsanm_cli.contact.regularization import Regularization

@@ -57,6 +57,25 @@ def fields_of(
 ) -> tuple[FloatArray, FloatArray]:
     """Displacements (e, 2, c) and stresses (e, 3, c) at points ``z`` (e,) of a body by nodal ``pressure`` and
     ``traction`` (m, c) on the hats, as these act on the slave: on the master it is the opposite."""
+    samples, apart = near.facing.side(near.samples, slave)[0], near.last - near.first
+    away = np.abs(z[:, None] - samples).min(axis=1, initial=np.inf)
+    beside = away <= apart
+    displacement, stress = np.zeros((len(z), 2, pressure.shape[1])), np.zeros((len(z), 3, pressure.shape[1]))
+    if not beside.all():
+        # From afar the samples of the range do, as well as for the remainder.
+        forces, (normal, tangent) = near.forces(kernel, slave), near.spreads
+        on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
+        for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
+            total[~beside] = np.einsum("ekcd,kdm->ecm", field(z[~beside]), on, optimize=True)
+    if beside.any():
+        displacement[beside], stress[beside] = _beside(near, kernel, slave, z[beside], pressure, traction)
+    return displacement, stress
+
+
+def _beside(
+    near: Near, kernel: Kernel, slave: bool, z: ComplexArray, pressure: FloatArray, traction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The same at points near the contact."""
     loads = _Loads(near, slave, kernel, *(np.pad(one, ((1, 1), (0, 0))) for one in (pressure, traction)))
     ends, size = near.facing.side(near.hats.nodes, slave)[0], near.hats.steps
     parts = []
@@ -69,8 +88,6 @@ def fields_of(
         close = away < FAR * size
         far, beside = _far(loads, some, close), _close(loads, some, close, foot, away)
         parts.append([one + other for one, other in zip(far, beside, strict=True)])
-    if not parts:
-        return np.zeros((0, 2, pressure.shape[1])), np.zeros((0, 3, pressure.shape[1]))
     displacement, stress = (np.concatenate(some) for some in zip(*parts, strict=True))
     return displacement, stress
 

@@ -108,7 +108,9 @@ class Observation:
             sparse.csr_array((count, body.model.unknowns)) if block is None else block
             for count, block in zip(self.counts, [*gaps, *slips, *reactions, *probed, *pulls], strict=True)
         ]
-        return sparse.csr_array(sparse.vstack([sparse.csr_array((0, body.model.unknowns)), *blocks], format="csr"))
+        return sparse.csr_array(
+            sparse.vstack([sparse.csr_array((0, body.model.unknowns)), *blocks], format="csr")
+        )
 
     def parted(self, observed: FloatArray) -> Observed:
         """What was observed, (sum of counts, c), taken apart."""
@@ -122,7 +124,9 @@ class Observation:
         slips = dict(zip((p.name for p in self.rough), taken(len(self.rough)), strict=True))
         held = dict(zip(self.held, taken(len(self.held)), strict=True))
         probes = taken(len(self.scene.probes))
-        return Observed(gaps, slips, held, probes, dict(zip(self.sprung, taken(len(self.sprung)), strict=True)))
+        return Observed(
+            gaps, slips, held, probes, dict(zip(self.sprung, taken(len(self.sprung)), strict=True))
+        )
 
 
 def _rows_of(pairing: Pairing) -> int:

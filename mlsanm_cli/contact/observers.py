@@ -36,9 +36,7 @@ def _changes(body: ElasticBody, name: str, pairing: Pairing, tangential: bool) -
     return _stacked(body, [sparse.csr_array(means @ some[:count]), some[count:]])
 
 
-def sampled_rows(
-    body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray
-) -> sparse.csr_array:
+def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray) -> sparse.csr_array:
     """A body's share (2k + v, 2n) in what is observed of a contact on a grid of its own: motions x and y of
     the slave relative to the master at all samples, and along a ``direction`` (w, 2) at the v nodes that are
     watched."""
