@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -165,7 +164,8 @@ def complete(
     if found is None:
         if prepared.clear:
             with clock.phase("operators"):
-                prepared = replace(prepared, clear={})
+                placed = {name: model.cloud for name, model in prepared.models.items()}
+                prepared = prepare(case, placed, memo, prepared.models, grids=False)
                 scene = equip(case, prepared, direct_solver(case), factorising, memo)
         condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console, memo)
     else:

@@ -39,7 +39,7 @@ SMOOTH = 1e-4
 """Samples are doubled until the last coefficients of the answer are below this part of its variation."""
 LEAST = 8
 """Intervals in contact that tell where it is."""
-MARGIN = 0.6
+MARGIN = 0.3
 """The range goes on past the outermost contact by this part of the width between."""
 NARROWED = 0.6
 """Ranges that would become narrower than this part of themselves are narrowed."""
@@ -118,7 +118,7 @@ def _first(clear: Clear) -> Near:
         away = np.cumsum(steps)
         parts.append(clear.nearest + sign * away * room / away[-1])
     hats = Hats(np.unique(np.concatenate([*parts, [clear.first, clear.last]]).clip(clear.first, clear.last)))
-    return Near(clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers)
+    return Near(clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, rough=True)
 
 
 def _on_grids(pairings: Sequence[Pairing], grids: Mapping[str, Near]) -> tuple[Pairing, ...]:
@@ -201,10 +201,9 @@ def _ranged(
             middle = np.zeros(len(near.hats.steps), dtype=bool)
             middle[max(places[0] - 1, 0) : places[-1] + 3] = True
             result[name] = replace(near, hats=near.hats.halved(middle))
-        elif last - first < NARROWED * (near.last - near.first):
-            result[name] = replace(
-                near, first=first, last=last, count=SAMPLES, hats=near.hats.within(first, last)
-            )
+        elif near.rough or last - first < NARROWED * (near.last - near.first):
+            even = Hats(np.linspace(first, last, FIRST + 1))
+            result[name] = replace(near, first=first, last=last, count=SAMPLES, hats=even, rough=False)
     return result
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,21 +11,20 @@ from mlsanm_cli.app.contacts import shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.near import Facing
-from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel
-from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex
+from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.values import dataclass
 
 CLEAR = 4.0
 """Pressures keep so many spacings off the ends of their surfaces: what is left of their fields then changes
 over no less."""
+ALIKE = 1e-9
+"""Curvatures that differ by less are the same."""
 TOUCHING = 1e-6
 """Gaps that differ by less than this part of the range are the same: such surfaces touch all along."""
-APART = 3.0
-"""Nodes farther apart along the surface than so many spacings are not neighbours."""
-LOOKED_AT = 400
+LOOKED_AT = 800
 RAYS = 17
 LOOKS = 8
 CHORDS = 200
@@ -52,30 +52,55 @@ def clear_contacts(
     return {name: one for name, one in found.items() if one is not None}
 
 
+def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, Clear]) -> tuple[Pairing, ...]:
+    """The pairs of nodes with the directions that pressures have on grids."""
+    return tuple(
+        replace(pairing, normal=clear[pairing.name].facing.normal(clear[pairing.name].facing.locate(pairing.points)))
+        if pairing.name in clear
+        else pairing
+        for pairing in pairings
+    )
+
+
 def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Clear | None:
     if pairing.master_body == pairing.slave_body:
         return None
     if any(models[body].cloud.sight is not None for body in pairing.bodies):
         return None
-    contact = next(one for one in case.contact if one.name == pairing.name)
-    obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
-    facing = Facing(pairing.slave.curve, None if pairing.master is None else pairing.master.curve, obstacle)
-    if (np.diff(pairing.arc) > APART * np.maximum(pairing.spacing[1:], pairing.spacing[:-1])).any():
+    facing = _facing(case, pairing)
+    base = facing.base
+    count = LOOKED_AT if base.closed else LOOKED_AT + 1
+    s = np.linspace(0.0, base.length, LOOKED_AT + 1)[:count]
+    s = s if facing.slave_first else -s[::-1]
+    points, partner, normal = facing.opposite(s)
+    away, outward = points - partner, as_real(-facing.side(s, facing.slave_first)[1])
+    gap = (away * normal).sum(axis=1)
+    beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+    across = (outward * normal).sum(axis=1) * (1.0 if facing.slave_first else -1.0)
+    faces = (across < OPPOSED) & (beside <= TOUCHING * base.length)
+    if not faces.any():
         return None
-    s = np.linspace(pairing.arc[0], pairing.arc[-1], LOOKED_AT)
-    off = _off_ends(pairing.slave, models[pairing.slave_body].cloud, s)
-    if pairing.master is not None and pairing.master_body is not None:
-        arc = pairing.master.curve.closest(facing.points(s))
-        off &= _off_ends(pairing.master, models[pairing.master_body].cloud, arc)
-    gap = facing.gap(s)
-    nearest = int(np.argmin(gap))
+    off = faces & _off_corners(pairing, models, facing, s)
+    least = gap[faces].min() + TOUCHING * base.length
+    touching = np.flatnonzero(off & (gap <= least))
+    if not len(touching):
+        return None
+    nearest = int(touching[len(touching) // 2])
+    if base.closed and not off.all():
+        # The row of places begins where none faces.
+        turn = int(np.flatnonzero(~off)[0])
+        off, gap, faces = (np.roll(one, -turn) for one in (off, gap, faces))
+        s = np.concatenate([s[turn:], s[:turn] + base.length])
+        nearest = (nearest - turn) % len(s)
+    elif base.closed:
+        turn = int(np.argmax(gap))
+        off, gap = np.roll(off, -turn), np.roll(gap, -turn)
+        s = np.concatenate([s[turn:], s[:turn] + base.length])
+        nearest = (nearest - turn) % len(s)
     stretch = _stretch(off, nearest)
     if stretch is None:
         return None
     first, last = float(s[stretch[0]]), float(s[stretch[1]])
-    least = gap[nearest] + TOUCHING * (last - first)
-    if gap[stretch[0]] <= least or gap[stretch[1]] <= least:
-        return None
     rays = np.linspace(first, last, RAYS)
     centers: list[complex | None] = []
     for body, slave in zip(pairing.bodies, (True, False), strict=False):
@@ -87,6 +112,43 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
     return Clear(facing, first, last, closest, (centers[0], centers[1] if len(centers) > 1 else None))
 
 
+def _facing(case: Case, pairing: Pairing) -> Facing:
+    """The surfaces of a contact; the more curved one is the base, so that the flatter one tells the direction
+    of pressures."""
+    contact = next(one for one in case.contact if one.name == pairing.name)
+    slave, master = pairing.slave, pairing.master
+    if master is None:
+        assert contact.obstacle is not None
+        return Facing(slave.curve, None, shape_of(contact.obstacle))
+    nearest = int(np.argmin(pairing.gap))
+    places = pairing.points[nearest : nearest + 1], pairing.partner[nearest : nearest + 1]
+    curved = [
+        float(abs(surface.curve.curvature(surface.curve.closest(place))[0]))
+        for surface, place in zip((slave, master), places, strict=True)
+    ]
+    alike = abs(curved[0] - curved[1]) <= ALIKE * max(curved)
+    slave_first = pairing.names[0] < pairing.names[1] if alike else curved[0] > curved[1]
+    curves = (slave.curve, master.curve) if slave_first else (master.curve, slave.curve)
+    return Facing(*curves, None, slave_first)
+
+
+def _off_corners(
+    pairing: Pairing, models: Mapping[str, BodyModel], facing: Facing, s: FloatArray
+) -> BoolArray:
+    """Whether places (e,) are off the ends of both surfaces."""
+    off = np.ones(len(s), dtype=bool)
+    for body, surface, slave in (
+        (pairing.slave_body, pairing.slave, True),
+        (pairing.master_body, pairing.master, False),
+    ):
+        if body is None or surface is None or surface.curve.closed:
+            continue
+        arc = surface.curve.closest(as_real(facing.side(s, slave)[0]))
+        first, last = CLEAR * models[body].cloud.spacing[surface.index[[0, -1]]]
+        off &= (arc >= first) & (arc <= surface.curve.length - last)
+    return off
+
+
 def _minimum(facing: Facing, first: float, last: float) -> float:
     """Where between two places the gap is smallest, by ever finer looks."""
     for _ in range(LOOKS):
@@ -94,14 +156,6 @@ def _minimum(facing: Facing, first: float, last: float) -> float:
         least = int(np.argmin(facing.gap(s)))
         first, last = s[max(least - 1, 0)], s[min(least + 1, len(s) - 1)]
     return 0.5 * float(first + last)
-
-
-def _off_ends(surface: Surface, cloud: Cloud, arc: FloatArray) -> BoolArray:
-    """Whether places at arc lengths (e,) are off the ends of a surface."""
-    if surface.curve.closed:
-        return np.ones(len(arc), dtype=bool)
-    first, last = CLEAR * cloud.spacing[surface.index[[0, -1]]]
-    return np.asarray((arc >= first) & (arc <= surface.curve.length - last))
 
 
 def _stretch(chosen: BoolArray, inside: int) -> tuple[int, int] | None:

@@ -15,7 +15,7 @@ from mlsanm_cli.app.contacts import pair
 from mlsanm_cli.app.loads import Acting, acting
 from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.movers import components, movers
-from mlsanm_cli.app.near_geometry import Clear, clear_contacts
+from mlsanm_cli.app.near_geometry import Clear, clear_contacts, directed
 from mlsanm_cli.app.restraints import restrained
 from mlsanm_cli.app.symmetry import even_scene
 from mlsanm_cli.case import Case, Displacement, Platen, split_boundary
@@ -77,8 +77,10 @@ def prepare(
     clouds: Mapping[str, Cloud],
     memo: Memo = AFRESH,
     before: Mapping[str, BodyModel] = NOTHING,
+    grids: bool = True,
 ) -> Prepared:
-    """Stencils, pairs and conditions; of the models ``before`` those stay whose clouds did.
+    """Stencils, pairs and conditions; of the models ``before`` those stay whose clouds did. Contacts off all
+    corners are to get ``grids`` of their own.
 
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
     value at some node, and for probes outside their body.
@@ -108,10 +110,10 @@ def prepare(
         for name, model in models.items()
     }
     free = movers(case, clouds, held, held_nodes, grips, loads.springs)
-    moving, notes = restrained(case, clouds, pairings, free, loads)
+    clear = clear_contacts(case, models, pairings) if grids else {}
+    moving, notes = restrained(case, clouds, directed(pairings, clear), free, loads)
     probes = _probes(case, clouds)
     prepared = Prepared(models, pairings, held, held_nodes, loads, probes, moving, notes)
-    clear = clear_contacts(case, models, pairings)
     if clear:
         return replace(prepared, clear=clear)
     even = even_scene(case, models, held, held_nodes, loads, moving, pairings)

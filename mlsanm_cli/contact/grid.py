@@ -157,12 +157,6 @@ class Hats:
             chosen[1:] |= steps[1:] > STEEPEST * steps[:-1]
         return Hats(nodes)
 
-    def within(self, first: float, last: float) -> Hats:
-        """The nodes between two places, and these."""
-        slack = 1e-9 * (last - first)
-        inner = self.nodes[(self.nodes > first + slack) & (self.nodes < last - slack)]
-        return Hats(np.concatenate([[first], inner, [last]]))
-
     def errors(self, values: FloatArray) -> FloatArray:
         """What every interval (m + 1,) has of the L2 error of nodal ``values`` (m,), by their second
         differences: h^(5/2) |p''| / sqrt(120)."""

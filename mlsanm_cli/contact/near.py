@@ -28,54 +28,67 @@ STEP = 1e-4
 
 @dataclass(frozen=True)
 class Facing:
-    """The two surfaces of a contact as functions of the arc length ``s`` along the slave, on past the start
-    of a closed one: the slave's points, and the closest points of the ``master`` or the rigid ``obstacle``."""
+    """The two surfaces of a contact as functions of a place ``s``: arc length along ``base``, from where the
+    closest points of the ``other`` surface, or of a rigid ``obstacle``, are looked for.
 
-    slave: Curve
-    master: Curve | None
-    obstacle: Shape | None
+    If the slave is the other one, not the ``slave_first``, s is minus the arc length, so that it always
+    increases along the slave. On a closed base it may go on past the start. Which of two surfaces is the base
+    is a matter of their shapes alone, so that roles have no part in what comes out.
+    """
+
+    base: Curve
+    other: Curve | None
+    obstacle: Shape | None = None
+    slave_first: bool = True
 
     def _arc(self, s: FloatArray) -> FloatArray:
-        return np.mod(s, self.slave.length) if self.slave.closed else s
+        arc = s if self.slave_first else -s
+        return np.mod(arc, self.base.length) if self.base.closed else arc
 
-    def points(self, s: FloatArray) -> FloatArray:
-        """Points (e, 2) of the slave."""
-        return self.slave.points(self._arc(s))
-
-    def outward(self, s: FloatArray) -> FloatArray:
-        """Outward normals (e, 2) of the slave."""
-        return self.slave.normals(self._arc(s))
-
-    def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The closest points (e, 2) of the master, and its outward normals (e, 2) there."""
-        points = self.points(s)
-        if self.master is None:
+    def _places(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Points (e, 2) of the base and of the other surface, and both outward normals (e, 2)."""
+        arc = self._arc(s)
+        points, outward = self.base.points(arc), self.base.normals(arc)
+        if self.other is None:
             assert self.obstacle is not None
-            return self.obstacle.closest(points, self.outward(s))
-        arc = self.master.closest(points)
-        return self.master.points(arc), self.master.normals(arc)
+            return points, *self.obstacle.closest(points, outward), outward
+        there = self.other.closest(points)
+        return points, self.other.points(there), self.other.normals(there), outward
+
+    def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on the
+        slave: those of the other surface's normals."""
+        points, there, normal, _ = self._places(s)
+        return (points, there, normal) if self.slave_first else (there, points, -normal)
 
     def normal(self, s: FloatArray) -> FloatArray:
-        """The directions (e, 2) of pressures on the slave: the master's outward normals."""
-        return self.opposite(s)[1]
+        """The directions (e, 2) of pressures on the slave."""
+        return self.opposite(s)[2]
 
     def gap(self, s: FloatArray) -> FloatArray:
         """Initial gaps (e,)."""
-        partner, normal = self.opposite(s)
-        return np.asarray(((self.points(s) - partner) * normal).sum(axis=1))
+        points, partner, normal = self.opposite(s)
+        return np.asarray(((points - partner) * normal).sum(axis=1))
 
     def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
         """Places (e,) on one of the two surfaces and unit normals (e,) into its body."""
-        if slave:
-            return as_complex(self.points(s)), -as_complex(self.outward(s))
-        partner, normal = self.opposite(s)
-        return as_complex(partner), -as_complex(normal)
+        points, there, normal, outward = self._places(s)
+        if slave == self.slave_first:
+            return as_complex(points), -as_complex(outward)
+        return as_complex(there), -as_complex(normal)
+
+    def locate(self, points: FloatArray) -> FloatArray:
+        """The places (e,) of ``points`` (e, 2) on or near the base, in a row along it."""
+        arc = self.base.closest(points)
+        s = arc if self.slave_first else -arc
+        return np.unwrap(s, period=self.base.length) if self.base.closed else s
 
 
 @dataclass(frozen=True)
 class Near:
     """A contact's range from ``first`` to ``last``, the ``count`` of its samples, and the ``hats`` of its
-    pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one."""
+    pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one.
+    A ``rough`` grid only serves to find out where the contact is."""
 
     facing: Facing
     first: float
@@ -83,6 +96,15 @@ class Near:
     count: int
     hats: Hats
     centers: tuple[complex | None, complex | None] = (None, None)
+    rough: bool = False
+
+    def around(self, s: FloatArray) -> FloatArray:
+        """Places (e,), on a closed base those turns away that are nearest to the range."""
+        base = self.facing.base
+        if not base.closed:
+            return s
+        middle = 0.5 * (self.first + self.last)
+        return s - base.length * np.round((s - middle) / base.length)
 
     @cached_property
     def samples(self) -> FloatArray:

@@ -116,8 +116,9 @@ class Pairing:
 def on_grid(pairing: Pairing, near: Near) -> Pairing:
     """The contact of nodes ``pairing`` with pressures on a contact grid; its nodes beyond are watched."""
     hats, facing = near.hats, near.facing
-    beyond = (pairing.arc < near.first) | (pairing.arc > near.last)
-    partner = facing.opposite(hats.place)[0]
+    place = near.around(facing.locate(pairing.points))
+    beyond = (place < near.first) | (place > near.last)
+    points, partner, _ = facing.opposite(hats.place)
     gap = hats.at_places(facing.gap(hats.points)[:, None])[:, 0] - pairing.closed_by
     count = len(hats.place)
 
@@ -127,8 +128,8 @@ def on_grid(pairing: Pairing, near: Near) -> Pairing:
     return replace(
         pairing,
         position=np.concatenate([np.full(count, -1), pairing.position[beyond]]),
-        points=joined(facing.points(hats.place), pairing.points),
-        arc=joined(hats.place, pairing.arc),
+        points=joined(points, pairing.points),
+        arc=joined(hats.place, place),
         weight=joined(hats.weight, pairing.weight),
         partner=joined(partner, pairing.partner),
         normal=joined(hats.at_places(near.directions[0]), pairing.normal),

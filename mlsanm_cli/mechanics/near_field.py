@@ -155,6 +155,11 @@ def as_complex(vectors: FloatArray) -> ComplexArray:
     return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
 
 
+def as_real(numbers: ComplexArray) -> FloatArray:
+    """Complex numbers (...) as vectors (..., 2)."""
+    return np.stack([numbers.real, numbers.imag], axis=-1)
+
+
 def _table(rows: list[list[FloatArray]]) -> FloatArray:
     """Rows of arrays (...) as one array (..., rows, columns)."""
     return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
