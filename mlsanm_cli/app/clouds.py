@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import accumulate
 
+from mlsanm_cli.app.contacts import shape_of
 from mlsanm_cli.app.foreign import foreign
+from mlsanm_cli.app.usual_spacing import arc_zones, contact_zone, usual_spacing
+from mlsanm_cli.case.base import split_boundary
 from mlsanm_cli.case.chains import Piece, Side
 from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.model import Body, Case
@@ -46,18 +50,36 @@ def _curve(piece: Piece) -> Curve:
     return Arc(piece.center, piece.radius, piece.start, piece.sweep)
 
 
-def spacing_of(body: Body) -> Spacing:
+def spacing_of(case: Case, body: Body) -> Spacing:
     """The spacing field of a body whose nodes we place."""
-    assert body.spacing is not None
     outline = outline_of(body)
-    zones = []
+    far, zones = body.spacing, []
+    if isinstance(far, str):
+        far = usual_spacing(outline)
+        zones = [*arc_zones(outline, far), *_contact_zones(case, body, outline, far)]
     for refine in body.refine:
         if refine.at is not None:
             zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
         else:
             curve = outline.curves[outline.names.index(str(refine.along).rpartition(".")[2])]
             zones.append(Zone(curve, refine.spacing, refine.radius, refine.growth))
-    return Spacing(body.spacing, tuple(zones))
+    return Spacing(far, tuple(zones))
+
+
+def _contact_zones(case: Case, body: Body, outline: Outline, far: float) -> Iterator[Zone]:
+    """Finer nodes where a body's contacts are close to others of its boundaries."""
+    bodies = {other.name: other for other in case.body}
+    for contact in case.contact:
+        sides = [split_boundary(boundary) for boundary in contact.boundaries]
+        curves = [_curve_of(outline_of(bodies[owner]), name) for owner, name in sides]
+        obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
+        for (owner, _), own, other in zip(sides, curves, curves[::-1], strict=True):
+            if owner == body.name:
+                yield from contact_zone(outline, own, other if len(sides) > 1 else None, obstacle, far)
+
+
+def _curve_of(outline: Outline, name: str) -> Curve:
+    return outline.curves[outline.names.index(name)]
 
 
 def clouds(
@@ -70,6 +92,6 @@ def clouds(
         if isinstance(body.shape, Mesh | Points) and body.shape.brings_nodes:
             placed[body.name] = foreign(body.shape).cloud
         else:
-            spacing = spacing_of(body).with_zones(zones)
+            spacing = spacing_of(case, body).with_zones(zones)
             placed[body.name] = build_cloud(outline_of(body), spacing, body.seed, memo=memo, line=line)
     return placed

@@ -39,7 +39,7 @@ class Estimate:
 
 def estimate(case: Case) -> Estimate:
     """Nodes by quadrature of the spacing field or counted, memory by the model below."""
-    nodes = {body.name: _nodes(body) for body in case.body}
+    nodes = {body.name: _nodes(case, body) for body in case.body}
     return Estimate(nodes, _memory_mb(nodes, mls_settings(case).stencil_size, _solver(case)))
 
 
@@ -70,10 +70,10 @@ def _levels(nodes: float, without: float) -> float:
     return max(math.log2(max(nodes, 2.0)) - without, 1.0)
 
 
-def _nodes(body: Body) -> float:
+def _nodes(case: Case, body: Body) -> float:
     if isinstance(body.shape, Mesh | Points) and body.shape.brings_nodes:
         return float(len(foreign(body.shape).points))
-    return estimate_nodes(outline_of(body), spacing_of(body), COUNT_LIMIT)
+    return estimate_nodes(outline_of(body), spacing_of(case, body), COUNT_LIMIT)
 
 
 def available_memory_mb() -> float:
@@ -124,8 +124,7 @@ def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
     if body.brings_nodes:
         return f"body.{body.name}.shape.file", "use a coarser mesh"
     hint = "use larger spacings, smaller refinement radii or a larger growth"
-    assert body.spacing is not None
-    even = estimate_nodes(outline_of(body), Spacing(body.spacing), COUNT_LIMIT)
+    even = estimate_nodes(outline_of(body), Spacing(spacing_of(case, body).far), COUNT_LIMIT)
     if even >= 0.5 * size.nodes[body.name] or not body.refine:
         return f"body.{body.name}.spacing", hint
     finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)

@@ -55,8 +55,8 @@ ACCURACY = 0.3
 costs next to nothing. With friction the work grows with the square of the places."""
 
 Search = Callable[[Condensed, Sequence[Sets], bool], tuple[ExactState, ...]]
-"""The exact states of a condensed scene, searched from sets if there are any: all that count, or only those at
-the ends of the stages."""
+"""The exact states of a condensed scene, searched from sets if there are any: all that count, or only those
+at the ends of the stages."""
 
 
 def find_grids(

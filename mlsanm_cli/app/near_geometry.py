@@ -54,12 +54,13 @@ def clear_contacts(
 
 def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, Clear]) -> tuple[Pairing, ...]:
     """The pairs of nodes with the directions that pressures have on grids."""
-    return tuple(
-        replace(pairing, normal=clear[pairing.name].facing.normal(clear[pairing.name].facing.locate(pairing.points)))
-        if pairing.name in clear
-        else pairing
-        for pairing in pairings
-    )
+    result = []
+    for pairing in pairings:
+        if pairing.name in clear:
+            facing = clear[pairing.name].facing
+            pairing = replace(pairing, normal=facing.normal(facing.locate(pairing.points)))
+        result.append(pairing)
+    return tuple(result)
 
 
 def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Clear | None:
@@ -169,8 +170,8 @@ def _stretch(chosen: BoolArray, inside: int) -> tuple[int, int] | None:
 
 
 def void_center(cloud: Cloud, place: ComplexArray, inward: ComplexArray) -> list[complex | None]:
-    """Where the fields of forces at places (e,) of a body's outline end, [None] where the way outwards is free,
-    and nothing where the void has no place that all of them see."""
+    """Where the fields of forces at places (e,) of a body's outline end: [None] where the way outwards is
+    free, and nothing where the void has no place that all of them see."""
     starts, ways, long = [], [], 0.0
     for surface in cloud.surfaces.values():
         arc = np.linspace(0.0, surface.curve.length, CHORDS + 1)

@@ -55,7 +55,7 @@ def residual_zones(
         cloud = built.scene.bodies[body.name].model.cloud
         finer = np.where(ruled[body.name], 1.0, _finer(levels[body.name], level, degree))
         wanted = np.where(finer >= WORTH, cloud.spacing / finer, np.inf)
-        spacing = spacing_of(body).with_zones((*planned, *zones))
+        spacing = spacing_of(built.case, body).with_zones((*planned, *zones))
         zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
     return tuple(zones)
 

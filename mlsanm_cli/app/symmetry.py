@@ -46,7 +46,7 @@ def line_of(case: Case) -> Line | None:
     for axis in (0, 1):
         line = Line(axis, float(middle[0, axis]))
         same = np.abs(middle[:, axis] - line.at).max() <= SAME * size
-        if same and all(spacing_of(body).symmetric(line) for body in case.body):
+        if same and all(spacing_of(case, body).symmetric(line) for body in case.body):
             return line
     return None
 

@@ -95,31 +95,29 @@ def _check_spacing(body: Body, index: int, report: Report) -> None:
     """Who places the nodes needs a spacing; who brings them has one."""
     path: KeyPath = ("body", index)
     if not body.brings_nodes:
-        if body.spacing is None:
-            report.add((*path, "spacing"), "missing, and it has no default")
         return
     where = 'the nodes are those of the file; use = "outline" would place others'
     if isinstance(body.shape, Points):
         where = "the nodes are those of the file"
-    for key, given in (("spacing", body.spacing is not None), ("refine", body.refine), ("seed", body.seed)):
+    for key, given in (("spacing", body.spacing != "auto"), ("refine", body.refine), ("seed", body.seed)):
         if given:
             report.add((*path, key), f"has no meaning here: {where}", "remove it")
 
 
 def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None:
     path: KeyPath = ("body", index)
-    if body.spacing is None:
+    if body.brings_nodes:
         return
     far = max(abs(shape.centre[0]), abs(shape.centre[1])) + shape.size
-    for key, spacing in (
-        ((*path, "spacing"), body.spacing),
-        *(((*path, "refine", place, "spacing"), refine.spacing) for place, refine in enumerate(body.refine)),
-    ):
+    given = body.spacing if isinstance(body.spacing, float) else None
+    spacings = [] if given is None else [((*path, "spacing"), given)]
+    spacings += [((*path, "refine", n, "spacing"), refine.spacing) for n, refine in enumerate(body.refine)]
+    for key, spacing in spacings:
         if spacing < ROUND_OFF * far:
             message = f"{spacing:g} is lost in round-off at places up to {far:g} from the origin"
             report.add(key, message, f"at least {ROUND_OFF * far:.2g}")
-    if body.spacing > shape.size > 0.0:
-        report.add((*path, "spacing"), f"{body.spacing:g} is larger than the body itself ({shape.size:g})")
+    if given is not None and given > shape.size > 0.0:
+        report.add((*path, "spacing"), f"{given:g} is larger than the body itself ({shape.size:g})")
     for place, refine in enumerate(body.refine):
         here: KeyPath = (*path, "refine", place)
         if (refine.at is None) == (refine.along is None):
@@ -127,8 +125,8 @@ def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None
         if refine.along is not None and refine.edge(body.name) not in shape.boundaries:
             hint = suggestion(refine.edge(body.name), shape.boundaries, "boundaries")
             report.add((*here, "along"), f'body "{body.name}" has no boundary "{refine.along}"', hint)
-        if refine.spacing > body.spacing:
-            message = f"{refine.spacing:g} is larger than the body's spacing {body.spacing:g}"
+        if given is not None and refine.spacing > given:
+            message = f"{refine.spacing:g} is larger than the body's spacing {given:g}"
             report.add((*here, "spacing"), message, "a refinement can only make it smaller")
 
 

@@ -63,8 +63,9 @@ class Body(Section):
     """Name of the body; its boundaries are called `<body>.<boundary>`."""
     material: str
     """Name of its material."""
-    spacing: Annotated[Positive, LENGTH] | None = None
-    """Node spacing far from refinements; none where a file brings the nodes."""
+    spacing: Annotated[AutoLength, LENGTH] = "auto"
+    """Node spacing far from refinements. Automatic is a fifteenth of the body or a fifth of its mean
+    thickness, finer near contacts that are close to another boundary, and along arcs."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Seed of the random generator that places the nodes: another seed, another cloud of the same spacing."""
     shape: Shape

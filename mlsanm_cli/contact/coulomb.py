@@ -69,8 +69,9 @@ def increment(
     guess: Sets | None = None,
 ) -> tuple[CoulombState, int]:
     """The state after one finite increment to ``factors`` (L,), friction by return mapping; and the systems
-    solved, the search beginning with a ``guess`` if there is one. Without ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError, with
-    ``slipping`` FloatingError where surfaces that were apart would touch without pressure."""
+    solved, the search beginning with a ``guess`` if there is one. Without ``slipping`` all closed nodes
+    stick, whatever it takes. Raises NoStateError, with ``slipping`` FloatingError where surfaces that were
+    apart would touch without pressure."""
     before = state.values.slip
     closed = state.sets.closed | (state.values.gap <= 0.0)
     floating = len(condensed.balance.constant) > 0 and not state.sets.closed.any()

@@ -142,8 +142,7 @@ class Hats:
 
     def at_places(self, values: FloatArray) -> FloatArray:
         """Means (m, c) over the hats of ``values`` (g, c) at the points."""
-        means: FloatArray = (self.integrals @ values) / self.weight[:, None]
-        return means
+        return np.asarray(self.integrals @ values) / self.weight[:, None]
 
     def halved(self, chosen: BoolArray) -> Hats:
         """With the ``chosen`` intervals (m + 1,) halved, and others that would be too much wider than their
@@ -163,7 +162,7 @@ class Hats:
         padded = np.concatenate([[0.0], values, [0.0]])
         bend = np.zeros(len(padded))
         bend[1:-1] = np.abs(np.diff(np.diff(padded) / self.steps)) / self.weight
-        return self.steps**2.5 * np.maximum(bend[1:], bend[:-1]) / np.sqrt(120.0)
+        return np.asarray(self.steps**2.5 * np.maximum(bend[1:], bend[:-1]) / np.sqrt(120.0))
 
     def norm(self, values: FloatArray) -> float:
         """L2 norm of nodal ``values`` (m,), joined linearly."""

@@ -56,8 +56,8 @@ class Facing:
         return points, self.other.points(there), self.other.normals(there), outward
 
     def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on the
-        slave: those of the other surface's normals."""
+        """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on
+        the slave: those of the other surface's normals."""
         points, there, normal, _ = self._places(s)
         return (points, there, normal) if self.slave_first else (there, points, -normal)
 
@@ -142,7 +142,7 @@ class Near:
 
     @cached_property
     def means(self) -> tuple[FloatArray, FloatArray]:
-        """Means (m, 2k) over the hats of displacements at the samples, along pressures and along tractions."""
+        """Means (m, 2k) over the hats of displacements at the samples, along pressures and tractions."""
         normal, tangent = self.spreads
         return normal.T / self.hats.weight[:, None], tangent.T / self.hats.weight[:, None]
 
@@ -171,8 +171,8 @@ class Near:
     def singular(self, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
         """The tensors L and T (2, 2) of one of the two bodies."""
         way, inward = self._way(slave)[0], self.facing.side(self.samples[:1], slave)[1][0]
-        tangent = np.array([way / np.abs(way)])
-        base = np.array([inward])
+        tangent: ComplexArray = np.array([way / np.abs(way)])
+        base: ComplexArray = np.array([inward])
         ahead, behind = kernel.displacement(tangent, base)[0], kernel.displacement(-tangent, base)[0]
         log = (kernel.displacement(2.0 * tangent, base)[0] - ahead) / np.log(2.0)
         return log, 0.5 * (ahead - behind)

@@ -8,6 +8,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
 
 
@@ -40,20 +41,14 @@ def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, direction: Floa
     """A body's share (2k + v, 2n) in what is observed of a contact on a grid of its own: motions x and y of
     the slave relative to the master at all samples, and along a ``direction`` (w, 2) at the v nodes that are
     watched."""
-    near, blocks = pairing.near, []
+    near = pairing.near
     assert near is not None
-    for own, slave, sign in ((pairing.slave_body, True, 1.0), (pairing.master_body, False, -1.0)):
-        if own != name:
-            continue
-        place = near.facing.side(near.samples, slave)[0]
-        points = np.stack([place.real, place.imag], axis=1)
-        for axis in np.eye(2):
-            blocks.append(sign * body.model.values_along(points, np.tile(axis, (near.count, 1))))
     samples = sparse.csr_array((2 * near.count, body.model.unknowns))
-    if len(blocks) == 4:
-        blocks = [blocks[0] + blocks[2], blocks[1] + blocks[3]]
-    if blocks:
-        samples = sparse.csr_array(sparse.vstack(blocks, format="csr"))
+    for own, slave, sign in ((pairing.slave_body, True, 1.0), (pairing.master_body, False, -1.0)):
+        if own == name:
+            points = as_real(near.facing.side(near.samples, slave)[0])
+            along = [body.model.values_along(points, np.tile(axis, (near.count, 1))) for axis in np.eye(2)]
+            samples = sparse.csr_array(samples + sign * sparse.vstack(along, format="csr"))
     watched = np.flatnonzero(~pairing.candidate)
     beyond = relative_rows(body, name, pairing, direction, watched)
     return sparse.csr_array(sparse.vstack([samples, beyond], format="csr"))

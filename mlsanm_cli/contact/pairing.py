@@ -38,8 +38,9 @@ class Pairing:
     stand for. ``partner`` (w, 2) are the virtual nodes on the master, ``normal`` (w, 2) the master's outward
     normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,) marks the places that can touch; the
     others are only watched. ``friction`` is Coulomb's coefficient, ``interference`` what the gaps lose when
-    the load of this contact's name is at 1, ``closed_by`` what they have lost to surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor
-    ``master``; its virtual nodes lie on the obstacle. In a scene that is its own mirror image, ``image`` (w,)
+    the load of this contact's name is at 1, ``closed_by`` what they have lost to surfaces drawn touching. A
+    contact with a rigid obstacle has neither ``master_body`` nor ``master``; its virtual nodes lie on the
+    obstacle. In a scene that is its own mirror image, ``image`` (w,)
     is where every node's image stands. With ``near`` the candidates are the places of a contact grid, and
     gaps and normals means over its functions.
     """

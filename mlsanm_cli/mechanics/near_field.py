@@ -202,8 +202,8 @@ class SurfaceForces:
         return moved, self.kernel.stress(w) - self.kernel.stress(other)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
-        """Tractions (e, k, 2, 2) at places ``z`` (e,) of the surface with outward ``normal`` and ``curvature``
-        (e,); at a force's own place what is left beside it."""
+        """Tractions (e, k, 2, 2) at places ``z`` (e,) of the surface with outward ``normal`` and
+        ``curvature`` (e,); at a force's own place what is left beside it."""
         w = z[:, None] - self.place
         at = np.abs(w) <= ALMOST * np.abs(z).max(initial=0.0)
         outward = np.broadcast_to(normal[:, None], w.shape)

@@ -101,7 +101,7 @@ def _sums(owner: IntArray, count: int) -> sparse.csr_array:
 
 
 def _add(body: ElasticBody, total: FloatArray, owner: IntArray, force: FloatArray, at: FloatArray) -> None:
-    """Add ``force`` (e, k, 2, 2) on the pieces ``owner`` (e,), acting along lines through ``at`` (k or 1, 2)."""
+    """Add ``force`` (e, k, 2, 2) on the pieces ``owner`` (e,), along lines through ``at`` (k or 1, 2)."""
     pieces, shape = body.pieces, force.shape[1:]
     sums = (_sums(owner, pieces.count) @ force.reshape(len(force), -1)).reshape(-1, *shape)
     arm = (at - pieces.whole.middle[:, None]) / pieces.size[:, None, None]
