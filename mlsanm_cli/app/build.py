@@ -223,10 +223,10 @@ def _searched(
         positions = sorted({*range(len(stages)), *case.output.at})
         factors = np.stack([factors_at(stages, position) for position in positions])
     if len(condensed.rubbing):
-        return _rubbing_ends(condensed, factors, starts if len(starts) == len(factors) - 1 else ())
+        return _rubbing_ends(condensed, factors, starts)
     ends: list[ExactState] = []
     for number, wanted in enumerate(factors[1:]):
-        start = starts[min(number, len(starts) - 1)] if starts and number < len(starts) else None
+        start = next(iter(starts[number:]), None)
         ends.append(solve_exact(condensed, wanted, _last(ends) if start is None else start.closed))
     return tuple(ends)
 
@@ -252,7 +252,7 @@ def _rubbing_ends(
     state = unloaded(condensed, stages[0])
     for number, factors in enumerate(stages[1:]):
         try:
-            state, solves = _incremented(condensed, state, factors, starts[number] if starts else None)
+            state, solves = _incremented(condensed, state, factors, next(iter(starts[number:]), None))
         except NoStateError:
             break
         ends.append(_end(condensed, state, solves))

@@ -110,14 +110,14 @@ def _same(one: Mapping[str, Near], other: Mapping[str, Near]) -> bool:
 def _first(clear: Clear) -> Near:
     """A coarse grid over all that faces, finer towards where the surfaces are nearest."""
     widest = (clear.last - clear.first) / FIRST
-    parts = [np.array([clear.nearest])]
+    parts = [np.array([clear.first, clear.nearest, clear.last])]
     for sign, room in ((-1.0, clear.nearest - clear.first), (1.0, clear.last - clear.nearest)):
         steps = [FINEST * widest]
         while sum(steps) < room:
             steps.append(min(GROWTH * steps[-1], widest))
         away = np.cumsum(steps)
-        parts.append(clear.nearest + sign * away * room / away[-1])
-    hats = Hats(np.unique(np.concatenate([*parts, [clear.first, clear.last]]).clip(clear.first, clear.last)))
+        parts.append(clear.nearest + sign * away[:-1] * room / away[-1])
+    hats = Hats(np.unique(np.concatenate(parts)))
     return Near(clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, rough=True)
 
 

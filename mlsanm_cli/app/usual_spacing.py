@@ -20,8 +20,8 @@ ALONG, ACROSS = 15.0, 5.0
 """Spacings over the size of a body, and over twice its area divided by its perimeter."""
 IN_FRONT = 5.0
 """Spacings between a contact and the nearest other boundary."""
-PER_RADIUS = 5.0
-"""Spacings over the radius of an arc."""
+PER_RADIUS, IN_HOLLOWS = 5.0, 10.0
+"""Spacings over the radius of an arc; around holes and in hollows stresses concentrate."""
 GROWTH = 0.25
 SAMPLES = 200
 FLAT = 1e-6
@@ -44,8 +44,10 @@ def usual_spacing(outline: Outline) -> float:
 def arc_zones(outline: Outline, far: float) -> Iterator[Zone]:
     """Finer nodes along arcs of small radius."""
     for curve in outline.curves:
-        if isinstance(curve, Arc) and curve.radius / PER_RADIUS < far:
-            yield Zone(curve, curve.radius / PER_RADIUS, 0.0, GROWTH)
+        if isinstance(curve, Arc):
+            fine = curve.radius / (PER_RADIUS if curve.sweep > 0.0 else IN_HOLLOWS)
+            if fine < far:
+                yield Zone(curve, fine, 0.0, GROWTH)
 
 
 def contact_zone(
