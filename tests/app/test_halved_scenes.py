@@ -17,7 +17,7 @@ from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.operators.folded import Folded
-from tests.app.scenes import Quiet, hertz, solve
+from tests.app.scenes import COARSE, Quiet, hertz, solve
 
 SOFT = """
 format = 1
@@ -159,7 +159,7 @@ def test_monolithic_methods_take_whole_equations(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
     case.write_text(pressed())
     wishes = Wishes(("monolithic",), levels=1, picture=False)
-    found = compare(case, wishes, out=tmp_path / "out", console=Quiet())
+    found = compare(case, wishes, overrides=COARSE, out=tmp_path / "out", console=Quiet())
     assert found["status"] == "agree"
 
 
