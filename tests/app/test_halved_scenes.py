@@ -171,8 +171,8 @@ def test_passes_keep_a_scene_symmetric(tmp_path: Path, monkeypatch: pytest.Monke
         return made[-1]
 
     monkeypatch.setattr(adapt, "place", kept)
-    assert len(solve(pressed(), tmp_path / "run", "adapt.passes=3")["adapt"]) == 4
-    assert len(made) == 3
+    assert len(solve(pressed(), tmp_path / "run", "adapt.passes=2")["adapt"]) == 3
+    assert len(made) == 2
     assert all(prepared.line is not None for prepared in made)
 
 
