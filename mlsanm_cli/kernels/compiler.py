@@ -145,9 +145,12 @@ def in_process(kernel: Kernel) -> Callable[..., Any]:
     _bind()
     dispatcher: Any = numba.njit(**OPTIONS)(kernel.__wrapped__)
     dispatcher.compile(tuple(_type(one) for one in kernel.signature.arguments))
+    # Arrays that may be written to are no others for a kernel that only reads them, but numba would compile
+    # it for them once more.
+    dispatcher.disable_compile()
 
     def call(*values: Any) -> Any:
-        # For the check: numba would compile for other types.
+        # For the check, whose message tells the argument.
         list(kernel.signature.words(kernel.name, values))
         return dispatcher(*values)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from mlsanm_cli.cli.settings import THREAD_VARIABLES
+from mlsanm_cli.io import figures
 from tests.app.scenes import BAR, PATCH, PUNCHES, hertz, solve
 
 
@@ -22,6 +23,14 @@ def _same_environment() -> Iterator[None]:
             os.environ.pop(variable, None)
         else:
             os.environ[variable] = value
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _coarse_pictures() -> Iterator[None]:
+    """Dots are most of what a picture costs, and nothing here depends on how many there are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(figures._STYLE, "savefig.dpi", 100)
+        yield
 
 
 @pytest.fixture(scope="session")

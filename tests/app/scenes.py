@@ -81,6 +81,13 @@ master = "block.top"
 solution = "hertz-line"
 """
 
+COARSE = tuple(
+    f"body.{body}.{key}"
+    for body in ("cylinder", "block")
+    for key in ("refine=[{at=[0.0, 0.0], spacing=0.02, radius=0.06, growth=0.2}]", "spacing=0.35")
+)
+"""Makes of it a scene of some 400 nodes, for what solves all their equations in every step."""
+
 PATCH = """
 format = 1
 [model]

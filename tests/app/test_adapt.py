@@ -203,16 +203,16 @@ def test_singular_corners_do_not_eat_the_nodes(tmp_path: Path) -> None:
 def test_an_overlap_is_judged_by_the_spacing_of_the_case(tmp_path: Path) -> None:
     # Half a spacing deep: fine as drawn, and many of the spacings that refinement puts there.
     overlap = "body.cylinder.shape.center=[0.0, 0.995]"
-    settings = ('contact.interface.regularization.law="exact"', overlap, "adapt.passes=2")
+    settings = ('contact.interface.regularization.law="exact"', overlap, "adapt.passes=1")
     summary = solve(hertz(), tmp_path / "overlap", *settings)
     assert summary["status"] == "done"
-    assert len(summary["adapt"]) == 3
+    assert len(summary["adapt"]) == 2
 
 
 def test_kernels_are_announced_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build, "load", lambda: Loaded(None, None, "compiled kernels cannot be kept"))
     console = Quiet()
-    solve(hertz(), tmp_path / "run", "adapt.passes=2", console=console)
+    solve(hertz(), tmp_path / "run", "adapt.passes=1", console=console)
     assert console.warnings.count("compiled kernels cannot be kept") == 1
 
 
@@ -227,7 +227,7 @@ def test_a_body_that_no_pass_changes_keeps_its_operators(
 
     monkeypatch.setattr(scene, "assemble", counted)
     text = hertz() + FAR
-    passes = len(solve(text, tmp_path / "kept", "adapt.passes=2")["adapt"])
+    passes = len(solve(text, tmp_path / "kept", "adapt.passes=1")["adapt"])
     assert passes > 1
     assert (made.count("block"), made.count("far")) == (passes, 1)
 
@@ -240,6 +240,6 @@ def test_a_body_that_no_pass_changes_keeps_its_operators(
     made.clear()
     monkeypatch.setattr(adapt, "place", placed)
     monkeypatch.setattr(adapt, "complete", completed)
-    solve(text, tmp_path / "anew", "adapt.passes=2")
+    solve(text, tmp_path / "anew", "adapt.passes=1")
     assert made.count("far") == passes
     assert_same_bits(tmp_path / "kept", tmp_path / "anew")

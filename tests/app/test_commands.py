@@ -164,9 +164,8 @@ def test_info_with_a_damaged_summary(bar_run: Path, tmp_path: Path) -> None:
         info(damaged)
 
 
-def test_plot_draws_what_there_is(hertz_run: Path, bar_run: Path, punches_run: Path, patch_run: Path) -> None:
+def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path, patch_run: Path) -> None:
     common = {"plot_force.png", "plot_peak.png", "plot_bodies.png"}
-    assert {f.name for f in plot(hertz_run)} == common | {"plot_pressure_interface.png"}
     assert {f.name for f in plot(patch_run)} == common | {"plot_pressure_interface.png"}
     under = {"plot_pressure_under-left.png", "plot_pressure_under-right.png"}
     assert {f.name for f in plot(punches_run)} == common | under
@@ -177,10 +176,18 @@ def test_plot_draws_what_there_is(hertz_run: Path, bar_run: Path, punches_run: P
     assert all(file.stat().st_size > 2000 for file in files)
 
 
+def kept_of(name: str, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    """What one kind of pictures is drawn from; none is."""
+    calls: list[tuple[Any, ...]] = []
+    for kind in ("plot_pressure", "plot_path", "plot_cloud"):
+        monkeypatch.setattr(plot_module, kind, lambda *arguments: None)
+    monkeypatch.setattr(plot_module, name, lambda *arguments: calls.append(arguments))
+    return calls
+
+
 def test_pressure_picture(hertz_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Saved levels from the series, coordinates from the middle, Hertz' formula for the last level."""
-    calls: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(plot_module, "plot_pressure", lambda *arguments: calls.append(arguments))
+    calls = kept_of("plot_pressure", monkeypatch)
     plot(hertz_run)
     _, name, coordinate, pressure, labels, reference, _ = calls[0]
     assert name == "interface"
@@ -199,8 +206,7 @@ def test_pressure_picture(hertz_run: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_states_of_exact_contact_are_not_joined(
     hertz_run: Path, patch_run: Path, bar_run: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    calls: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(plot_module, "plot_path", lambda *arguments: calls.append(arguments))
+    calls = kept_of("plot_path", monkeypatch)
     for directory, joined in ((hertz_run, True), (patch_run, False), (bar_run, True)):
         calls.clear()
         plot(directory)

@@ -23,7 +23,7 @@ from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
-from tests.app.scenes import BAR, PATCH, PUNCHES, Quiet, hertz, solve
+from tests.app.scenes import BAR, COARSE, PATCH, PUNCHES, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
 ONCE = "stage=[{press=1.0},{shear=1.0}]"
@@ -259,7 +259,8 @@ def test_refined_clouds_are_shared(hertz_run: Path, tmp_path: Path) -> None:
 def test_every_method_of_the_case_file_can_be_compared(tmp_path: Path) -> None:
     methods = {*get_args(Solver.model_fields["method"].annotation)} - {"auto", "anm"}
     formulations = {*get_args(Solver.model_fields["formulation"].annotation)} - {"condensed"}
-    found = compared(tmp_path, hertz(), replace(QUICK, levels=2, methods=(*methods, *formulations)))
+    wishes = replace(QUICK, levels=2, methods=(*methods, *formulations))
+    found = compared(tmp_path, hertz(), wishes, *COARSE)
     assert found["status"] == "agree"
     assert len(found["methods"]) == (1 + ("newton" in methods)) * (1 + len(formulations)) + 1
     for row in found["methods"]:

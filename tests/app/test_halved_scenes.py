@@ -17,7 +17,7 @@ from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.operators.folded import Folded
-from tests.app.scenes import Quiet, hertz, solve
+from tests.app.scenes import COARSE, Quiet, hertz, solve
 
 SOFT = """
 format = 1
@@ -159,7 +159,7 @@ def test_monolithic_methods_take_whole_equations(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
     case.write_text(pressed())
     wishes = Wishes(("monolithic",), levels=1, picture=False)
-    found = compare(case, wishes, out=tmp_path / "out", console=Quiet())
+    found = compare(case, wishes, overrides=COARSE, out=tmp_path / "out", console=Quiet())
     assert found["status"] == "agree"
 
 
@@ -171,8 +171,8 @@ def test_passes_keep_a_scene_symmetric(tmp_path: Path, monkeypatch: pytest.Monke
         return made[-1]
 
     monkeypatch.setattr(adapt, "place", kept)
-    assert len(solve(pressed(), tmp_path / "run", "adapt.passes=3")["adapt"]) == 4
-    assert len(made) == 3
+    assert len(solve(pressed(), tmp_path / "run", "adapt.passes=2")["adapt"]) == 3
+    assert len(made) == 2
     assert all(prepared.line is not None for prepared in made)
 
 

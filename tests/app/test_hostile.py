@@ -50,7 +50,6 @@ EXPRESSIONS = (
 SIZES = {
     "even": ("spacing = 0.25", "spacing = 1e-9", "body.upper.spacing"),
     "smallest number": ("spacing = 0.25", "spacing = 5e-324", "body.upper.spacing"),
-    "too fine for the machine": ("spacing = 0.25", "spacing = 1e-5", "body.upper.spacing: the scene needs"),
     "large": ("x = [0.0, 2.0], y = [1", "x = [0.0, 1e6], y = [1", "body.upper.spacing: the scene needs"),
     "long and thin": (
         "x = [0.0, 2.0], y = [1",

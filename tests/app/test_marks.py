@@ -17,7 +17,7 @@ from mlsanm_cli.app.states import PathStep
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.packing import packed, unpacked
-from tests.app.scenes import BAR, PATCH, Quiet, hertz
+from tests.app.scenes import BAR, COARSE, PATCH, Quiet, hertz
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
 INSIDE = "output.at=[0.3, 0.7, 1.0]"
@@ -31,7 +31,7 @@ SCENES = {
         (INSIDE, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]"),
     ),
     "newton": (hertz(), (INSIDE, NEWTON)),
-    "monolithic": (hertz(), (INSIDE, MONOLITHIC)),
+    "monolithic": (hertz(), (INSIDE, MONOLITHIC, *COARSE)),
     "polished": (hertz(), (INSIDE, "solver.polish=true")),
     "holonomic": (SHEARED, (HOLONOMIC, "stage=[{press=1.0, shear=1.0}]", "output.at=[0.7, 1.0]")),
     "friction": (SHEARED, SHORT),
@@ -39,7 +39,16 @@ SCENES = {
     "exact friction": (SHEARED, (EXACT, *SHORT)),
     "polished friction": (SHEARED, ("solver.polish=true", *SHORT)),
 }
-EVERY = {"friction": 5, "friction by newton": 17, "polished friction": 11, "monolithic": 4}
+EVERY = {
+    "friction": 5,
+    "friction by newton": 17,
+    "polished friction": 11,
+    "monolithic": 4,
+    "holonomic": 5,
+    "series": 4,
+    "polished": 5,
+    "newton": 3,
+}
 """Only every so many steps are tried where there are many."""
 
 

@@ -19,7 +19,7 @@ from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.coupling import DenseCoupling
 from mlsanm_cli.contact.hyperbolic import HyperbolicContact
 from mlsanm_cli.contact.monolithic import SparseCoupling
-from tests.app.scenes import PATCH, Quiet, hertz, solve
+from tests.app.scenes import COARSE, PATCH, Quiet, hertz, solve
 from tests.contact.derivatives import tangent_times
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -29,10 +29,6 @@ displacement."""
 # Inside steps states keep the tolerance, and differ by some ten times it.
 SHARP = "solver.tolerance=1e-10"
 
-ZONE = "[{at=[0.0, 0.0], spacing=0.02, radius=0.06, growth=0.3}]"
-COARSE = tuple(
-    f"body.{body}.{key}" for body in ("cylinder", "block") for key in (f"refine={ZONE}", "spacing=0.35")
-)
 LAW = "contact.interface.regularization"
 SMOOTH = (f'{LAW}.law="hyperbolic"', f"{LAW}.eta=0.1", f"{LAW}.stick=1e-2")
 RUBBING = (*COARSE, *SMOOTH, f"{LAW}.eta=0.02")
@@ -63,9 +59,9 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
             "output.at=[0.7, 1.0]",
         ),
     ),
-    "newton": (hertz(), (SMOOTH[1], 'solver.method="newton"')),
-    "ghost": (hertz(), (SMOOTH[1], 'mls.scheme="ghost"')),
-    "displacement": (hertz().replace("fy = -226.0", "uy = -0.002"), SMOOTH[1:2]),
+    "newton": (hertz(), (*COARSE, SMOOTH[1], 'solver.method="newton"')),
+    "ghost": (hertz(), (*COARSE, SMOOTH[1], 'mls.scheme="ghost"')),
+    "displacement": (hertz().replace("fy = -226.0", "uy = -0.002"), (*COARSE, SMOOTH[1])),
     "pushed": (PUSHED, SMOOTH[:2]),
     "tilting": (TILTING, SMOOTH[:2]),
     "collocation": ("paper", (*EVEN, SMOOTH[1])),

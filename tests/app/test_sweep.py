@@ -95,9 +95,9 @@ def test_points_are_the_runs_that_they_stand_for(tmp_path: Path, case: Path) -> 
     ],
 )
 def test_what_a_process_keeps_serves_only_what_it_was_made_from(tmp_path: Path, varied: str) -> None:
-    case, rubbing = tmp_path / "rough.toml", "contact.interface.friction=0.3,0.0,0.4"
+    case, rubbing = tmp_path / "rough.toml", "contact.interface.friction=0.3,0.0"
     case.write_text(ROUGH)
-    assert counts(swept(case, tmp_path / "all", varied, rubbing, cache=False)) == [6, 0, 0, 0]
+    assert counts(swept(case, tmp_path / "all", varied, rubbing, cache=False)) == [4, 0, 0, 0]
     for values in points([parse_vary(varied), parse_vary(rubbing)]):
         run(case, overrides=values, out=tmp_path / "one", force=True, console=Quiet())
         assert_same_bits(tmp_path / "one", tmp_path / "all" / point_name(values))

@@ -14,7 +14,7 @@ from mlsanm_cli.app import build, scene, symmetry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cli import main
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import Quiet, assert_same_bits, hertz, solve
+from tests.app.scenes import COARSE, Quiet, assert_same_bits, hertz, solve
 from tests.app.test_loose import DISK, SMOOTH
 
 HEAD = """
@@ -264,7 +264,10 @@ WHOLE: dict[str, tuple[str, tuple[str, ...]]] = {
         ("body.block.spacing=0.1",),
     ),
     "obstacle beside": (SLIDING, ("contact.under.obstacle.center=[0.01, 3.0]", HALF)),
-    "monolithic": (hertz(), ("contact.interface.regularization.eta=0.1", 'solver.formulation="monolithic"')),
+    "monolithic": (
+        hertz(),
+        (*COARSE, "contact.interface.regularization.eta=0.1", 'solver.formulation="monolithic"'),
+    ),
     "outline": (HEAD.replace(*TRAPEZOID) + HELD + UNDER, (HALF,)),
     "zone": (SLIDING, ("body.block.refine=[{at=[0.1, 0.0], spacing=0.1, radius=0.2, growth=0.2}]",)),
     "friction": (SLIDING, ("contact.under.friction=0.3",)),

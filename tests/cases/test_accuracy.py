@@ -152,15 +152,13 @@ def test_hertz(tmp_path: Path, hertz: Truth, overrides: list[str]) -> None:
     check(*solve("hertz", tmp_path / "run", *overrides), hertz, factor)
 
 
-@pytest.mark.parametrize("spacing", [0.0024, 0.0012, 0.0008])
+@pytest.mark.parametrize("spacing", [0.0024, 0.0008])
 def test_two_cylinders(tmp_path: Path, cylinders: Truth, spacing: float) -> None:
     sizes = [f"body.{body}.refine.0.spacing={spacing!r}" for body in ("upper", "lower")]
     check(*solve("two_cylinders", tmp_path / "run", *sizes), cylinders, TWO_CYLINDERS)
 
 
-@pytest.mark.parametrize(
-    ("degree", "spacing"), [(2, 0.1), (2, 0.05), (2, 0.025), (4, 0.14), (4, 0.1), (4, 0.025)]
-)
+@pytest.mark.parametrize(("degree", "spacing"), [(2, 0.1), (2, 0.025), (4, 0.14), (4, 0.05)])
 def test_lame(tmp_path: Path, degree: int, spacing: float) -> None:
     sizes = (f"body.ring.spacing={spacing!r}", f"body.ring.refine.0.spacing={0.5 * spacing!r}")
     summary, data = solve("lame", tmp_path / "run", f"mls.degree={degree}", *sizes)

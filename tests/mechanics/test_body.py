@@ -138,11 +138,11 @@ def wave_error(
 @pytest.mark.parametrize(
     ("scheme", "degree", "sides", "order", "bar"),
     [
-        ("least-squares", 2, (17, 33, 65), 1.8, 4e-3),
-        ("least-squares", 4, (17, 33, 65), 3.7, 3e-6),
-        ("least-squares", 6, (17, 33, 49), 5.5, 1e-7),
-        ("ghost", 2, (17, 33, 65), 1.8, 4e-3),
-        ("ghost", 4, (17, 33, 65), 3.7, 1.2e-5),
+        ("least-squares", 2, (17, 25, 33), 1.8, 2e-3),
+        ("least-squares", 4, (17, 25, 33), 3.7, 3e-6),
+        ("least-squares", 6, (17, 25, 33), 5.5, 1e-7),
+        ("ghost", 2, (17, 25, 33), 1.8, 4e-3),
+        ("ghost", 4, (17, 33, 49), 3.7, 1.2e-5),
     ],
 )
 def test_manufactured_solution_converges(
@@ -158,17 +158,17 @@ def test_manufactured_solution_converges(
 @pytest.mark.parametrize(("degree", "order", "bar"), [(2, 1.8, 1e-3), (4, 3.3, 1e-6)])
 def test_manufactured_solution_converges_in_wood(degree: int, order: float, bar: float) -> None:
     wood = orthotropic((13.0, 1.0, 1.0), (0.3, 0.3, 0.3), 0.6, np.radians(30.0), "stress")
-    sides = (17, 33, 65)
+    sides = (17, 33, 49)
     errors = [wave_error(n, degree, material=wood) for n in sides]
     assert -np.polyfit(np.log(np.array(sides) - 1.0), np.log(errors), 1)[0] >= order
     assert errors[-1] <= bar
 
 
-@pytest.mark.parametrize(("degree", "side", "bar"), [(2, 33, 1e-2), (4, 33, 6e-5)])
+@pytest.mark.parametrize(("degree", "side", "bar"), [(2, 25, 1e-2), (4, 25, 6e-5)])
 @pytest.mark.parametrize("seed", range(3))
 def test_nearly_incompressible_materials_do_not_lock(degree: int, side: int, bar: float, seed: int) -> None:
     # Locked, displacements would be next to nothing. They are 1 to 15 times as far off as those of usual
-    # materials, 1e-3 and 2e-6, and refined to the last digit.
+    # materials, 2e-3 and 7e-6, and refined to the last digit.
     material = isotropic(210.0, 0.4999, "strain")
     body, u, exact = wave_solution(side, degree, seed, material)
     assert np.linalg.norm(u - exact) <= bar * np.linalg.norm(exact)

@@ -29,7 +29,11 @@ from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
 from mlsanm_cli.operators.normal import bordered
 
-CASES = sorted((Path(__file__).parents[2] / "cases").glob("*.toml"))
+LIKE_OTHERS = {"cattaneo_mindlin", "two_cylinders", "rigid_cylinder", "kirsch"}
+CASES = sorted(
+    path for path in (Path(__file__).parents[2] / "cases").glob("*.toml") if path.stem not in LIKE_OTHERS
+)
+"""The published ones, each kind of clouds and supports once."""
 
 
 def normal_equations(points: FloatArray, seed: int = 0, apart: float = 1.0) -> sparse.csc_array:
@@ -87,7 +91,7 @@ SIZES = st.sampled_from([0, 16, 40, 100, 1000])
 """Of domains: none, fronts without others, a few, everything."""
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(count=st.integers(1, 120), seed=st.integers(0, 1000), apiece=st.integers(1, 3), most=SIZES)
 def test_solutions_against_dense_ones(count: int, seed: int, apiece: int, most: int) -> None:
     # Several pieces, far apart: parts without a separator.
@@ -105,7 +109,7 @@ def test_solutions_against_dense_ones(count: int, seed: int, apiece: int, most: 
         assert np.array_equal(factor.solve(rhs), factor.solve(rhs, transposed=True))
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(count=st.integers(1, 150), apiece=st.integers(1, 30), seed=st.integers(0, 1000), most=SIZES)
 def test_quasi_definite_solutions_against_dense_ones(count: int, apiece: int, seed: int, most: int) -> None:
     matrix, points, negative = quasi_definite(count, apiece, seed)
@@ -120,7 +124,7 @@ def test_quasi_definite_solutions_against_dense_ones(count: int, apiece: int, se
         assert np.abs(factor.solve(rhs) - expected).max() <= 1e-13 * size
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 1000), density=st.sampled_from([0.0, 0.01, 0.5]), most=SIZES)
 def test_quasi_definite_products_against_dense_ones(seed: int, density: float, most: int) -> None:
     matrix, points, negative = quasi_definite(150, 16, seed)
@@ -135,7 +139,7 @@ def test_quasi_definite_products_against_dense_ones(seed: int, density: float, m
     assert np.abs(found - expected).max() <= 1e-10 * max(1.0, np.abs(expected).max())
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 1000), most=st.sampled_from([16, 40, 100]))
 def test_quasi_definite_factors_lose_no_digits_by_domains(seed: int, most: int) -> None:
     matrix, points, negative = quasi_definite(300, 16, seed)
@@ -159,7 +163,7 @@ def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -
     assert isinstance(CholeskySolver().factor_definite(wrong, places), SuperLUFactor)
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(count=st.integers(1, 200), apiece=st.integers(1, 40), seed=st.integers(0, 1000))
 def test_multipliers_are_eliminated_where_the_tree_lets_them(count: int, apiece: int, seed: int) -> None:
     matrix, points, negative = quasi_definite(count, apiece, seed)
@@ -194,7 +198,7 @@ def ancestors(parent: IntArray, front: int) -> set[int]:
     return found
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(count=st.integers(2, 150), seed=st.integers(0, 1000))
 def test_borders_are_those_of_elimination(count: int, seed: int) -> None:
     points = scattered(count, seed)
@@ -218,7 +222,7 @@ def test_borders_are_those_of_elimination(count: int, seed: int) -> None:
         assert begin[f] == begin[f + 1] or border[begin[f]] >= tree.start[f + 1]
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 1000), density=st.sampled_from([0.0, 0.01, 0.5]), most=SIZES)
 def test_products_against_solutions(seed: int, density: float, most: int) -> None:
     points = scattered(150, seed)
@@ -235,7 +239,7 @@ def test_products_against_solutions(seed: int, density: float, most: int) -> Non
     assert np.abs(other.products(left, right) - expected).max() <= 1e-9 * max(1.0, np.abs(expected).max())
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 1000), most=st.sampled_from([16, 40, 100]))
 def test_domains_make_the_factor_smaller_and_lose_no_digits(seed: int, most: int) -> None:
     points = scattered(300, seed)
