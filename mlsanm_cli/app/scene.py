@@ -114,9 +114,10 @@ def prepare(
     moving, notes = restrained(case, clouds, directed(pairings, clear), free, loads)
     probes = _probes(case, clouds)
     prepared = Prepared(models, pairings, held, held_nodes, loads, probes, moving, notes)
-    if clear:
-        return replace(prepared, clear=clear)
     even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
+    if clear:
+        # Symmetry forbids motions; half of so few nodes is not worth solving.
+        return replace(prepared, clear=clear, movers=moving if even is None else even.movers)
     if even is None:
         return prepared
     half = f"the scene is its own mirror image about {even.line}: half of it is solved"
