@@ -27,7 +27,7 @@ GRADED = Hats(
 def hat(hats: Hats, which: int, s: FloatArray) -> FloatArray:
     """Values of one of the functions."""
     peak = np.eye(len(hats.nodes))[which + 1]
-    return np.interp(s, hats.nodes, peak)
+    return np.asarray(np.interp(s, hats.nodes, peak))
 
 
 def by_quadrature(hats: Hats, one: int, other: int, sign: bool = False) -> float:
@@ -186,6 +186,8 @@ def test_polynomials_through_samples(count: int, low: float, size: float) -> Non
     coefficients = np.random.default_rng(count).uniform(-1.0, 1.0, count)
 
     def polynomial(s: FloatArray) -> FloatArray:
-        return np.polynomial.chebyshev.chebval(2.0 * (s - low) / size - 1.0, coefficients)
+        return np.asarray(
+            np.polynomial.chebyshev.chebval(2.0 * (s - low) / size - 1.0, coefficients), dtype=np.float64
+        )
 
     assert lagrange(places, nodes) @ polynomial(nodes) == pytest.approx(polynomial(places), abs=1e-8)
