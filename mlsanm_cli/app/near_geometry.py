@@ -70,18 +70,19 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
         return None
     facing = _facing(case, pairing)
     base = facing.base
+    # Looked at along the base, so that roles do not tell which of several alike places is taken.
+    sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
     count = LOOKED_AT if base.closed else LOOKED_AT + 1
     s = np.linspace(0.0, base.length, LOOKED_AT + 1)[:count]
-    s = s if facing.slave_first else -s[::-1]
-    points, partner, normal = facing.opposite(s)
-    away, outward = points - partner, as_real(-facing.side(s, facing.slave_first)[1])
+    points, partner, normal = ahead.opposite(s)
+    away, outward = points - partner, as_real(-ahead.side(s, True)[1])
     gap = (away * normal).sum(axis=1)
     beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
-    across = (outward * normal).sum(axis=1) * (1.0 if facing.slave_first else -1.0)
+    across = (outward * normal).sum(axis=1)
     faces = (across < OPPOSED) & (beside <= TOUCHING * base.length)
     if not faces.any():
         return None
-    off = faces & _off_corners(pairing, models, facing, s)
+    off = faces & _off_corners(pairing, models, facing, sign * s)
     least = gap[faces].min() + TOUCHING * base.length
     touching = np.flatnonzero(off & (gap <= least))
     if not len(touching):
@@ -105,12 +106,14 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
     rays = np.linspace(first, last, RAYS)
     centers: list[complex | None] = []
     for body, slave in zip(pairing.bodies, (True, False), strict=False):
-        found = void_center(models[body].cloud, *facing.side(rays, slave))
+        found = void_center(models[body].cloud, *facing.side(sign * rays, slave))
         if not found:
             return None
         centers += found
-    closest = _minimum(facing, s[max(nearest - 1, 0)], s[min(nearest + 1, len(s) - 1)])
-    return Clear(facing, first, last, closest, (centers[0], centers[1] if len(centers) > 1 else None))
+    closest = _minimum(ahead, s[max(nearest - 1, 0)], s[min(nearest + 1, len(s) - 1)])
+    first, last = sorted((sign * first, sign * last))
+    both = centers[0], centers[1] if len(centers) > 1 else None
+    return Clear(facing, first, last, sign * closest, both)
 
 
 def _facing(case: Case, pairing: Pairing) -> Facing:

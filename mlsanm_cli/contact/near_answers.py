@@ -133,18 +133,24 @@ def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) 
             continue
         for body, slave, sign in sides(pairing):
             if body == probe.body:
-                pressed, rubbed = _probed(near, scene, body, slave, probe)
+                unit, nothing = np.eye(len(near.hats.place)), np.zeros((len(near.hats.place),) * 2)
+                pressed = _probed(near, scene, body, slave, probe, unit, nothing)
                 linear.pressure[:, drivers.spans[pairing.name]] += sign * pressed
                 if pairing.friction:
+                    rubbed = _probed(near, scene, body, slave, probe, nothing, unit)
                     linear.traction[:, drivers.tangential[pairing.name]] += sign * rubbed
 
 
-def _probed(near: Near, scene: Scene, body: str, slave: bool, probe: Probe) -> tuple[FloatArray, FloatArray]:
-    """Displacement and stress (5, m) at a probe by unit pressures, and by unit tractions."""
-    unit, nothing = np.eye(len(near.hats.place)), np.zeros((len(near.hats.place),) * 2)
+def _probed(
+    near: Near,
+    scene: Scene,
+    body: str,
+    slave: bool,
+    probe: Probe,
+    pressure: FloatArray,
+    traction: FloatArray,
+) -> FloatArray:
+    """Displacement and stress (5, c) at a probe by nodal ``pressure`` and ``traction`` (m, c)."""
     kernel = scene.bodies[body].model.kernel
-    found = []
-    for loads in ((unit, nothing), (nothing, unit)):
-        displacement, stress = fields_of(near, kernel, slave, as_complex(probe.point), *loads)
-        found.append(np.concatenate([displacement[0], stress[0]]))
-    return found[0], found[1]
+    displacement, stress = fields_of(near, kernel, slave, as_complex(probe.point), pressure, traction)
+    return np.concatenate([displacement[0], stress[0]])

@@ -1,0 +1,162 @@
+"""Contacts on grids of their own: pressures, stresses beneath and forces of whole runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact import grid, near_fields
+from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.reference.hertz import HertzLine
+from tests.app.scenes import Quiet, solve
+
+HERTZ = """
+format = 1
+[model]
+plane = "strain"
+[material.block]
+E = 210e3
+nu = 0.3
+[material.cylinder]
+E = {modulus!r}
+nu = 0.3
+[[body]]
+name = "cylinder"
+material = "cylinder"
+shape = {{ kind = "half-disk", center = [0.0, 1.0], radius = 1.0, side = "lower" }}
+[[body]]
+name = "block"
+material = "block"
+shape = {{ kind = "rectangle", x = [-2.0, 2.0], y = [-2.0, 0.0] }}
+[[support]]
+boundary = "block.bottom"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+boundary = "cylinder.flat"
+kind = "platen"
+force = [0.0, {force!r}]
+[[contact]]
+name = "interface"
+slave = "{slave}"
+master = "{master}"
+regularization = {{ law = "exact" }}
+"""
+SIDES = ("cylinder.arc", "block.top")
+
+
+def pressed(width: float, ratio: float = 1.0, swapped: bool = False) -> tuple[str, HertzLine]:
+    """A unit cylinder, ``ratio`` times as stiff as the block, pressed to a half ``width``."""
+    modulus = 210e3 / 0.91 * ratio / (1.0 + ratio)
+    force = 0.25 * np.pi * modulus * width**2
+    slave, master = SIDES[::-1] if swapped else SIDES
+    text = HERTZ.format(modulus=210e3 * ratio, force=-force, slave=slave, master=master)
+    return text, HertzLine(force, 1.0, modulus)
+
+
+def done(text: str, directory: Path, *overrides: str) -> dict[str, Any]:
+    """The summary of a run that is done and warns of nothing."""
+    console = Quiet()
+    summary = solve(text, directory, *overrides, console=console)
+    assert summary["status"] == "done", summary["stop_reason"]
+    assert not console.warnings
+    return dict(summary)
+
+
+def pressures(directory: Path) -> tuple[FloatArray, FloatArray]:
+    """Places (m,), increasing from the middle of the range on, and pressures (m,) at the end of a run."""
+    contact = read_run(directory).contacts["interface"]
+    return contact.arc_length, contact.pressure[-1]
+
+
+def apart(directory: Path, formula: HertzLine) -> float:
+    """L2 norm of a run's pressures less Hertz's, over that of Hertz's."""
+    x, p = pressures(directory)
+    # The contact of a half-disk is in the middle of its arc: 0.5 pi from the start.
+    x = x - 0.5 * np.pi
+    fine = np.linspace(-1.5 * formula.half_width, 1.5 * formula.half_width, 20001)
+    exact = formula.pressure(fine)
+    return float(np.linalg.norm(np.interp(fine, x, p, 0.0, 0.0) - exact) / np.linalg.norm(exact))
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-3])
+def test_hertz_pressures(width: float, tmp_path: Path) -> None:
+    text, formula = pressed(width)
+    summary = done(text, tmp_path / "run")
+    assert summary["nodes"] <= 600
+    assert apart(tmp_path / "run", formula) <= 1e-3
+    figures = summary["contacts"]["interface"]
+    assert figures["peak_pressure"] == pytest.approx(formula.peak_pressure, rel=1e-3)
+    assert figures["half_width"] == pytest.approx(formula.half_width, rel=3e-3)
+    assert summary["error_estimate"]["pressure"]["interface"] <= 1e-3
+
+
+@pytest.mark.parametrize("ratio", [1e-5, 1.0, 1e5])
+def test_roles_have_no_part_in_it(ratio: float, tmp_path: Path) -> None:
+    found = []
+    for swapped in (False, True):
+        text, formula = pressed(1e-2, ratio, swapped)
+        summary = done(text, tmp_path / str(swapped))
+        force = summary["contacts"]["interface"]["force"]
+        assert force == pytest.approx([0.0, -formula.force if swapped else formula.force], rel=1e-10)
+        x, p = pressures(tmp_path / str(swapped))
+        found.append((-x[::-1], p[::-1]) if swapped else (x, p))
+        assert summary["forces"]["block.bottom"] == pytest.approx([0.0, formula.force], rel=1e-8, abs=1e-12)
+    (x, p), (other_x, other) = found
+    assert other_x == pytest.approx(x, abs=1e-12)
+    assert other == pytest.approx(p, abs=2e-9 * p.max())
+
+
+DEPTHS = (0.02, 0.786, 4.0)
+OFFSETS = (0.0, 1.0, 1.2)
+
+
+def probed(width: float) -> tuple[str, FloatArray, FloatArray]:
+    """Probes in the block, where they are: x and depth (k,)."""
+    x, z = (width * one.ravel() for one in np.meshgrid(OFFSETS, DEPTHS))
+    probes = [f'{{name="p{k}", body="block", point=[{x[k]:.12f}, {-z[k]:.12f}]}}' for k in range(len(x))]
+    return f"probe=[{', '.join(probes)}]", x, z
+
+
+def stresses_off(directory: Path) -> FloatArray:
+    """Stresses xx, yy, xy (k, 3) in the block less those in a half-plane, over the peak pressure."""
+    text, formula = pressed(1e-2)
+    probes, x, z = probed(1e-2)
+    summary = solve(text, directory, probes)
+    assert summary["status"] == "done"
+    found = np.array([summary["probes"][f"p{k}"]["stress"] for k in range(len(x))])
+    # z points into the block: xz is -xy.
+    return (found - formula.stress(x, z) * [1.0, 1.0, -1.0]) / formula.peak_pressure
+
+
+def test_stresses_beneath_are_mcewen_s(tmp_path: Path) -> None:
+    off = stresses_off(tmp_path / "run")
+    assert np.abs(off[:, 1:]).max() <= 5e-4
+    # The block bends as a whole: 0.34 a / R of the peak along it, that changes with the depth in the block.
+    assert np.abs(off[:, 0]).max() <= 5e-3
+    assert np.ptp(off[:, 0]) <= 5e-4
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "value"),
+    [(near_fields, "FAR", 0.0), (near_fields, "POINTS", 2)],
+    ids=["points-of-the-grid-nearby", "few-points-nearby"],
+)
+def test_stresses_beneath_need_their_points(
+    module: ModuleType, name: str, value: float, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    # Faults put in on purpose.
+    monkeypatch.setattr(module, name, value)
+    assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 5e-4
+
+
+def test_pressures_need_exact_integrals(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # A fault put in on purpose: Gauss's points for hats that overlap.
+    monkeypatch.setattr(grid, "NEAR", -1.0)
+    assert solve(pressed(1e-2)[0], tmp_path / "run")["status"] == "failed"

@@ -1,0 +1,193 @@
+"""Contact grids: integrals of the half-plane's kernels with hats, halving, and what errors are estimated."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.polynomial.legendre import leggauss
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.grid import STEEPEST, Hats, chebyshev, lagrange
+
+LOG, NONE = np.eye(2), np.zeros((2, 2))
+GRADED = Hats(
+    np.unique(
+        np.concatenate(
+            [np.linspace(0.0, 1.0, 9), 0.5 + np.linspace(-0.1, 0.1, 11), 0.5 + np.geomspace(1e-4, 0.1, 9)]
+        ).round(12)
+    )
+)
+"""Intervals from 1e-4 to 0.125."""
+
+
+def hat(hats: Hats, which: int, s: FloatArray) -> FloatArray:
+    """Values of one of the functions."""
+    peak = np.eye(len(hats.nodes))[which + 1]
+    return np.asarray(np.interp(s, hats.nodes, peak))
+
+
+def by_quadrature(hats: Hats, one: int, other: int, sign: bool = False) -> float:
+    """Integral of ln|s - s'| (sgn(s - s') with ``sign``) with two hats.
+
+    Gauss's points that cluster at every node for s, and at s on both of its sides for s'.
+    """
+    total = 0.0
+    nodes = hats.nodes
+    x, w = leggauss(40)
+    u, v = leggauss(60)
+    u, v = 0.5 * (1.0 + u), 0.5 * v
+    x, w = 0.5 * (1.0 + x), 0.5 * w
+    w, x = w * 6.0 * x * (1.0 - x), x * x * (3.0 - 2.0 * x)
+    for a, b in zip(nodes[one : one + 2], nodes[one + 1 : one + 3], strict=True):
+        for s, weight in zip(a + (b - a) * x, w * (b - a), strict=True):
+            inner = 0.0
+            ends = np.unique(np.append(nodes[other : other + 3], np.clip(s, nodes[other], nodes[other + 2])))
+            for c, d in pairwise(ends):
+                # From the end that is nearer to s, u^3 takes the logarithm away.
+                near, far = (c, d) if abs(c - s) < abs(d - s) else (d, c)
+                way = (far - near) * u**3
+                apart, t = (s - near) - way, near + way
+                kernel = np.sign(apart) if sign else np.log(np.abs(apart))
+                inner += float((kernel * hat(hats, other, t) * 3.0 * u * u * v).sum()) * abs(d - c)
+            total += weight * inner * float(hat(hats, one, np.array([s]))[0])
+    return total
+
+
+def constant(hats: Hats) -> FloatArray:
+    """One direction at all points."""
+    return np.tile([1.0, 0.0], (len(hats.points), 1))
+
+
+@pytest.mark.parametrize("sign", [False, True], ids=["log", "sign"])
+def test_pairs_against_quadrature(sign: bool) -> None:
+    hats, one = GRADED, constant(GRADED)
+    found = hats.pairs(*((NONE, LOG) if sign else (LOG, NONE)), one, one)
+    count = len(hats.place)
+    rng = np.random.default_rng(0)
+    some = [(3, 3), (3, 4), (0, count - 1), *rng.integers(0, count, (30, 2)).tolist()]
+    narrow = int(np.argmin(hats.weight))
+    some += [(narrow, narrow), (narrow, narrow + 1), (narrow - 1, narrow)]
+    for i, j in some:
+        size = hats.weight[i] * hats.weight[j]
+        expected = by_quadrature(hats, i, j, sign)
+        assert found[i, j] / size == pytest.approx(expected / size, abs=2e-7)
+
+
+def test_pairs_along_turning_directions() -> None:
+    # The normals of a circle: what is not one constant table goes by Gauss's points.
+    hats = Hats(np.linspace(0.0, 1.2, 25))
+    angle = hats.points
+    normal = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+    found = hats.pairs(LOG, NONE, normal, normal)
+    scale = np.outer(hats.weight, hats.weight)
+    for i, j in ((0, 0), (4, 5), (7, 9), (2, 20)):
+        cosine = np.cos(hats.place[i] - hats.place[j])
+        # Exact but for how the cosine changes over the hats.
+        expected = cosine * by_quadrature(hats, i, j)
+        assert found[i, j] / scale[i, j] == pytest.approx(expected / scale[i, j], abs=2e-3)
+
+
+def test_pairs_are_symmetric() -> None:
+    normal = np.stack([np.sin(GRADED.points), -np.cos(GRADED.points)], axis=1)
+    for direction in (constant(GRADED), normal):
+        found = GRADED.pairs(LOG, NONE, direction, direction)
+        assert np.abs(found - found.T).max() <= 1e-14 * np.abs(found).max()
+        turned = GRADED.pairs(NONE, LOG, direction, direction)
+        assert np.abs(turned + turned.T).max() <= 1e-14 * np.abs(turned).max()
+
+
+def test_pressures_of_no_net_force_do_work() -> None:
+    # -ln|s - s'| is positive on them, whatever the grid: the reason for Galerkin's method.
+    one = constant(GRADED)
+    found = -GRADED.pairs(LOG, NONE, one, one)
+    weight = GRADED.weight
+    free = np.linalg.svd(weight[None])[2][1:].T
+    assert np.linalg.eigvalsh(free.T @ found @ free).min() > 0.0
+
+
+def test_hats_integrate_polynomials() -> None:
+    hats = GRADED
+    assert hats.integrals @ np.ones(len(hats.points)) == pytest.approx(hats.weight, rel=1e-13)
+    # A hat's center of mass is the mean of its three nodes.
+    middle = (hats.nodes[:-2] + hats.nodes[1:-1] + hats.nodes[2:]) / 3.0
+    assert hats.at_places(hats.points[:, None])[:, 0] == pytest.approx(middle, rel=1e-12)
+
+
+@given(
+    seed=st.integers(0, 1000), count=st.integers(3, 30), rounds=st.integers(1, 4), part=st.floats(0.05, 0.9)
+)
+def test_halved_grids_stay_graded(seed: int, count: int, rounds: int, part: float) -> None:
+    rng, hats = np.random.default_rng(seed), Hats(np.linspace(0.0, 1.0, count))
+    for _ in range(rounds):
+        chosen = rng.random(len(hats.steps)) < part
+        finer = hats.halved(chosen)
+        assert np.isin(hats.nodes, finer.nodes).all()
+        halves = 0.5 * (hats.nodes[1:] + hats.nodes[:-1])[chosen]
+        assert np.isin(halves, finer.nodes).all()
+        ratio = finer.steps[1:] / finer.steps[:-1]
+        assert ratio.max() <= STEEPEST * (1.0 + 1e-12)
+        assert ratio.min() >= (1.0 - 1e-12) / STEEPEST
+        hats = finer
+
+
+def test_none_halved_is_the_same_grid() -> None:
+    np.testing.assert_array_equal(GRADED.halved(np.zeros(len(GRADED.steps), dtype=bool)).nodes, GRADED.nodes)
+
+
+def best_error(hats: Hats) -> tuple[FloatArray, float]:
+    """Nodal values of sqrt(1 - x^2), and the L2 error of the lines between them."""
+    places, weights = leggauss(400)
+    total = 0.0
+    for a, b in pairwise(hats.nodes):
+        low, high = max(a, -1.0), min(b, 1.0)
+        exact = np.sqrt(np.maximum(1.0 - hats.nodes**2, 0.0))
+        if high > low:
+            # x = sin(angle) takes the square root away.
+            one, other = np.arcsin(low), np.arcsin(high)
+            angle = 0.5 * (one + other) + 0.5 * (other - one) * places
+            x = np.sin(angle)
+            apart = np.cos(angle) - np.interp(x, hats.nodes, exact)
+            total += float((0.5 * (other - one) * weights * np.cos(angle) * apart**2).sum())
+    return exact[1:-1], float(np.sqrt(total))
+
+
+@pytest.mark.parametrize("accuracy", [3e-2, 3e-3, 3e-4])
+def test_estimated_errors_of_hertz_pressures(accuracy: float) -> None:
+    # Halved where the estimate is large, as contacts are. The true error is within a factor of two of it.
+    hats = Hats(np.linspace(-1.3, 1.3, 25))
+    while True:
+        values, true = best_error(hats)
+        errors = hats.errors(values)
+        if np.linalg.norm(errors) <= accuracy * hats.norm(values):
+            break
+        hats = hats.halved(errors > 0.5 * errors.max())
+    assert len(hats.place) <= 400
+    assert 0.5 <= float(np.linalg.norm(errors)) / true <= 2.0
+    assert hats.norm(values) == pytest.approx(np.sqrt(4.0 / 3.0), rel=accuracy)
+
+
+def test_estimates_of_parabolas_are_exact() -> None:
+    hats = Hats(np.linspace(0.0, 1.0, 21))
+    x, h = hats.place, 0.05
+    errors = hats.errors(x * (1.0 - x))
+    # p'' = -2: h^(5/2) 2 / sqrt(120) on every interval.
+    assert errors == pytest.approx(np.full(20, 2.0 * h**2.5 / np.sqrt(120.0)), rel=1e-10)
+
+
+@given(count=st.integers(2, 24), low=st.floats(-5.0, 5.0), size=st.floats(0.1, 10.0))
+def test_polynomials_through_samples(count: int, low: float, size: float) -> None:
+    nodes = chebyshev(low, low + size, count)
+    assert (np.diff(nodes) > 0.0).all()
+    places = np.append(np.linspace(low, low + size, 17), nodes[0])
+    coefficients = np.random.default_rng(count).uniform(-1.0, 1.0, count)
+
+    def polynomial(s: FloatArray) -> FloatArray:
+        return np.asarray(
+            np.polynomial.chebyshev.chebval(2.0 * (s - low) / size - 1.0, coefficients), dtype=np.float64
+        )
+
+    assert lagrange(places, nodes) @ polynomial(nodes) == pytest.approx(polynomial(places), abs=1e-8)
