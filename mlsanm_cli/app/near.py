@@ -52,8 +52,8 @@ SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 ACCURACY, RUBBING, SMOOTHED = 0.3, 2.0, 10.0
 """Grids are refined until their estimated error is this many times the accuracy asked for: without friction,
-which costs next to nothing; with it, where every place that begins to slide is an event of the path; and where
-friction's own law is smoothed, which is 0.6 % off partial slip whatever the grid."""
+which costs next to nothing; with it, where every place that begins to slide is an event of the path; and
+where friction is smoothed, which is 0.6 % off partial slip whatever the grid."""
 
 Search = Callable[[Condensed, Sequence[Sets], bool], tuple[ExactState, ...]]
 """The exact states of a condensed scene, searched from sets if there are any: all that count, or only those

@@ -40,8 +40,8 @@ def relative_resistance(
     The latter is what a half-plane has for a pressure that changes sign from node to node, the one it resists
     least (Johnson, Contact Mechanics, 1985, section 13.2: a wave of length l moves the surface by p l /
     (pi E*)). Sound discretisations reach 0.3 to 1.5 whatever the spacing, its grading and the units; where it
-    is nearly zero or negative, pressures oscillate from node to node at will. Only pressures that have nothing
-    ``unbalanced`` (r, m) are looked at.
+    is nearly zero or negative, pressures oscillate from node to node at will. Only pressures that have
+    nothing ``unbalanced`` (r, m) are looked at.
     """
     scale = np.sqrt(0.5 * np.pi * modulus)
     relative = compliance * scale[:, None] * (scale / weight)[None, :]
