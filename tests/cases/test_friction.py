@@ -17,6 +17,7 @@ from tests.contact.friction import half_planes
 
 FRICTION = 0.3
 SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
+COARSE = "contact.interface.accuracy=1e-2"
 Run = tuple[Mapping[str, Any], RunData]
 
 
@@ -28,8 +29,8 @@ def exact(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 @pytest.fixture(scope="module")
 def smooth(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """The same history by the smooth law."""
-    return solve("cattaneo_mindlin", tmp_path_factory.mktemp("friction") / "smooth", SMOOTH)
+    """The same history by the smooth law, on a coarser grid."""
+    return solve("cattaneo_mindlin", tmp_path_factory.mktemp("friction") / "smooth", SMOOTH, COARSE)
 
 
 def contact_of(run: Run) -> ContactData:
@@ -69,15 +70,14 @@ def check_laws(run: Run, tolerance: float) -> None:
     force_x, force_y = pressed @ n_x + rubbed @ n_y, pressed @ n_y - rubbed @ n_x
     applied = path.resultants["press"] + path.resultants["shear"]
     scale = np.abs(applied).max()
-    # Tractions are linear along the arc, not lumped at the nodes.
-    assert np.abs(force_x + applied[:, 0]).max() <= 1e-6 * scale
-    assert np.abs(force_y + applied[:, 1]).max() <= 1e-6 * scale
+    assert np.abs(force_x + applied[:, 0]).max() <= 1e-9 * scale
+    assert np.abs(force_y + applied[:, 1]).max() <= 1e-9 * scale
     assert np.diff(contact.dissipated_work).min() >= -1e-9 * contact.dissipated_work.max()
     assert figures["dissipated_work"] == contact.dissipated_work[-1] > 0.0
     assert path.residual.max() <= tolerance
     # What sticks, slips and is open is told of every node.
     closed = contact.status > 0
-    assert (contact.pressure[closed] > 0.0).all()
+    assert contact.pressure[closed].min() >= -1e-11 * contact.pressure.max()
     assert figures["stick_nodes"] + figures["slip_nodes"] == closed[-1].sum()
     limit = FRICTION * contact.pressure
     slipping = (contact.status == 2) & (contact.pressure > 0.1 * contact.pressure.max())
@@ -92,10 +92,11 @@ def test_laws_of_the_exact_history(exact: Run) -> None:
 
 def test_laws_of_the_smooth_history(smooth: Run) -> None:
     check_laws(smooth, 1e-8)
-    assert smooth[0]["steps"] <= 450
+    assert smooth[0]["steps"] <= 400
 
 
-def test_smooth_history_is_the_exact_one(exact: Run, smooth: Run) -> None:
+def test_smooth_history_is_the_exact_one(smooth: Run, tmp_path: Path) -> None:
+    exact = solve("cattaneo_mindlin", tmp_path / "exact", COARSE)
     one, other = contact_of(exact), contact_of(smooth)
     peak = max(np.linalg.norm(t) for t in one.traction)
     for position in (1.0, 2.0, 3.0, 4.0):
@@ -109,22 +110,21 @@ def test_reversal(exact: Run) -> None:
     contact, x = contact_of(exact), np.linspace(-0.065, 0.065, 2001)
     first, last = (even(contact, contact.traction[row(exact, p)], x) for p in (2.0, 4.0))
     assert off(last, -first, first) <= 0.02
-    # On these finite bodies the shear is that of the half-plane within some per cent.
-    assert off(first, -cattaneo(x, 0.05, 2884.7, 0.5), first) <= 0.03
+    # On these finite bodies the shear is that of the half-plane within 1.7 %.
+    assert off(first, -cattaneo(x, 0.05, 2884.7, 0.5), first) <= 0.02
     stick = contact.points[contact.status[row(exact, 2.0)] == 1, 0]
-    assert 0.5 * np.ptp(stick) == pytest.approx(0.05 * np.sqrt(0.5), rel=0.02)
+    assert 0.5 * np.ptp(stick) == pytest.approx(0.05 * np.sqrt(0.5), rel=0.01)
 
 
 def test_dissipated_work_converges(exact: Run, tmp_path: Path) -> None:
     works = []
-    for coarser in (4.0, 2.0):
-        zones = [(0.0, 0.0025, 0.056)]
-        zones += [(x, h, 0.003) for at, h in ((0.05, 0.0006), (0.0353, 0.0008)) for x in (at, -at)]
-        text = ",".join(f"{{at=[{x},0.0],spacing={coarser * h!r},radius={r}}}" for x, h, r in zones)
-        changes = [f"body.{body}.refine=[{text}]" for body in ("cylinder", "block")]
-        changes += [f"body.{body}.spacing={0.1 * coarser!r}" for body in ("cylinder", "block")]
-        stages = ("stage=[{press=1.0},{shear=1.0}]", "output.at=[2.0]")
-        _, data = solve("cattaneo_mindlin", tmp_path / f"{coarser}", *changes, *stages)
+    for accuracy in (2e-2, 5e-3):
+        changes = (
+            f"contact.interface.accuracy={accuracy}",
+            "stage=[{press=1.0},{shear=1.0}]",
+            "output.at=[2.0]",
+        )
+        _, data = solve("cattaneo_mindlin", tmp_path / f"{accuracy}", *changes)
         works.append(data.contacts["interface"].dissipated_work[-1])
     works.append(contact_of(exact).dissipated_work[row(exact, 2.0)])
     planes = half_planes(320)
@@ -132,33 +132,20 @@ def test_dissipated_work_converges(exact: Run, tmp_path: Path) -> None:
     modulus = 210e3 / (2.0 * (1.0 - 0.3**2))
     exactly = modulus * planes.condensed.weight @ state.work
     errors = np.array(works) / exactly - 1.0
-    # Measured: 4.2, 2.8 and 2.1 % at 1,900, 2,800 and 5,400 nodes.
+    # Measured: 1.29, 0.76 and 0.75 %, the last what the bodies are finite for.
     assert (np.diff(errors) < 0.0).all(), errors
-    assert 0.0 < errors[-1] <= 0.023
+    assert 0.0 < errors[-1] <= 0.009
+    assert works[1] == pytest.approx(works[2], rel=5e-4)
 
 
-def test_a_history_at_degree_4_is_that_of_finite_elements(tmp_path: Path) -> None:
-    # Fine where contact and stick zone end: refused as unstable while gaps followed short waves of tractions.
-    edges = [(0.05, 1.4e-4, 3.6e-4, 0.175), (0.05, 2.4e-3, 4.8e-3, 0.19)]
-    edges += [(0.0353553, 2.1e-4, 5.4e-4, 0.147), (0.0353553, 2.8e-3, 5.2e-3, 0.18)]
-    # With other seeds the certificate is 0.2 to 0.7, with 39 neighbours one of them refuses.
-    settings = ["mls.degree=4", "output.at=[2.0, 4.0]", "body.cylinder.seed=3", "body.block.seed=5"]
-    for body, depth in (("cylinder", 1.0), ("block", 0.0)):
-        zones = ["{at=[0.0,0.0],spacing=1.5e-3,radius=0.0343,growth=0.257}"]
-        for at, h, radius, growth in edges:
-            y = depth * (1.0 - float(np.sqrt(1.0 - at**2)))
-            zones += [
-                f"{{at=[{side},{y}],spacing={h},radius={radius},growth={growth}}}" for side in (at, -at)
-            ]
-        settings += [f"body.{body}.refine=[{','.join(zones)}]", f"body.{body}.spacing=0.35"]
-    run = solve("cattaneo_mindlin", tmp_path, *settings)
-    assert run[0]["nodes"] <= 5200
-    contact, x = contact_of(run), np.linspace(-0.055, 0.055, 4001)
+def test_the_history_is_that_of_finite_elements(exact: Run) -> None:
+    assert exact[0]["nodes"] <= 300
+    contact, x = contact_of(exact), np.linspace(-0.055, 0.055, 4001)
     for position, name in ((2.0, "slip"), (4.0, "history")):
         reference = read_profile(REFERENCE / f"{name}.csv", "traction").even()
         expected = np.interp(x, reference.x, reference.values)
-        # Measured: 0.41 and 0.39 %, with other seeds up to 0.5 %. At degree 2 18,000 nodes have 0.48 %.
-        assert off(even(contact, contact.traction[row(run, position)], x), expected, expected) <= 6e-3
+        # Measured: 0.15 and 0.33 %.
+        assert off(even(contact, contact.traction[row(exact, position)], x), expected, expected) <= 4e-3
 
 
 def test_no_traction_oscillates_from_node_to_node(exact: Run) -> None:
@@ -171,19 +158,9 @@ def test_no_traction_oscillates_from_node_to_node(exact: Run) -> None:
 
 
 def small(half: float) -> list[str]:
-    """Overrides for a half-width of ``half`` instead of 0.05 on the same bodies."""
-    scale = half / 0.05
-    zones = [(0.0, 0.0025, 0.056)]
-    zones += [(side * at, h, 0.003) for at, h in ((0.05, 0.0006), (0.0353, 0.0008)) for side in (1.0, -1.0)]
-    text = ",".join(
-        f"{{at=[{at * scale!r},0.0],spacing={h * scale!r},radius={r * scale!r}}}" for at, h, r in zones
-    )
-    return [
-        f"body.cylinder.refine=[{text}]",
-        f"body.block.refine=[{text}]",
-        f"load.press.force=[0.0,{-226.566 * scale**2!r}]",
-        f"load.shear.force=[{33.9849 * scale**2!r},0.0]",
-    ]
+    """Overrides for a half-width of ``half`` instead of 0.05 on the same bodies and clouds."""
+    scale = (half / 0.05) ** 2
+    return [f"load.press.force=[0.0,{-226.566 * scale!r}]", f"load.shear.force=[{33.9849 * scale!r},0.0]"]
 
 
 def test_cattaneo_and_mindlin(tmp_path: Path) -> None:
@@ -191,10 +168,10 @@ def test_cattaneo_and_mindlin(tmp_path: Path) -> None:
     contact, x = contact_of(run), np.linspace(-0.013, 0.013, 2001)
     first = cattaneo(x, 0.01, 2884.7 / 5.0, 0.5)
     unloading = first - 2.0 * cattaneo(x, 0.01, 2884.7 / 5.0, 0.25)
-    for position, expected, bar in ((2.0, first, 0.03), (3.0, unloading, 0.04), (4.0, -first, 0.03)):
+    for position, expected, bar in ((2.0, first, 5e-3), (3.0, unloading, 5e-3), (4.0, -first, 3e-3)):
         found = even(contact, contact.traction[row(run, position)], x)
         assert off(found, -expected, first) <= bar
-    assert run[0]["nodes"] <= 8000
+    assert run[0]["nodes"] <= 300
 
 
 @pytest.mark.parametrize("law", ["exact", "hyperbolic"])
@@ -241,23 +218,3 @@ def test_wedge(tmp_path: Path, friction: float) -> None:
     count = len(data.contacts["interface"].arc_length)
     assert summary["contact_unknowns"] == (2 * count if friction else count)
     assert np.isnan(data.contacts["interface"].slip).all() == (friction == 0.0)
-
-
-def test_passes_find_stick_zones(tmp_path: Path) -> None:
-    coarse = "[{at=[0.0,0.0],spacing=0.01,radius=0.07}]"
-    run = solve(
-        "cattaneo_mindlin",
-        tmp_path / "passes",
-        "adapt.passes=2",
-        f"body.cylinder.refine={coarse}",
-        f"body.block.refine={coarse}",
-        "stage=[{press=1.0},{shear=1.0}]",
-        "output.at=[2.0]",
-    )
-    contact, x = contact_of(run), np.linspace(-0.065, 0.065, 2001)
-    assert run[0]["nodes"] <= 8000
-    # The finite bodies' own difference to the half-plane is 1.7 %.
-    first = cattaneo(x, 0.05, 2884.7, 0.5)
-    assert off(even(contact, contact.traction[-1], x), -first, first) <= 0.02
-    stick = contact.points[contact.status[-1] == 1, 0]
-    assert 0.5 * np.ptp(stick) == pytest.approx(0.05 * np.sqrt(0.5), rel=0.02)

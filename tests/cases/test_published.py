@@ -35,7 +35,7 @@ def exact(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mapping[str, Any], 
 
 @pytest.fixture(scope="module")
 def regularised(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mapping[str, Any], RunData]:
-    return solve("hertz", tmp_path_factory.mktemp("published") / "regularised")
+    return solve("hertz", tmp_path_factory.mktemp("published") / "regularised", "solver.polish=false")
 
 
 def deviations(summary: Mapping[str, Any]) -> tuple[float, float, float]:
@@ -57,10 +57,11 @@ def deviations_of(summary: Mapping[str, Any], name: str) -> tuple[float, float, 
 def test_hertz_profile(exact: tuple[Mapping[str, Any], RunData]) -> None:
     summary, _ = exact
     profile, peak, width = deviations(summary)
-    assert summary["nodes"] <= 6000
-    assert profile <= 0.006
-    assert abs(peak) <= 0.003
-    assert abs(width) <= 0.0125
+    assert summary["nodes"] <= 300
+    # Of a contact a twentieth of the radius wide: 0.23 % and 0.08 % on any grid and cloud.
+    assert profile <= 0.003
+    assert abs(peak) <= 0.001
+    assert abs(width) <= 0.001
 
 
 def test_hertz_forces(exact: tuple[Mapping[str, Any], RunData]) -> None:
@@ -70,22 +71,22 @@ def test_hertz_forces(exact: tuple[Mapping[str, Any], RunData]) -> None:
     np.testing.assert_allclose(force, -applied, atol=1e-9 * 226.566)
     # The reaction comes from the stress at the clamped bottom, independent of how the force was applied.
     reaction = np.array(summary["forces"]["block.bottom"])
-    np.testing.assert_allclose(reaction, -applied, atol=0.06 * 226.566)
+    np.testing.assert_allclose(reaction, -applied, atol=2e-9 * 226.566)
 
 
-def test_hertz_stress_below_the_surface(exact: tuple[Mapping[str, Any], RunData]) -> None:
-    _, data = exact
+def test_hertz_stress_below_the_surface(tmp_path: Path) -> None:
     hertz = HertzLine(226.566, 1.0, 0.5 * 210e3 / (1.0 - 0.3**2))
-    points, a = data.bodies["block"].points, hertz.half_width
-    depth = -points[:, 1]
-    chosen = (np.abs(points[:, 0]) <= 2.0 * a) & (depth >= 0.1 * a) & (depth <= 3.0 * a)
-    assert chosen.sum() > 500
-    stress = data.states[-1].bodies["block"]["stress"][chosen]
-    expected = hertz.stress(points[chosen, 0], depth[chosen])
-    expected[:, 2] *= -1.0  # the formula's z points into the body
-    assert np.abs(stress - expected).max() <= 0.02 * hertz.peak_pressure
-    # Within the finite block xx is off by 1.5 % of the peak; the others have only the method's own error.
-    assert np.abs(stress - expected)[:, 1:].max() <= 0.01 * hertz.peak_pressure
+    x, depth = (hertz.half_width * one.ravel() for one in np.meshgrid([0.0, 1.5], [0.1, 0.786, 1.5, 3.0]))
+    probes = [
+        f'{{name="p{k}", body="block", point=[{x[k]:.9f}, {-depth[k]:.9f}]}}' for k in range(len(depth))
+    ]
+    summary, _ = solve("hertz", tmp_path / "run", EXACT, f"probe=[{', '.join(probes)}]")
+    stress = np.array([summary["probes"][f"p{k}"]["stress"] for k in range(len(depth))])
+    # The formula's z points into the body.
+    difference = stress - hertz.stress(x, depth) * [1.0, 1.0, -1.0]
+    # Within the finite block xx is off by 1.8 % of the peak; the others have only the method's own error.
+    assert np.abs(difference).max() <= 0.02 * hertz.peak_pressure
+    assert np.abs(difference[:, 1:]).max() <= 0.002 * hertz.peak_pressure
 
 
 def test_hertz_by_series(
@@ -93,7 +94,7 @@ def test_hertz_by_series(
 ) -> None:
     summary, data = regularised
     contact, path = data.contacts["interface"], data.path
-    assert summary["steps"] <= 90
+    assert summary["steps"] <= 80
     assert path.rows == summary["steps"] + 1
     assert path.residual.max() <= 1e-8
     assert contact.gap.min() > 0.0
@@ -101,34 +102,20 @@ def test_hertz_by_series(
     difference = contact.pressure[-1] - reference
     assert norm(contact.weight, difference) <= 0.01 * norm(contact.weight, reference)
     forces = (contact.pressure * contact.weight) @ contact.normal[:, 1]
-    # Pressures are linear between the nodes along the arc, not lumped at them.
-    np.testing.assert_allclose(forces, 226.566 * path.factors["press"], rtol=2e-6, atol=1e-9 * 226.566)
+    np.testing.assert_allclose(forces, 226.566 * path.factors["press"], rtol=1e-9, atol=1e-9 * 226.566)
 
 
 def norm(weight: FloatArray, values: FloatArray) -> float:
     return float(np.sqrt((weight * values**2).sum()))
 
 
-def test_hertz_finer(tmp_path: Path) -> None:
-    finer = [EXACT]
-    for body in ("cylinder", "block"):
-        finer += [f"body.{body}.spacing=0.08", f"body.{body}.refine.0.spacing=0.003"]
-        finer += [f"body.{body}.refine.{number}.spacing=0.0003" for number in (1, 2)]
-        finer += [f"body.{body}.refine.{number}.growth=0.09" for number in (0, 1, 2)]
-    summary, _ = solve("hertz", tmp_path / "finer", *finer)
-    profile, peak, _ = deviations(summary)
-    assert summary["nodes"] <= 15000
-    assert profile <= 0.004
-    # One node at the mirror; those beside it are within 0.2 %.
-    assert abs(peak) <= 0.0035
-
-
 @pytest.mark.parametrize("law", ["exact", "hyperbolic"])
 def test_two_cylinders(tmp_path: Path, law: str) -> None:
     summary, _ = solve("two_cylinders", tmp_path / law, f'contact.interface.regularization.law="{law}"')
     _, peak, width = deviations(summary)
-    assert abs(peak) <= 0.004
-    assert abs(width) <= (0.02 if law == "exact" else 0.05)
+    assert summary["nodes"] <= 300
+    assert abs(peak) <= 0.0015
+    assert abs(width) <= 0.0015
 
 
 def test_patch(tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def test_stress_is_that_of_the_displacement(material: PlaneMaterial, place: comp
 
     def slope(way: complex) -> FloatArray:
         ahead, behind = (kernel.displacement(at(place + sign * step * way), DOWN)[0] for sign in (1.0, -1.0))
-        return (ahead - behind) / (2.0 * step)
+        return np.asarray(ahead - behind) / (2.0 * step)
 
     x, y = slope(1.0), slope(1j)
     strain = np.stack([x[0], y[1], x[1] + y[0]])
