@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from mlsanm_cli.app.clouds import clouds
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.contacts import refuse_overlap
 from mlsanm_cli.app.estimate import refuse_too_large, refuse_too_many_contacts
+from mlsanm_cli.app.fine_views import View, fine_views
 from mlsanm_cli.app.linear import direct_solver
 from mlsanm_cli.app.near import find_grids
 from mlsanm_cli.app.scene import NOTHING, Prepared, equip, prepare
@@ -21,6 +22,7 @@ from mlsanm_cli.app.stages import factors_at, stage_factors
 from mlsanm_cli.app.symmetry import line_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.condensed import Condensed, condense
@@ -61,6 +63,16 @@ class Built:
     stages: FloatArray
     ends: tuple[ExactState, ...]
     stability: float
+
+    @cached_property
+    def views(self) -> Mapping[str, View]:
+        """Bodies whose fields are written at other points than their nodes."""
+        return fine_views(self.case, self.scene, self.condensed, self.ends)
+
+    def shown(self, body: str) -> Cloud:
+        """The cloud at whose points a body's fields are written."""
+        view = self.views.get(body)
+        return self.scene.bodies[body].model.cloud if view is None else view.cloud
 
     @property
     def is_holonomic(self) -> bool:
@@ -265,7 +277,13 @@ def _incremented(
     if guess is not None:
         with suppress(NoStateError):
             return increment(condensed, state, factors, guess=guess)
-    return increment(condensed, state, factors)
+    try:
+        return increment(condensed, state, factors)
+    except NoStateError:
+        # What touches without friction is near to what does with it.
+        closed = solve_exact(condensed, factors).active
+        stuck = closed[condensed.rubbing]
+        return increment(condensed, state, factors, guess=Sets(closed, stuck, np.zeros(len(stuck))))
 
 
 def _first_end(condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:

@@ -216,9 +216,11 @@ class Recorder:
                 self.stressed = state, fields
             # Unlike max of Python, that of numpy loses no nan.
             self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
+            shown = recording.shown_fields(built, state, fields, stress)
             if self._case.output.vtu:
-                self._states.write(state.position, recording.vtu_states(built, fields, wanted))
-            kept = recording.stored_fields(fields, wanted)
+                clouds = {name: built.shown(name) for name in shown}
+                self._states.write(state.position, recording.vtu_states(clouds, shown, wanted))
+            kept = recording.stored_fields(shown, wanted)
             saved.append((state.position, kept, {"linear_residual": residual}))
         return saved
 
@@ -250,7 +252,8 @@ class Recorder:
                 found = diagnose(built, state)
                 self.failed_at = {"position": state.position, "worst_nodes": worst_nodes(built, found)}
                 fields, _ = recording.fields_of(built, [state], stress=True)[0]
-                bodies = recording.vtu_states(built, fields, ("displacement", "stress", "von_mises"))
+                clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
+                bodies = recording.vtu_states(clouds, fields, ("displacement", "stress", "von_mises"))
                 if len(found.residual):
                     more = node_fields(built, found)
                     bodies = {name: replace(body, more=more[name]) for name, body in bodies.items()}

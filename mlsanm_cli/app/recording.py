@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.fine_views import View
 from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -20,6 +21,7 @@ from mlsanm_cli.io.records import ContactRecord, ProbeRecord, StepRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
 from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.memo import digest
 from mlsanm_cli.values import dataclass
 
@@ -32,12 +34,14 @@ NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Fields:
-    """Fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,)."""
+    """Fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,), and
+    what its elastic system tells of the displacement, ``rest`` (N, 2), ghosts last."""
 
     displacement: FloatArray
     stress: FloatArray
     stress_zz: FloatArray
     von_mises: FloatArray
+    rest: FloatArray
 
 
 def slave_points(built: Built, pairing: Pairing) -> FloatArray:
@@ -52,11 +56,12 @@ def slave_arc(pairing: Pairing) -> FloatArray:
 
 def write_model(file: RunFile, built: Built) -> None:
     """Bodies and contacts as they are before loading."""
-    for name, body in built.scene.bodies.items():
-        surfaces = body.model.cloud.surfaces.values()
+    for name in built.scene.bodies:
+        cloud = built.shown(name)
+        surfaces = cloud.surfaces.values()
         file.write_body(
             name,
-            body.model.cloud.points,
+            cloud.points,
             np.concatenate([surface.index for surface in surfaces]),
             np.concatenate([surface.normal for surface in surfaces]),
             [surface.name for surface in surfaces for _ in surface.index],
@@ -228,7 +233,26 @@ def _fields(built: Built, name: str, state: State, displacement: FloatArray, str
     sigma = model.stress(elastic) + stressed if stress else np.zeros((0, 3))
     across = model.material.across_stress(sigma, degrees)
     whole = (displacement + moved)[: len(model.cloud.points)]
-    return Fields(whole, sigma, across, von_mises(sigma, across))
+    return Fields(whole, sigma, across, von_mises(sigma, across), displacement)
+
+
+def shown_fields(built: Built, state: State, fields: Mapping[str, Fields], stress: bool) -> dict[str, Fields]:
+    """The fields at the points where they are written, stresses only if asked for."""
+    return {
+        name: _shown(built, built.views[name], state, values, stress) if name in built.views else values
+        for name, values in fields.items()
+    }
+
+
+def _shown(built: Built, view: View, state: State, fields: Fields, stress: bool) -> Fields:
+    name, material = view.model.name, view.model.material
+    degrees = float(built.scene.degrees(name) @ state.factors)
+    moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns, view.cloud.points)
+    seen = (view.rows @ fields.rest.ravel()).reshape(5, -1).T
+    sigma = seen[:, 2:] + stressed - degrees * stress_of_expansion(material)
+    sigma = sigma if stress else np.zeros((0, 3))
+    across = material.across_stress(sigma, degrees)
+    return Fields(seen[:, :2] + moved, sigma, across, von_mises(sigma, across), fields.rest)
 
 
 def _displacements(
@@ -251,11 +275,13 @@ def stored_fields(fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict
     return {body: {name: getattr(values, name) for name in wanted} for body, values in fields.items()}
 
 
-def vtu_states(built: Built, fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, BodyState]:
-    """The fields asked for, as VTU files take them."""
+def vtu_states(
+    clouds: Mapping[str, Cloud], fields: Mapping[str, Fields], wanted: tuple[str, ...]
+) -> dict[str, BodyState]:
+    """The fields asked for at the points of ``clouds``, as VTU files take them."""
     states = {}
     for name, values in fields.items():
-        cloud = built.scene.bodies[name].model.cloud
+        cloud = clouds[name]
         states[name] = BodyState(
             points=cloud.points,
             boundary_tag=boundary_tags(cloud),

@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.obstacles import Shape
 
-ALONG, ACROSS = 15.0, 5.0
+ALONG, ACROSS = 20.0, 6.0
 """Spacings over the size of a body, and over twice its area divided by its perimeter."""
 IN_FRONT = 5.0
 """Spacings between a contact and the nearest other boundary."""

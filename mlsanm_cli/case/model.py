@@ -64,7 +64,7 @@ class Body(Section):
     material: str
     """Name of its material."""
     spacing: Annotated[AutoLength, LENGTH] = "auto"
-    """Node spacing far from refinements. Automatic is a fifteenth of the body or a fifth of its mean
+    """Node spacing far from refinements. Automatic is a twentieth of the body or a sixth of its mean
     thickness, finer near contacts that are close to another boundary, and along arcs."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Seed of the random generator that places the nodes: another seed, another cloud of the same spacing."""

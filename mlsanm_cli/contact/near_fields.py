@@ -7,6 +7,8 @@ doi:10.1002/nme.1208).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
@@ -23,6 +25,8 @@ POINTS = 24
 BESIDE = 1e-3
 """Points nearer to the surface than this part of the interval beneath are moved so far inside: on it, fields
 jump."""
+BEYOND, CLOSE = 1.0 / 6.0, 48
+"""Farther away than this part of the range so many samples stand for all pressures, to 1e-7."""
 AT_ONCE = 100_000
 """Pairs of points and places that are worked on together, for the sake of memory."""
 
@@ -57,16 +61,18 @@ def fields_of(
 ) -> tuple[FloatArray, FloatArray]:
     """Displacements (e, 2, c) and stresses (e, 3, c) at points ``z`` (e,) of a body by nodal ``pressure`` and
     ``traction`` (m, c) on the hats, as these act on the slave: on the master it is the opposite."""
-    samples, apart = near.facing.side(near.samples, slave)[0], near.last - near.first
-    away = np.abs(z[:, None] - samples).min(axis=1, initial=np.inf)
-    beside = away <= apart
+    close = replace(near, count=CLOSE)
+    away = np.abs(z[:, None] - close.facing.side(close.samples, slave)[0]).min(axis=1, initial=np.inf)
+    away = away / (near.last - near.first)
     displacement, stress = np.zeros((len(z), 2, pressure.shape[1])), np.zeros((len(z), 3, pressure.shape[1]))
-    if not beside.all():
-        # From afar the samples of the range do, as well as for the remainder.
-        forces, (normal, tangent) = near.forces(kernel, slave), near.spreads
-        on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
-        for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
-            total[~beside] = np.einsum("ekcd,kdm->ecm", field(z[~beside]), on, optimize=True)
+    # From afar few samples of the range stand for all the pressures, as they do for the remainder.
+    for some, sampled in ((away > 1.0, near), ((away <= 1.0) & (away > BEYOND), close)):
+        if some.any():
+            forces, (normal, tangent) = sampled.forces(kernel, slave), sampled.spreads
+            on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
+            for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
+                total[some] = np.einsum("ekcd,kdm->ecm", field(z[some]), on, optimize=True)
+    beside = away <= BEYOND
     if beside.any():
         displacement[beside], stress[beside] = _beside(near, kernel, slave, z[beside], pressure, traction)
     return displacement, stress

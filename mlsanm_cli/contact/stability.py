@@ -24,18 +24,30 @@ def contact_stability(condensed: Condensed, chosen: BoolArray) -> float:
         ]
     )
     place = np.concatenate([kept, condensed.rubbing[rubbing]])
-    return relative_resistance(condensed.weight[place], condensed.modulus[place], compliance)
+    unbalanced = np.zeros((0, len(place)))
+    if any(pairing.near is not None for pairing in condensed.pairings):
+        # Displacements in closed form of bodies that nothing holds count from anywhere.
+        unbalanced = np.hstack([condensed.balance.pressure[:, kept], condensed.balance.traction[:, rubbing]])
+    return relative_resistance(condensed.weight[place], condensed.modulus[place], compliance, unbalanced)
 
 
-def relative_resistance(weight: FloatArray, modulus: FloatArray, compliance: FloatArray) -> float:
+def relative_resistance(
+    weight: FloatArray, modulus: FloatArray, compliance: FloatArray, unbalanced: FloatArray | None = None
+) -> float:
     """Smallest quotient of p^T sym(W A) p, A the ``compliance`` (m, m) and W the ``weight`` (m,), and of
     sum 2 w^2 p^2 / (pi E*), E* the contact ``modulus`` (m,).
 
     The latter is what a half-plane has for a pressure that changes sign from node to node, the one it resists
     least (Johnson, Contact Mechanics, 1985, section 13.2: a wave of length l moves the surface by p l /
     (pi E*)). Sound discretisations reach 0.3 to 1.5 whatever the spacing, its grading and the units; where it
-    is nearly zero or negative, pressures oscillate from node to node at will.
+    is nearly zero or negative, pressures oscillate from node to node at will. Only pressures that have
+    nothing ``unbalanced`` (r, m) are looked at.
     """
     scale = np.sqrt(0.5 * np.pi * modulus)
     relative = compliance * scale[:, None] * (scale / weight)[None, :]
-    return float(np.linalg.eigvalsh(0.5 * (relative + relative.T))[0])
+    relative = 0.5 * (relative + relative.T)
+    if unbalanced is not None and len(unbalanced):
+        basis = np.linalg.qr((unbalanced * (scale / weight)).T, mode="complete")[0]
+        free = basis[:, np.linalg.matrix_rank(unbalanced) :]
+        relative = free.T @ relative @ free
+    return float(np.linalg.eigvalsh(relative)[0]) if relative.size else np.inf
