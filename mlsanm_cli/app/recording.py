@@ -230,7 +230,8 @@ def _fields(built: Built, name: str, state: State, displacement: FloatArray, str
     degrees = float(built.scene.degrees(name) @ state.factors)
     elastic = displacement - degrees * model.free_expansion
     moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns)
-    sigma = model.stress(elastic) + stressed if stress else np.zeros((0, 3))
+    # Ghosts move, but stresses are told at the points of the cloud only.
+    sigma = model.stress(elastic) + stressed[: len(model.cloud.points)] if stress else np.zeros((0, 3))
     across = model.material.across_stress(sigma, degrees)
     whole = (displacement + moved)[: len(model.cloud.points)]
     return Fields(whole, sigma, across, von_mises(sigma, across), displacement)

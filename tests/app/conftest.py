@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from mlsanm_cli.app import scene
 from mlsanm_cli.cli.settings import THREAD_VARIABLES
 from mlsanm_cli.io import figures
 from tests.app.scenes import BAR, PATCH, PUNCHES, hertz, solve
@@ -31,6 +32,12 @@ def _coarse_pictures() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(figures._STYLE, "savefig.dpi", 100)
         yield
+
+
+@pytest.fixture
+def by_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No contact has a grid of its own, even off all corners."""
+    monkeypatch.setattr(scene, "clear_contacts", lambda *given: {})
 
 
 @pytest.fixture(scope="session")

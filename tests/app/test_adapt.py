@@ -23,7 +23,9 @@ from mlsanm_cli.kernels.jit import Loaded
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.reference.lame import LameRing
-from tests.app.scenes import BAR, PATCH, Quiet, assert_same_bits, hertz, solve
+from tests.app.scenes import BAR, NODAL, PATCH, Quiet, assert_same_bits, solve
+
+pytestmark = pytest.mark.usefixtures("by_nodes")
 
 RING = """
 format = 1
@@ -112,8 +114,8 @@ def test_a_surface_closed_from_end_to_end_has_no_edges() -> None:
 @pytest.mark.parametrize("law", ["exact", "hyperbolic"])
 def test_a_coarse_hertz_case_becomes_accurate(tmp_path: Path, law: str) -> None:
     settings = (f'contact.interface.regularization.law="{law}"', 'reference.solution="hertz-line"')
-    coarse = solve(hertz(), tmp_path / "coarse", *settings)
-    fine = solve(hertz(), tmp_path / "fine", "adapt.passes=3", *settings)
+    coarse = solve(NODAL, tmp_path / "coarse", *settings)
+    fine = solve(NODAL, tmp_path / "fine", "adapt.passes=3", *settings)
     assert fine["status"] == "done"
     errors = [run["contacts"]["interface"]["reference"]["pressure_error_l2"] for run in (coarse, fine)]
     assert errors[0] >= 0.015
@@ -139,8 +141,8 @@ def test_a_pass_that_fails_leaves_the_result_of_the_one_before(
     # Spacings that treble from node to node spoil the local fits.
     monkeypatch.setattr(adapt, "SMOOTH", Rule(10.0, 0.5, 256.0, 2.0))
     settings = ('contact.interface.regularization.law="exact"', "mls.degree=4")
-    plain = solve(hertz(), tmp_path / "plain", *settings)
-    kept = solve(hertz(), tmp_path / "kept", "adapt.passes=2", *settings)
+    plain = solve(NODAL, tmp_path / "plain", *settings)
+    kept = solve(NODAL, tmp_path / "kept", "adapt.passes=2", *settings)
     assert kept["status"] == "done"
     assert kept["nodes"] == plain["nodes"]
     assert kept["contacts"] == plain["contacts"]
@@ -204,7 +206,7 @@ def test_an_overlap_is_judged_by_the_spacing_of_the_case(tmp_path: Path) -> None
     # Half a spacing deep: fine as drawn, and many of the spacings that refinement puts there.
     overlap = "body.cylinder.shape.center=[0.0, 0.995]"
     settings = ('contact.interface.regularization.law="exact"', overlap, "adapt.passes=1")
-    summary = solve(hertz(), tmp_path / "overlap", *settings)
+    summary = solve(NODAL, tmp_path / "overlap", *settings)
     assert summary["status"] == "done"
     assert len(summary["adapt"]) == 2
 
@@ -212,7 +214,7 @@ def test_an_overlap_is_judged_by_the_spacing_of_the_case(tmp_path: Path) -> None
 def test_kernels_are_announced_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build, "load", lambda: Loaded(None, None, "compiled kernels cannot be kept"))
     console = Quiet()
-    solve(hertz(), tmp_path / "run", "adapt.passes=1", console=console)
+    solve(NODAL, tmp_path / "run", "adapt.passes=1", console=console)
     assert console.warnings.count("compiled kernels cannot be kept") == 1
 
 
@@ -226,7 +228,7 @@ def test_a_body_that_no_pass_changes_keeps_its_operators(
         return assemble(model, *rest, **named)
 
     monkeypatch.setattr(scene, "assemble", counted)
-    text = hertz() + FAR
+    text = NODAL + FAR
     passes = len(solve(text, tmp_path / "kept", "adapt.passes=1")["adapt"])
     assert passes > 1
     assert (made.count("block"), made.count("far")) == (passes, 1)

@@ -18,10 +18,10 @@ from mlsanm_cli.io.summary import read_json
 from tests.app.scenes import PUNCHES, Quiet, hertz, solve
 
 SHEARED = (
-    hertz(growth=0.2)
+    hertz()
     .replace('[[support]]\nbody = "cylinder"\nnear = [0.0, 1.0]\nux = 0.0\n', "")
     .replace("fy = -226.0", "force = [0.0, -226.0]")
-    .replace('master = "block.top"', 'master = "block.top"\nfriction = 0.4\naccuracy = 0.03')
+    .replace("accuracy = 0.01", "friction = 0.4\naccuracy = 0.03")
     .replace(
         '[reference]\nsolution = "hertz-line"',
         """[[load]]

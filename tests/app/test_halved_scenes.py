@@ -17,7 +17,9 @@ from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.operators.folded import Folded
-from tests.app.scenes import COARSE, Quiet, hertz, solve
+from tests.app.scenes import COARSE, NODAL, Quiet, solve
+
+pytestmark = pytest.mark.usefixtures("by_nodes")
 
 SOFT = """
 format = 1
@@ -129,9 +131,9 @@ degree = 4
 )
 
 
-def pressed(**sizes: float) -> str:
-    """The coarse Hertz scene, held symmetrically by conditions on whole boundaries."""
-    text, _, rest = hertz(**sizes).partition('[[support]]\nbody = "block"')
+def pressed() -> str:
+    """The coarse Hertz scene by nodes, held symmetrically by conditions on whole boundaries."""
+    text, _, rest = NODAL.partition('[[support]]\nbody = "block"')
     held = text.replace("uy = 0.0", "ux = 0.0\nuy = 0.0")
     return held + rest[rest.index("[[load]]") :].replace('kind = "platen"', 'kind = "platen"\nux = 0.0')
 

@@ -22,6 +22,8 @@ from mlsanm_cli.contact.monolithic import SparseCoupling
 from tests.app.scenes import COARSE, PATCH, Quiet, hertz, solve
 from tests.contact.derivatives import tangent_times
 
+pytestmark = pytest.mark.usefixtures("by_nodes")
+
 CASES = Path(__file__).parents[2] / "cases"
 AGREE = 1e-7
 """Largest difference of pressures, tractions and displacements, relative to the largest pressure and

@@ -40,26 +40,17 @@ def saved(built: Built, **solver: Any) -> list[State]:
     return [state for step in steps for state in step.saved]
 
 
-def coarse(spacings: tuple[float, ...], *bodies: str) -> list[str]:
-    """Settings of coarser zones than the case's, for time."""
-    return [
-        f"body.{body}.refine.{number}.spacing={spacing}"
-        for body in bodies
-        for number, spacing in enumerate(spacings)
-    ]
-
-
-HALVES = ("cylinder", "block")
+COARSE = "contact.interface.accuracy=0.03"
 
 
 @pytest.mark.parametrize(
     ("case", "at", "settings"),
     [
-        ("hertz", [0.3, 0.7, 1.0], coarse((0.008, 0.002, 0.002), *HALVES)),
-        ("two_cylinders", [0.3, 0.7, 1.0], coarse((0.003,), "upper", "lower")),
+        ("hertz", [0.3, 0.7, 1.0], [COARSE]),
+        ("two_cylinders", [0.3, 0.7, 1.0], [COARSE]),
         ("block_slide", [0.5, 1.0, 1.5, 2.0, 2.5, 3.0], []),
         ("wedge", [0.5, 1.0, 1.5, 2.0], []),
-        ("cattaneo_mindlin", [0.5, 1.0, 1.5, 2.0, 3.0, 4.0], coarse((0.008, *4 * (0.004,)), *HALVES)),
+        ("cattaneo_mindlin", [0.5, 1.0, 1.5, 2.0, 3.0, 4.0], [COARSE]),
     ],
 )
 def test_published_cases_as_by_series(case: str, at: list[float], settings: list[str]) -> None:

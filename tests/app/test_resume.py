@@ -220,7 +220,7 @@ def test_a_file_of_the_case_that_changed_is_told(tmp_path: Path) -> None:
 
 
 def test_events_are_complete(tmp_path: Path) -> None:
-    (tmp_path / "case.toml").write_text(hertz(growth=0.08))
+    (tmp_path / "case.toml").write_text(hertz())
     with pytest.raises(Killed):
         run(tmp_path / "case.toml", out=tmp_path / "cut", console=Deadly(9))
     # As a kill inside an event leaves it.

@@ -23,7 +23,7 @@ from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.kernels.jit import load
-from tests.app.scenes import PATCH, Quiet, assert_same_bits, hertz
+from tests.app.scenes import NODAL, PATCH, Quiet, assert_same_bits
 
 ETA = "contact.interface.regularization.eta"
 PROBE = '[[probe]]\nname = "tip"\nbody = "upper"\npoint = [1.0, 1.5]\n'
@@ -235,7 +235,7 @@ def test_collect_has_a_row_for_every_directory(
 def test_warnings_are_told(tmp_path: Path) -> None:
     # Points that were done with warnings had looked like all others.
     case, console = tmp_path / "round.toml", Quiet()
-    case.write_text(hertz(growth=0.08))
+    case.write_text(NODAL)
     varied = ["body.cylinder.refine.0.growth=0.08,0.31"]
     result = sweep(case, varied, Wishes(), out=tmp_path / "all", console=console)
     assert (result["done"], result["with_warnings"]) == (2, 1)

@@ -17,6 +17,8 @@ from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import COARSE, Quiet, assert_same_bits, hertz, solve
 from tests.app.test_loose import DISK, SMOOTH
 
+pytestmark = pytest.mark.usefixtures("by_nodes")
+
 HEAD = """
 format = 1
 [model]

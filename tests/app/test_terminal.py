@@ -68,7 +68,7 @@ def screen(shown: str) -> list[str]:
 def test_progress_fits_the_terminal(tmp_path: Path) -> None:
     columns = 30
     # Not symmetric, which would be noted.
-    (tmp_path / "case.toml").write_text(hertz(growth=0.08).replace("x = [-2.0, 2.0]", "x = [-2.0, 2.1]"))
+    (tmp_path / "case.toml").write_text(hertz().replace("x = [-2.0, 2.0]", "x = [-2.0, 2.1]"))
     code, out, shown = in_terminal(columns, tmp_path, "run", "case.toml", "--out", "run", NO_COLOR="")
     assert code == 0
     assert out.startswith("done: ")
