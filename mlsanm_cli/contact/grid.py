@@ -19,6 +19,7 @@ RULE = GAUSS[3]
 NEAR = 5.0
 """Hats closer than this many widths are integrated exactly, others by Gauss's points: those have 1e-8 left
 there."""
+NOTHING = 1e-14
 STEEPEST = 2.5
 """Neighbouring intervals differ by this factor at most."""
 
@@ -120,14 +121,16 @@ class Hats:
         """
         total = np.zeros((len(self.place), len(self.place)))
         first, second = self.near
-        for kernel, exact, table in (
-            (self.logarithms, self.near_logarithms, log),
-            (self.signs, self.near_signs, turn),
+        for table, kernels in (
+            (log, lambda: (self.logarithms, self.near_logarithms)),
+            (turn, lambda: (self.signs, self.near_signs)),
         ):
-            if not table.any():
-                continue
-            rough = self._rough(kernel)
             turned = other @ table.T
+            ends = self.at_places(one) @ self.at_places(turned).T
+            if np.abs(ends).max(initial=0.0) <= NOTHING * np.abs(table).max():
+                continue
+            kernel, exact = kernels()
+            rough = self._rough(kernel)
             for component in (0, 1):
                 right = kernel @ (self.integrals * turned[:, component]).T.toarray()
                 total += (self.integrals * one[:, component]) @ right
