@@ -39,6 +39,9 @@ LINEAR_LIMIT = 1e-6
 """Largest part of an elastic solution that may still change when its equations are solved again."""
 
 
+ESTIMATE_WARNING = 0.02
+"""Estimated errors of pressures, relative to their L2 norm, above this are warned of."""
+
 POLISH_WARNING = 0.1
 """Polishing that changes a pressure by more than this part of the peak is warned of: the smooth path between
 the saved levels is that far from the exact one."""
@@ -158,6 +161,20 @@ def judge_polish(levels: Sequence[Polish]) -> str:
         f"between the saved levels the path is that far from the exact laws: lower "
         f"contact.regularization.eta"
     )
+
+
+def judge_estimates(built: Built, estimates: Mapping[str, float | None]) -> list[str]:
+    """Warnings of contacts on grids of their own whose bodies are too coarse for their pressures."""
+    texts = []
+    for pairing in built.condensed.pairings:
+        error = estimates.get(pairing.name)
+        if pairing.near is not None and error is not None and error > ESTIMATE_WARNING:
+            keys = ", ".join(f"body.{body}.spacing" for body in pairing.bodies)
+            texts.append(
+                f"contact {pairing.name}: its pressures are estimated to be off by {100 * error:.2g} %; "
+                f"make {keys} smaller"
+            )
+    return texts
 
 
 def judge_linear(residual: float) -> None:

@@ -18,6 +18,7 @@ from mlsanm_cli.app.judge import (
     force_balance,
     judge_balance,
     judge_energy,
+    judge_estimates,
     judge_linear,
     judge_polish,
     judge_spacing,
@@ -124,6 +125,8 @@ def carry_out(
         stopper.gentle = True
         stopper.check()
         _follow(built, recorder.start(adapted), recorder, clock, stopper)
+        for warning in judge_estimates(built, adapted.accuracy.figures(built, recorder.last)["pressure"]):
+            recorder.warn(warning)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
         ending = Ending("failed", error.message, error.hint, stability)

@@ -52,7 +52,14 @@ def summarise(
         summary |= {
             "nodes": nodes,
             "unknowns": 2 * nodes,
-            "symmetry": str(adapted.prepared.line) if adapted and adapted.prepared.line else None,
+            "symmetry": next(
+                (
+                    str(b.model.cloud.mirror.line)
+                    for b in bodies.values()
+                    if b.halved and b.model.cloud.mirror
+                ),
+                None,
+            ),
             "contact_unknowns": len(built.condensed.weight) + len(built.condensed.rubbing),
             "elastic_factorizations": len({id(body.system) for body in bodies.values()}),
             "condensation_solves": built.condensed.solves,

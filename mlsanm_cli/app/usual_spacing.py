@@ -22,6 +22,8 @@ IN_FRONT = 5.0
 """Spacings between a contact and the nearest other boundary."""
 PER_RADIUS, IN_HOLLOWS = 5.0, 10.0
 """Spacings over the radius of an arc; around holes and in hollows stresses concentrate."""
+CONFORMING, IN_EACH_OTHER = 1.5, 16.0
+"""Arcs in each other whose radii differ by less than this factor, and spacings over these radii."""
 GROWTH = 0.25
 SAMPLES = 200
 FLAT = 1e-6
@@ -55,6 +57,10 @@ def contact_zone(
 ) -> Iterator[Zone]:
     """Finer nodes of a body where its boundary ``own`` comes nearest to the ``other`` surface, or to a rigid
     ``obstacle``, if another of its boundaries is close to that place."""
+    if isinstance(own, Arc) and isinstance(other, Arc) and own.sweep * other.sweep < 0.0:
+        # One in the other: contact and bodies have one scale.
+        if max(own.radius, other.radius) < CONFORMING * min(own.radius, other.radius):
+            yield Zone(own, own.radius / IN_EACH_OTHER, 0.0, GROWTH)
     points = _along(own)
     if other is not None:
         partner = other.points(other.closest(points))
