@@ -23,7 +23,6 @@ from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.near_answers import sides
 from mlsanm_cli.contact.pairing import Pairing, on_grid
 from mlsanm_cli.contact.sets import Sets
-from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 
@@ -46,8 +45,9 @@ NARROWED = 0.6
 WIDE = 0.05
 """Half the width of the patches that a search begins with, as a part of the range."""
 ROUNDS = 60
-MOST = 2000
-"""Grids of more intervals are not halved any more."""
+MOST, SHORTEST = 2000, 1e-5
+"""Grids of more intervals are not halved any more, nor intervals below this part of the range: pressures
+under corners of obstacles have no bound."""
 SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 ACCURACY, RUBBING, SMOOTHED = 0.3, 2.0, 10.0
@@ -69,7 +69,7 @@ def find_grids(
     memo: Memo,
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """The scene condensed on grids that are wide and fine enough, and the exact states at the ends of its
-    stages; None where a contact comes too close to a corner."""
+    stages; None where a contact comes too close to a corner, or where it is does not settle."""
     accuracy = {contact.name: contact.accuracy * _effort(contact) for contact in case.contact}
     grids = {name: _first(one) for name, one in clear.items()}
     answers: Answers | None = None
@@ -101,9 +101,7 @@ def find_grids(
         grids = wanted
         starts = [_moved(condensed, _on_grids(pairings, grids), state) for state in states]
         condensed = None
-    raise NumericalError(
-        f"the contact grid was still changing after {ROUNDS} rounds", "raise contact.NAME.accuracy"
-    )
+    return None
 
 
 def _effort(contact: Contact) -> float:
@@ -249,7 +247,9 @@ def _refined(
         if total <= aim or len(errors) >= MOST:
             continue
         share = max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
-        result[name] = replace(near, hats=near.hats.halved(errors > share))
+        chosen = (errors > share) & (near.hats.steps > SHORTEST * (near.last - near.first))
+        if chosen.any():
+            result[name] = replace(near, hats=near.hats.halved(chosen))
     return result
 
 

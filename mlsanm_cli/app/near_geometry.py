@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -43,12 +43,21 @@ class Clear:
 
 
 def clear_contacts(
-    case: Case, models: Mapping[str, BodyModel], pairings: tuple[Pairing, ...]
+    case: Case,
+    models: Mapping[str, BodyModel],
+    pairings: tuple[Pairing, ...],
+    held: Mapping[str, Collection[str]],
 ) -> dict[str, Clear]:
-    """The contacts that may have grids of their own, by name."""
+    """The contacts that may have grids of their own, by name; not so on surfaces of bodies that are ``held``
+    or have springs."""
     if case.mls.scheme != "least-squares" or case.solver.formulation != "condensed":
         return {}
-    found = {pairing.name: _clear(case, models, pairing) for pairing in pairings}
+    found = {
+        pairing.name: _clear(case, models, pairing)
+        for pairing in pairings
+        if pairing.slave.name not in held[pairing.slave_body]
+        and (pairing.master is None or pairing.master.name not in held[str(pairing.master_body)])
+    }
     return {name: one for name, one in found.items() if one is not None}
 
 

@@ -52,14 +52,7 @@ def summarise(
         summary |= {
             "nodes": nodes,
             "unknowns": 2 * nodes,
-            "symmetry": next(
-                (
-                    str(b.model.cloud.mirror.line)
-                    for b in bodies.values()
-                    if b.halved and b.model.cloud.mirror
-                ),
-                None,
-            ),
+            "symmetry": _symmetry(built),
             "contact_unknowns": len(built.condensed.weight) + len(built.condensed.rubbing),
             "elastic_factorizations": len({id(body.system) for body in bodies.values()}),
             "condensation_solves": built.condensed.solves,
@@ -127,3 +120,12 @@ def _contact(built: Built, name: str, state: State, cone: float | None) -> dict[
             "pressure_error_l2": profile.error_l2,
         }
     return figures
+
+
+def _symmetry(built: Built) -> str | None:
+    """The line about which half of the scene is solved, if it is."""
+    for body in built.scene.bodies.values():
+        mirror = body.model.cloud.mirror
+        if body.halved and mirror is not None:
+            return str(mirror.line)
+    return None

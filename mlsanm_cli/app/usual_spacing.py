@@ -57,10 +57,9 @@ def contact_zone(
 ) -> Iterator[Zone]:
     """Finer nodes of a body where its boundary ``own`` comes nearest to the ``other`` surface, or to a rigid
     ``obstacle``, if another of its boundaries is close to that place."""
-    if isinstance(own, Arc) and isinstance(other, Arc) and own.sweep * other.sweep < 0.0:
-        # One in the other: contact and bodies have one scale.
-        if max(own.radius, other.radius) < CONFORMING * min(own.radius, other.radius):
-            yield Zone(own, own.radius / IN_EACH_OTHER, 0.0, GROWTH)
+    if isinstance(own, Arc) and isinstance(other, Arc) and _conform(own, other):
+        # Contact and bodies have one scale.
+        yield Zone(own, own.radius / IN_EACH_OTHER, 0.0, GROWTH)
     points = _along(own)
     if other is not None:
         partner = other.points(other.closest(points))
@@ -78,6 +77,12 @@ def contact_zone(
     distance = min(distances, default=np.inf)
     if FLAT * own.length < distance < IN_FRONT * far:
         yield Zone.around((float(place[0]), float(place[1])), distance / IN_FRONT, distance, GROWTH)
+
+
+def _conform(one: Arc, other: Arc) -> bool:
+    """Whether two arcs lie in each other, nearly alike."""
+    unlike = max(one.radius, other.radius) / min(one.radius, other.radius)
+    return one.sweep * other.sweep < 0.0 and unlike < CONFORMING
 
 
 def _along(curve: Curve) -> FloatArray:
