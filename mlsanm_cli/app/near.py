@@ -75,10 +75,13 @@ def find_grids(
     answers: Answers | None = None
     starts: list[Sets] = []
     every = False
+    condensed: Condensed | None = None
     for _ in range(ROUNDS):
         some = _on_grids(pairings, grids)
-        answers = answers or Answers.of(scene, some, memo)
-        condensed = condense(scene, some, memo, answers)
+        if answers is None:
+            answers = Answers.of(scene, some, memo)
+        if condensed is None:
+            condensed = condense(scene, some, memo, answers)
         starts = starts or [_near_enough(some)]
         states = search(condensed, starts, every)
         wanted = _ranged(condensed, grids, clear, states)
@@ -97,6 +100,7 @@ def find_grids(
             answers = None
         grids = wanted
         starts = [_moved(condensed, _on_grids(pairings, grids), state) for state in states]
+        condensed = None
     raise NumericalError(
         f"the contact grid was still changing after {ROUNDS} rounds", "raise contact.NAME.accuracy"
     )

@@ -92,7 +92,7 @@ def profile_on(
     case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray, force: float
 ) -> ReferenceProfile:
     """The reference for nodes ``points`` (m, 2), ``normal`` (m, 2) of the master and ``pressure`` (m,)."""
-    middle, axis = _middle(case, contact, points, normal)
+    middle, axis = _middle(case, contact, points, normal, pressure)
     coordinate = (points - middle) @ np.array([axis[1], -axis[0]])
     if coordinate[-1] < coordinate[0]:
         coordinate = -coordinate
@@ -114,15 +114,18 @@ def profile_on(
 
 
 def _middle(
-    case: Case, contact: Contact, points: FloatArray, normal: FloatArray
+    case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Where the contact's middle lies, and the normal there: on the line of centres of curved surfaces."""
+    """Where the contact's middle lies, and the normal there: on the line of centres of curved surfaces, else
+    along the resultant of the pressures."""
     centers = [
         np.array(_center(case, boundary)) for boundary in contact.boundaries if _curvature(case, boundary)
     ]
     if isinstance(contact.obstacle, DiskObstacle):
         centers.append(np.array(contact.obstacle.center))
-    mean = normal.mean(axis=0)
+    apart = np.hypot(*np.diff(points, axis=0).T)
+    length = 0.5 * (np.append(apart, 0.0) + np.append(0.0, apart))
+    mean = (length * pressure) @ normal
     axis = mean / np.hypot(*mean)
     if len(centers) == 2:
         line = centers[0] - centers[1]

@@ -6,7 +6,9 @@ positive whatever the grid (Galerkin's method for the half-plane's logarithm).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -15,10 +17,14 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.values import dataclass
 
+Kernels: TypeAlias = tuple[FloatArray, FloatArray]
+"""A kernel at all pairs of points, and its exact integrals of near pairs."""
+
 RULE = GAUSS[3]
 NEAR = 5.0
 """Hats closer than this many widths are integrated exactly, others by Gauss's points: those have 1e-8 left
 there."""
+NOTHING = 1e-14
 STEEPEST = 2.5
 """Neighbouring intervals differ by this factor at most."""
 
@@ -118,23 +124,26 @@ class Hats:
 
         ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2) directions at the points.
         """
+        logarithms = self._pairs(log, one, other, lambda: (self.logarithms, self.near_logarithms))
+        return logarithms + self._pairs(turn, one, other, lambda: (self.signs, self.near_signs))
+
+    def _pairs(
+        self, table: FloatArray, one: FloatArray, other: FloatArray, kernels: Callable[[], Kernels]
+    ) -> FloatArray:
+        """The part of :meth:`pairs` by one kernel, of which there is nothing where directions do not meet."""
         total = np.zeros((len(self.place), len(self.place)))
+        turned = other @ table.T
+        middle = [self.at_places(values) for values in (one, turned)]
+        if np.abs(middle[0] @ middle[1].T).max(initial=0.0) <= NOTHING * np.abs(table).max():
+            return total
+        kernel, exact = kernels()
+        for component in (0, 1):
+            right = kernel @ (self.integrals * turned[:, component]).T.toarray()
+            total += (self.integrals * one[:, component]) @ right
+        # What is lost of the near pairs by Gauss's points, for the directions at the peaks.
         first, second = self.near
-        for kernel, exact, table in (
-            (self.logarithms, self.near_logarithms, log),
-            (self.signs, self.near_signs, turn),
-        ):
-            if not table.any():
-                continue
-            rough = self._rough(kernel)
-            turned = other @ table.T
-            for component in (0, 1):
-                right = kernel @ (self.integrals * turned[:, component]).T.toarray()
-                total += (self.integrals * one[:, component]) @ right
-            # What is lost of the near pairs by Gauss's points, for the directions at the peaks.
-            middle = [self.at_places(values) for values in (one, turned)]
-            product = (middle[0][first] * middle[1][second]).sum(axis=1)
-            total[first, second] += product * (exact - rough[first, second])
+        product = (middle[0][first] * middle[1][second]).sum(axis=1)
+        total[first, second] += product * (exact - self._rough(kernel)[first, second])
         return total
 
     def _rough(self, kernel: FloatArray) -> FloatArray:

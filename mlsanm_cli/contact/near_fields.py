@@ -18,7 +18,7 @@ from mlsanm_cli.contact.near import Near
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex
 from mlsanm_cli.values import dataclass
 
-FAR = 3.0
+FAR = 2.0
 """Intervals farther away than so many of their lengths are integrated by the points of the grid."""
 POINTS = 24
 """Gauss's points over an interval nearby."""
