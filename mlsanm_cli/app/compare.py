@@ -90,7 +90,9 @@ def compare(
         built, warnings = _set_up(whole, clock, console)
         built = replace(built, case=loaded.case)
     else:
-        built, warnings = _set_up(loaded, clock, console)
+        # Contact grids are as fine as the states need that are compared.
+        built, warnings = _set_up(load_with_files(case_path, (*overrides, levels)), clock, console)
+        built = replace(built, case=loaded.case)
     rows = []
     for method, case in zip(methods, cases, strict=True):
         console.phase(f"following the path: {method.name}")

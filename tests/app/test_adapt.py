@@ -82,6 +82,9 @@ def line(arc: FloatArray) -> Pairing:
         master_body="b",
         master=slave,
         position=np.arange(count),
+        points=segment.points(arc),
+        arc=arc,
+        weight=np.gradient(arc),
         partner=segment.points(arc),
         normal=up,
         gap=np.zeros(count),
@@ -139,7 +142,7 @@ def test_a_pass_that_fails_leaves_the_result_of_the_one_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Spacings that treble from node to node spoil the local fits.
-    monkeypatch.setattr(adapt, "SMOOTH", Rule(10.0, 0.5, 256.0, 2.0))
+    monkeypatch.setattr(adapt, "SMOOTH", Rule(10.0, 0.5, 256.0, 4.0))
     settings = ('contact.interface.regularization.law="exact"', "mls.degree=4")
     plain = solve(NODAL, tmp_path / "plain", *settings)
     kept = solve(NODAL, tmp_path / "kept", "adapt.passes=2", *settings)

@@ -14,7 +14,7 @@ from mlsanm_cli.app import build, scene, symmetry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cli import main
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import COARSE, Quiet, assert_same_bits, hertz, solve
+from tests.app.scenes import COARSE, NODAL, Quiet, assert_same_bits, solve
 from tests.app.test_loose import DISK, SMOOTH
 
 pytestmark = pytest.mark.usefixtures("by_nodes")
@@ -98,9 +98,9 @@ def squeezed(left: str = "table = [[0, 3], [1, 1]]", right: str = "table = [[0, 
 
 BOTH = "[[stage]]\nleft = 0.5\nright = 0.5\n[[stage]]\nleft = 1.0\nright = 1.0\n[output]\nat = [0.4, 2.0]\n"
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
-    "platen and contact": (hertz(), (EXACT,)),
-    "smooth contact": (hertz(), ("output.at=[0.4, 1.0]", "solver.tolerance=1e-11")),
-    "platen moved": (hertz().replace("fy = -226.0", "uy = -0.002"), (EXACT,)),
+    "platen and contact": (NODAL, (EXACT,)),
+    "smooth contact": (NODAL, ("output.at=[0.4, 1.0]", "solver.tolerance=1e-11")),
+    "platen moved": (NODAL.replace("fy = -226.0", "uy = -0.002"), (EXACT,)),
     "platen that may turn and shift": (HEAD + HELD + FREE_PLATEN, ("load.press.fx=0.0",)),
     "obstacle": (HEAD + HELD + UNDER + BESIDE, (HALF,)),
     "polyline": (HEAD + HELD + UNDER, (f"contact.under.obstacle={PUNCH}",)),
@@ -270,7 +270,7 @@ WHOLE: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "obstacle beside": (SLIDING, ("contact.under.obstacle.center=[0.01, 3.0]", HALF)),
     "monolithic": (
-        hertz(),
+        NODAL,
         (*COARSE, "contact.interface.regularization.eta=0.1", 'solver.formulation="monolithic"'),
     ),
     "outline": (HEAD.replace(*TRAPEZOID) + HELD + UNDER, (HALF,)),
