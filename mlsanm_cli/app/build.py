@@ -279,9 +279,12 @@ def _incremented(
             return increment(condensed, state, factors, guess=guess)
     try:
         return increment(condensed, state, factors)
-    except NoStateError:
-        # What touches without friction is near to what does with it.
-        closed = solve_exact(condensed, factors).active
+    except NoStateError as lost:
+        # What touches without friction is near to what does with it, if loads balance without it.
+        try:
+            closed = solve_exact(condensed, factors).active
+        except NumericalError:
+            raise lost from None
         stuck = closed[condensed.rubbing]
         return increment(condensed, state, factors, guess=Sets(closed, stuck, np.zeros(len(stuck))))
 

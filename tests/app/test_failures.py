@@ -22,7 +22,7 @@ from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.io.summary import read_json
-from tests.app.scenes import BAR, PATCH, hertz, solve
+from tests.app.scenes import BAR, NODAL, PATCH, solve
 from tests.app.test_friction import EXACT, SHEARED
 
 BAD = [1e3, float("nan")]
@@ -166,7 +166,7 @@ def test_a_ratio_of_spacings(bad: float, tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_what_a_failed_path_leaves(tmp_path: Path) -> None:
-    summary = solve(hertz(), tmp_path / "run", "solver.max_steps=9")
+    summary = solve(NODAL, tmp_path / "run", "solver.max_steps=9")
     assert summary["status"] == "failed"
     failure = read_json(tmp_path / "run" / "summary.json")["failure"]
     assert failure["position"] == summary["position"] > 0.0

@@ -17,7 +17,7 @@ from mlsanm_cli.io.summary import read_json
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
-POLISH = "solver.polish=true"
+POLISH, SMOOTH = "solver.polish=true", "solver.polish=false"
 COARSE = "contact.interface.regularization.eta=1e-3"
 FIELDS = ("displacement", "stress", "von_mises")
 
@@ -26,7 +26,7 @@ FIELDS = ("displacement", "stress", "von_mises")
     ("text", "levels"), [(hertz(), "output.at=[0.3, 0.7]"), (SHEARED, "output.at=[1.0, 1.5, 2.25]")]
 )
 def test_polished_levels_are_exact(text: str, levels: str, tmp_path: Path) -> None:
-    solve(text, tmp_path / "smooth", levels, COARSE)
+    solve(text, tmp_path / "smooth", levels, COARSE, SMOOTH)
     polished = solve(text, tmp_path / "polished", levels, COARSE, POLISH)
     exact_law = solve(text, tmp_path / "exact", levels, EXACT)
     if "friction" in text:
@@ -55,7 +55,7 @@ def test_polished_levels_are_exact(text: str, levels: str, tmp_path: Path) -> No
 
 
 def test_what_polishing_changed_is_told(tmp_path: Path) -> None:
-    solve(hertz(), tmp_path / "smooth", "output.at=[0.3, 1.0]", COARSE)
+    solve(hertz(), tmp_path / "smooth", "output.at=[0.3, 1.0]", COARSE, SMOOTH)
     summary = solve(hertz(), tmp_path / "polished", "output.at=[0.3, 1.0]", COARSE, POLISH)
     smooth, polished = read_run(tmp_path / "smooth"), read_run(tmp_path / "polished")
     peak = summary["contacts"]["interface"]["peak_pressure"]
