@@ -135,6 +135,7 @@ def test_overlaps_as_drawn_give_way_straight(tmp_path: Path, depth: float, swapp
     assert up == pytest.approx(depth, abs=1e-5)
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_overlaps_that_nothing_tells_how_to_undo_are_named(tmp_path: Path) -> None:
     text = SHEARED.replace("center = [0.0, 1.0]", "center = [0.0, 0.999]")
     text = text.replace('slave = "cylinder.arc"', 'slave = "block.top"')
