@@ -43,6 +43,8 @@ WIDENINGS = 6
 _WITHOUT_SIZE = {"load", "stage", "output"}
 _CONTACTS_WITHOUT_SIZE = {"friction", "regularization"}
 """What of a case and of its contacts does not change its size."""
+MOST_LEVELS = 40
+"""Of more levels with fields some tell how fine contact grids have to be."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
 """Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
@@ -232,7 +234,8 @@ def _searched(
     wanted."""
     factors = stages
     if every:
-        positions = sorted({*range(len(stages)), *case.output.at})
+        every_so_many = -(-len(case.output.at) // MOST_LEVELS) or 1
+        positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
         factors = np.stack([factors_at(stages, position) for position in positions])
     if len(condensed.rubbing):
         return _rubbing_ends(condensed, factors, starts)
@@ -279,9 +282,12 @@ def _incremented(
             return increment(condensed, state, factors, guess=guess)
     try:
         return increment(condensed, state, factors)
-    except NoStateError:
-        # What touches without friction is near to what does with it.
-        closed = solve_exact(condensed, factors).active
+    except NoStateError as lost:
+        # What touches without friction is near to what does with it, if loads balance without it.
+        try:
+            closed = solve_exact(condensed, factors).active
+        except NumericalError:
+            raise lost from None
         stuck = closed[condensed.rubbing]
         return increment(condensed, state, factors, guess=Sets(closed, stuck, np.zeros(len(stuck))))
 

@@ -229,17 +229,12 @@ _PUNCH = """
 [[body]]
 name = "{name}"
 material = "steel"
-spacing = 0.3
+spacing = 0.15
 [body.shape]
 kind = "half-disk"
 center = [{x!r}, 0.5]
 radius = 0.5
 side = "lower"
-[[body.refine]]
-at = [{x!r}, 0.0]
-spacing = 0.01
-radius = 0.06
-growth = 0.2
 
 [[load]]
 name = "{name}"
@@ -256,6 +251,7 @@ ux = 0.0
 name = "under-{name}"
 slave = "{name}.arc"
 master = "block.top"
+accuracy = 0.01
 """
 
 PUNCHES = """
@@ -268,12 +264,8 @@ nu = 0.3
 [[body]]
 name = "block"
 material = "steel"
-spacing = 0.3
+spacing = 0.2
 shape = { kind = "rectangle", x = [-2.0, 2.0], y = [-2.0, 0.0] }
-refine = [
-    { at = [-0.7, 0.0], spacing = 0.01, radius = 0.06, growth = 0.2 },
-    { at = [0.7, 0.0], spacing = 0.01, radius = 0.06, growth = 0.2 },
-]
 [[support]]
 boundary = "block.bottom"
 uy = 0.0

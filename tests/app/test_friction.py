@@ -129,9 +129,13 @@ def test_overlaps_as_drawn_give_way_straight(tmp_path: Path, depth: float, swapp
     summary = solve(text, tmp_path / "run", EXACT, "output.at=[1.0]")
     assert summary["status"] == "done"
     path = read_run(tmp_path / "run").path
-    assert path.displacements["press"][0] == pytest.approx([0.0, depth], abs=1e-12)
+    across, up = path.displacements["press"][0]
+    assert across == pytest.approx(0.0, abs=1e-12)
+    # Gaps are means over the places of the contact grid.
+    assert up == pytest.approx(depth, abs=1e-5)
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_overlaps_that_nothing_tells_how_to_undo_are_named(tmp_path: Path) -> None:
     text = SHEARED.replace("center = [0.0, 1.0]", "center = [0.0, 0.999]")
     text = text.replace('slave = "cylinder.arc"', 'slave = "block.top"')
@@ -142,7 +146,9 @@ def test_overlaps_that_nothing_tells_how_to_undo_are_named(tmp_path: Path) -> No
 
 def test_contacts_have_etas_of_their_own(tmp_path: Path) -> None:
     etas = {"under-left": 1e-2, "under-right": 1e-4}
-    overrides = [f"contact.{name}.regularization.eta={eta}" for name, eta in etas.items()]
+    overrides = ["solver.polish=false"] + [
+        f"contact.{name}.regularization.eta={eta}" for name, eta in etas.items()
+    ]
     assert solve(PUNCHES, tmp_path / "run", *overrides)["status"] == "done"
     contacts = read_run(tmp_path / "run").contacts
     # What open nodes feel is proportional to eta.

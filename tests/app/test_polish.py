@@ -14,10 +14,10 @@ from mlsanm_cli.app.states import Polish
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
-from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
+from tests.app.scenes import BAR, NODAL, PATCH, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
-POLISH = "solver.polish=true"
+POLISH, SMOOTH = "solver.polish=true", "solver.polish=false"
 COARSE = "contact.interface.regularization.eta=1e-3"
 FIELDS = ("displacement", "stress", "von_mises")
 
@@ -26,11 +26,11 @@ FIELDS = ("displacement", "stress", "von_mises")
     ("text", "levels"), [(hertz(), "output.at=[0.3, 0.7]"), (SHEARED, "output.at=[1.0, 1.5, 2.25]")]
 )
 def test_polished_levels_are_exact(text: str, levels: str, tmp_path: Path) -> None:
-    solve(text, tmp_path / "smooth", levels, COARSE)
+    solve(text, tmp_path / "smooth", levels, COARSE, SMOOTH)
     polished = solve(text, tmp_path / "polished", levels, COARSE, POLISH)
     exact_law = solve(text, tmp_path / "exact", levels, EXACT)
     if "friction" in text:
-        assert polished["polish"]["factorizations"] == exact_law["factorizations"]
+        assert polished["polish"]["factorizations"] <= exact_law["factorizations"]
     runs = {name: read_run(tmp_path / name) for name in ("smooth", "polished", "exact")}
     contacts = {name: run.contacts["interface"] for name, run in runs.items()}
     places = [*(saved.position for saved in runs["exact"].states), runs["exact"].path.position[-1]]
@@ -55,8 +55,8 @@ def test_polished_levels_are_exact(text: str, levels: str, tmp_path: Path) -> No
 
 
 def test_what_polishing_changed_is_told(tmp_path: Path) -> None:
-    solve(hertz(), tmp_path / "smooth", "output.at=[0.3, 1.0]", COARSE)
-    summary = solve(hertz(), tmp_path / "polished", "output.at=[0.3, 1.0]", COARSE, POLISH)
+    solve(NODAL, tmp_path / "smooth", "output.at=[0.3, 1.0]", COARSE, SMOOTH)
+    summary = solve(NODAL, tmp_path / "polished", "output.at=[0.3, 1.0]", COARSE, POLISH)
     smooth, polished = read_run(tmp_path / "smooth"), read_run(tmp_path / "polished")
     peak = summary["contacts"]["interface"]["peak_pressure"]
     changes = [

@@ -15,7 +15,7 @@ import pytest
 
 from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
-from tests.app.scenes import BAR, Quiet, hertz, solve
+from tests.app.scenes import BAR, NODAL, Quiet, hertz, solve
 
 SUMMARY_KEYS = {
     "status", "stop_reason", "position", "steps", "factorizations", "solves", "nodes", "unknowns",
@@ -79,7 +79,7 @@ def test_summary(hertz_run: Path) -> None:
     contact = summary["contacts"]["interface"]
     assert contact.keys() >= CONTACT_KEYS
     assert contact["force"] == pytest.approx([0.0, 226.0], abs=226.0 * 1e-9)
-    assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=0.03)
+    assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=0.01)
     assert 0.0 < summary["residual"] <= 1e-8
     assert contact["min_gap"] > 0.0
     assert summary["stability"] > 0.0
@@ -136,8 +136,7 @@ def test_path_of_the_run_file(hertz_run: Path) -> None:
         assert file["path/resultants/press"][...][:, 1] == pytest.approx(-226.0 * position, abs=1e-9)
         contact = file["contacts/interface"]
         force = contact["pressure"][...] @ (contact["weight"][...][:, None] * contact["normal"][...])
-        # Forces are integrals of what is linear between nodes, not these sums.
-        assert force[:, 1] == pytest.approx(226.0 * position, abs=226.0 * 2e-5)
+        assert force[:, 1] == pytest.approx(226.0 * position, abs=226.0 * 1e-9)
         assert (contact["gap"][...] > 0.0).all()
         summary = summary_of(hertz_run)
         assert contact["pressure"][-1].max() == summary["contacts"]["interface"]["peak_pressure"]
@@ -224,8 +223,8 @@ def test_units_do_not_matter(tmp_path: Path) -> None:
 
     compare("bodies/block/points", 1e-3)
     compare("contacts/interface/points", 1e-3)
-    compare("contacts/interface/pressure", 1e6, -1)
-    compare("contacts/interface/gap", 1e-3, -1)
+    compare("contacts/interface/pressure", 1e6, -1, bound=1e-7)
+    compare("contacts/interface/gap", 1e-3, -1, bound=1e-7)
     compare("path/resultants/block.bottom", 1e3, -1)
     compare("fields/1/block/displacement", 1e-3)
     compare("fields/1/block/von_mises", 1e6)
@@ -237,7 +236,7 @@ def test_units_do_not_matter(tmp_path: Path) -> None:
 def test_fields_inside_a_step_come_from_the_series(hertz_run: Path, tmp_path: Path) -> None:
     """The state at 0.7 is what a path that stops there finds; the law keeps the scale of the whole path."""
     text = hertz() + "\n[[stage]]\npress = 0.7\n[[stage]]\npress = 1.0\n"
-    solve(text, tmp_path / "stops", "output.at=[1.0]")
+    solve(text, tmp_path / "stops", "output.at=[1.0]", "solver.polish=false")
     inside, stops = numbers(hertz_run), numbers(tmp_path / "stops")
     assert 0.7 not in inside["path/position"]
     assert 1.0 in stops["path/position"]
@@ -307,7 +306,7 @@ def test_output_is_as_asked_for(tmp_path: Path) -> None:
 
 def test_console_is_told(tmp_path: Path) -> None:
     """A platen whose horizontal force is zero and that nothing resists is held, and the run says so."""
-    text = hertz().replace("fy = -226.0", "force = [0.0, -226.0]")
+    text = NODAL.replace("fy = -226.0", "force = [0.0, -226.0]")
     text = text.replace('[[support]]\nbody = "cylinder"\nnear = [0.0, 1.0]\nux = 0.0\n', "")
     console = Quiet()
     summary = solve(text, tmp_path / "run", "body.cylinder.refine.0.growth=0.31", console=console)
