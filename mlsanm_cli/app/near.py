@@ -90,7 +90,7 @@ def find_grids(
         if _same(wanted, grids):
             wanted = _sampled(scene, answers, grids)
         if _same(wanted, grids):
-            wanted = _refined(condensed, grids, states, accuracy)
+            wanted = _refined(condensed, grids, states, accuracy, tractions=not every)
         if _same(wanted, grids):
             if every:
                 return condensed, search(condensed, starts, False)
@@ -238,11 +238,16 @@ def _refined(
     grids: Mapping[str, Near],
     states: Sequence[ExactState],
     accuracy: Mapping[str, float],
+    tractions: bool,
 ) -> dict[str, Near]:
-    """The grids halved where the pressures and tractions of the states need it."""
+    """The grids halved where the pressures, and ``tractions`` if they count, of the states need it.
+
+    Between the ends of stages tractions do not: every level on the way has its own edges of sticking, and a
+    grid fine at all of them would be fine everywhere.
+    """
     result = dict(grids)
     for name, near in grids.items():
-        errors = grid_errors(condensed, name, states)
+        errors = grid_errors(condensed, name, states, tractions)
         total, aim = float(np.sqrt((errors**2).sum())), accuracy[name]
         if total <= aim or len(errors) >= MOST:
             continue
@@ -253,9 +258,11 @@ def _refined(
     return result
 
 
-def grid_errors(condensed: Condensed, name: str, states: Sequence[ExactState]) -> FloatArray:
-    """What every interval of a contact's grid has of the relative L2 error of its pressures and tractions, in
-    the worst of some states."""
+def grid_errors(
+    condensed: Condensed, name: str, states: Sequence[ExactState], tractions: bool = True
+) -> FloatArray:
+    """What every interval of a contact's grid has of the relative L2 error of its pressures, and of tractions
+    if these count, in the worst of some states."""
     pairing = next(one for one in condensed.pairings if one.name == name)
     assert pairing.near is not None
     hats, worst = pairing.near.hats, np.zeros(len(pairing.near.hats.steps))
@@ -263,7 +270,7 @@ def grid_errors(condensed: Condensed, name: str, states: Sequence[ExactState]) -
         pressure = state.pressure[condensed.spans[name]]
         size = hats.norm(pressure)
         parts = [hats.errors(pressure)]
-        if pairing.friction:
+        if pairing.friction and tractions:
             parts.append(hats.errors(state.traction[condensed.tangential[name]]) / pairing.friction)
         if size > 0.0:
             worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / size)
