@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from mlsanm_cli.app.states import PathStep, State
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.io.summary import read_json
-from tests.app.scenes import BAR, NODAL, PATCH, solve
+from tests.app.scenes import BAR, NODAL, PATCH, hertz, solve
 from tests.app.test_friction import EXACT, SHEARED
 
 BAD = [1e3, float("nan")]
@@ -97,11 +96,17 @@ def test_like_spacings_are_not_what_a_contact_fails_for(
     assert "larger spacings" in solve(PATCH, tmp_path / "run")["hint"]
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_a_search_for_contact_without_end_tells_of_the_certificate(tmp_path: Path) -> None:
     # It had pointed at a figure of `mlsanm check`, which has none.
-    fine = (Path(__file__).parents[2] / "cases" / "hertz.toml").read_text()
-    coarse = re.sub(r"spacing = (\S+)", lambda found: f"spacing = {8.0 * float(found[1])}", fine)
-    summary = solve(coarse, tmp_path / "run", "mls.degree=6")
+    zones = [(0.0, 0.032, 0.07), (-0.05, 0.004, 0.004), (0.05, 0.004, 0.004)]
+    refine = ", ".join(f"{{at=[{x}, 0.0], spacing={h}, radius={r}}}" for x, h, r in zones)
+    coarse = [
+        f"body.{body}.{key}"
+        for body in ("cylinder", "block")
+        for key in ("spacing=0.8", f"refine=[{refine}]")
+    ]
+    summary = solve(hertz(), tmp_path / "run", "mls.degree=6", *coarse)
     assert (summary["status"], summary["hint"][:18]) == ("failed", "use mls.degree = 2")
     assert "stability" in summary["stop_reason"]
     assert summary["stability"] < -1.0

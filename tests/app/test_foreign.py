@@ -192,13 +192,6 @@ BAD = {
         ("body.plate.spacing", "no meaning", 'use = "outline"'),
         "spacing =",
     ),
-    "no spacing to fill with": (
-        OUTLINE.replace("spacing = 1.0\n", ""),
-        "plate.msh",
-        GOOD,
-        ("body.plate.spacing", "missing"),
-        "[[body]]",
-    ),
     "refined nodes": (
         PULLED + "[adapt]\npasses = 1\n",
         "plate.msh",

@@ -135,15 +135,6 @@ def test_overlaps_as_drawn_give_way_straight(tmp_path: Path, depth: float, swapp
     assert up == pytest.approx(depth, abs=1e-5)
 
 
-@pytest.mark.usefixtures("by_nodes")
-def test_overlaps_that_nothing_tells_how_to_undo_are_named(tmp_path: Path) -> None:
-    text = SHEARED.replace("center = [0.0, 1.0]", "center = [0.0, 0.999]")
-    text = text.replace('slave = "cylinder.arc"', 'slave = "block.top"')
-    text = text.replace('master = "block.top"', 'master = "cylinder.arc"')
-    summary = solve(text, tmp_path / "run", EXACT)
-    assert summary["stop_reason"].startswith("surfaces with friction overlap as drawn")
-
-
 def test_contacts_have_etas_of_their_own(tmp_path: Path) -> None:
     etas = {"under-left": 1e-2, "under-right": 1e-4}
     overrides = ["solver.polish=false"] + [

@@ -198,9 +198,10 @@ def test_resolved_case_gives_the_same_bits(hertz_run: Path, tmp_path: Path) -> N
 
 def test_same_seed_gives_the_same_bits_and_another_seed_does_not(hertz_run: Path, tmp_path: Path) -> None:
     at = "output.at=[0.3, 0.7, 1.0]"
-    solve(hertz(), tmp_path / "same", at)
+    as_it_is = "solver.polish=false"
+    solve(hertz(), tmp_path / "same", at, as_it_is)
     assert_identical(numbers(hertz_run), numbers(tmp_path / "same"))
-    solve(hertz(), tmp_path / "other", at, "body.block.seed=1")
+    solve(hertz(), tmp_path / "other", at, as_it_is, "body.block.seed=1")
     other = numbers(tmp_path / "other")
     assert other["bodies/cylinder/points"].tobytes() == numbers(hertz_run)["bodies/cylinder/points"].tobytes()
     assert other["contacts/interface/pressure"].tobytes() != (
@@ -226,18 +227,19 @@ def test_units_do_not_matter(tmp_path: Path) -> None:
     compare("contacts/interface/pressure", 1e6, -1, bound=1e-7)
     compare("contacts/interface/gap", 1e-3, -1, bound=1e-7)
     compare("path/resultants/block.bottom", 1e3, -1)
-    compare("fields/1/block/displacement", 1e-3)
-    compare("fields/1/block/von_mises", 1e6)
+    compare("fields/1/block/displacement", 1e-3, bound=1e-8)
+    compare("fields/1/block/von_mises", 1e6, bound=1e-8)
     compare("fields/0/block/von_mises", 1e6, bound=1e-7)
     for found in (one, other):
         assert (found["path/residual"] <= 1e-8).all()
 
 
-def test_fields_inside_a_step_come_from_the_series(hertz_run: Path, tmp_path: Path) -> None:
+def test_fields_inside_a_step_come_from_the_series(tmp_path: Path) -> None:
     """The state at 0.7 is what a path that stops there finds; the law keeps the scale of the whole path."""
-    text = hertz() + "\n[[stage]]\npress = 0.7\n[[stage]]\npress = 1.0\n"
+    solve(NODAL, tmp_path / "inside", "output.at=[0.3, 0.7, 1.0]", "solver.polish=false")
+    text = NODAL + "\n[[stage]]\npress = 0.7\n[[stage]]\npress = 1.0\n"
     solve(text, tmp_path / "stops", "output.at=[1.0]", "solver.polish=false")
-    inside, stops = numbers(hertz_run), numbers(tmp_path / "stops")
+    inside, stops = numbers(tmp_path / "inside"), numbers(tmp_path / "stops")
     assert 0.7 not in inside["path/position"]
     assert 1.0 in stops["path/position"]
     for body in ("cylinder", "block"):

@@ -75,7 +75,7 @@ def test_progress_fits_the_terminal(tmp_path: Path) -> None:
     assert "\x1b" not in out
     assert "\x1b[1mplacing nodes ...\x1b[0m" in shown
     (last, *rest) = [line for line in screen(shown) if line]
-    assert re.match(r"step   2\d   position 1 *$", last)
+    assert re.match(r"step   \d\d   position 1 *$", last)
     assert len(last) < columns
     assert rest == []
     live = re.sub(r"\x1b\[[0-9;]*m", "", shown).replace("\r\n", "\n")
