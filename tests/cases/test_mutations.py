@@ -15,13 +15,13 @@ from mlsanm_cli.app.rubbing_events import Barrier
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact import sources
 from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.mechanics import assembly, body
 from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.near_field import Kernel
 from mlsanm_cli.mechanics.pieces import Pieces
+from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.springs import Held
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from tests.app.scenes import Quiet
@@ -111,8 +111,8 @@ def test_stencils_across_bodies(
 
 
 def test_remainders_of_half_the_forces(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    proper = sources.remainder_sources
-    monkeypatch.setattr(sources, "remainder_sources", lambda *rest: 0.5 * proper(*rest))
+    half = "mlsanm_cli.contact.sources.remainder_sources"
+    monkeypatch.setattr(half, lambda *rest: 0.5 * remainder_sources(*rest))
     (warning,) = outcome("hertz", tmp_path / "run", EXACT)["warnings"]
     assert warning.startswith("the forces on body cylinder balance to 9")
 
