@@ -22,6 +22,7 @@ from mlsanm_cli.mechanics import assembly, body
 from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.near_field import Kernel
 from mlsanm_cli.mechanics.pieces import Pieces
+from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.springs import Held
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from tests.app.scenes import Quiet
@@ -111,7 +112,7 @@ def test_stencils_across_bodies(
 
 
 def test_remainders_of_half_the_forces(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    proper = sources.remainder_sources
+    proper = remainder_sources
     monkeypatch.setattr(sources, "remainder_sources", lambda *rest: 0.5 * proper(*rest))
     (warning,) = outcome("hertz", tmp_path / "run", EXACT)["warnings"]
     assert warning.startswith("the forces on body cylinder balance to 9")
