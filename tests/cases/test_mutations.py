@@ -15,6 +15,7 @@ from mlsanm_cli.app.rubbing_events import Barrier
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact import sources
 from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.mechanics import assembly, body
@@ -111,8 +112,8 @@ def test_stencils_across_bodies(
 
 
 def test_remainders_of_half_the_forces(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    half = "mlsanm_cli.contact.sources.remainder_sources"
-    monkeypatch.setattr(half, lambda *rest: 0.5 * remainder_sources(*rest))
+    proper = remainder_sources
+    monkeypatch.setattr(sources, "remainder_sources", lambda *rest: 0.5 * proper(*rest))
     (warning,) = outcome("hertz", tmp_path / "run", EXACT)["warnings"]
     assert warning.startswith("the forces on body cylinder balance to 9")
 
