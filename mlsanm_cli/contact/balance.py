@@ -141,7 +141,7 @@ def body_imbalance(forces: Forces) -> LinearMap:
     """Sum of all forces on each body (2 rows per body), those of held surfaces from the stress there, and on
     masters the opposite of what their slaves receive.
 
-    Least squares keep it to about a millionth; of square schemes it tells the discretisation error.
+    Least squares keep it to round-off; of square schemes it tells the discretisation error.
     Components held at single nodes are left out.
     """
     rows = []

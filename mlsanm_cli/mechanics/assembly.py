@@ -90,7 +90,8 @@ def assemble(
         if fold is not None:
             known = np.asarray(known & np.isin(np.arange(len(known)), fold.strong))
         strong = partial(_strong, model, pieces, grips, first_row, pulls, known)
-        factorise = partial(_least_squares, model, rows, weight, strong, pieces, fold, solver)
+        sums = pieces.sums(pieces.told(list(held_nodes)), fold)
+        factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, fold, solver)
     # What rows are made from, in place of them: they are many times as large. The weights and the places
     # halfway between nodes tell what nodes and normals do not of the curves behind them.
     curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
@@ -111,9 +112,9 @@ def _strong(
     first_row: Mapping[str, int],
     pulls: sparse.csr_array,
     known: BoolArray,
-) -> tuple[sparse.csr_array, sparse.csr_array]:
+) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray]:
     """Rows (3k, 2N) of the equilibrium of pieces and what right-hand sides (3k, r) do there, as strains times
-    their strength; nothing where it is not ``known`` (3k,)."""
+    their strength, nothing where it is not ``known`` (3k,); and what makes that of forces (3k,)."""
     loads = pieces.loads(first_row, pulls.shape[0] + 3 * pieces.count, grips)
     rows = pieces.fluxes(model, grips, np.asarray(known.reshape(3, -1).any(axis=0)))
     if pulls.nnz:
@@ -121,26 +122,29 @@ def _strong(
         rows = rows + loads[:, : pulls.shape[0]] @ pulls
     modulus = model.material.modulus
     soft = min(1.0, SOFTEST * model.material.shear / modulus)
-    scale = sparse.diags_array(known * np.tile(soft * pieces.strength / (modulus * pieces.size), 3))
-    return sparse.csr_array(scale @ rows), sparse.csr_array(scale @ loads)
+    scale = np.where(known, np.tile(soft * pieces.strength / (modulus * pieces.size), 3), 0.0)
+    scaled = sparse.diags_array(scale)
+    return sparse.csr_array(scaled @ rows), sparse.csr_array(scaled @ loads), scale
 
 
 def _least_squares(
     model: BodyModel,
     rows: sparse.csr_array,
     weight: FloatArray,
-    strong: Callable[[], tuple[sparse.csr_array, sparse.csr_array]],
+    strong: Callable[[], tuple[sparse.csr_array, sparse.csr_array, FloatArray]],
+    sums: sparse.csr_array,
     pieces: Pieces,
     fold: Fold | None,
     solver: DirectSolver,
 ) -> LinearSystem:
     """Factorise; with a ``fold``, for the half that it keeps. The ``rows`` are weighted in place."""
-    lines, loads = strong()
+    lines, loads, scale = strong()
     number = np.arange(3 * pieces.count) if fold is None else fold.strong
     nodes, owner, levels = model.nodes, number % pieces.count, pieces.levels
     if fold is not None:
         weight = fold.weights(weight, HOLD / model.cloud.spacing)
         lines, loads = fold.strong_rows(lines, loads)
+        scale = fold.strong_share * scale[fold.strong]
         nodes, levels = nodes[fold.own], tuple(level[fold.own] for level in levels)
     # In place: of all that there is before the factor, the rows are the largest part.
     rows.data *= np.repeat(weight, np.diff(rows.indptr))
@@ -151,7 +155,9 @@ def _least_squares(
         np.add.at(times, level[some], 1.0)
     places /= np.maximum(times, 1.0)[:, None]
     own, owner = np.unique(owner, return_inverse=True)
-    system = least_squares.factorise(rows, weight, nodes, solver, Strong(lines, loads, owner, places[own]))
+    sums = sparse.csr_array(sums @ sparse.diags_array(1.0 / np.where(scale > 0.0, scale, 1.0)))
+    strong_rows = Strong(lines, loads, owner, places[own], sums)
+    system = least_squares.factorise(rows, weight, nodes, solver, strong_rows)
     return system if fold is None else Folded(system, fold)
 
 

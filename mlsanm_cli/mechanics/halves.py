@@ -63,6 +63,7 @@ def fold_of(cloud: Cloud, table: RowTable, single: Sequence[tuple[int, int]], pi
         strong=strong,
         strong_image=strong_image,
         strong_sign=strong_sign,
+        along=1 - across,
     )
 
 

@@ -12,6 +12,7 @@ x, force y and moment, are strong rows of their own:
 and the same with arms about the piece's middle. Stresses at Gauss's points of the faces are those of moving
 least-squares fits, so that these are true fluxes: sums of the nodes' residuals lose as much as no sums.
 Fluxes through inner faces add up to nothing, so that what holds piece by piece holds for the whole body.
+There it holds exactly, where pieces still lack some millionths.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.corners import REACH, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, Held
+from mlsanm_cli.operators.folded import Fold
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
@@ -258,6 +260,17 @@ class Pieces:
         x, y = one * (self.whole.middle - np.array(center)).T
         lines = [[one, none, none], [none, one, none], [-y, x, one * self.size]]
         return sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
+
+    def sums(self, known: BoolArray, fold: Fold | None) -> sparse.csr_array:
+        """Forces and moment on the body (s, 3k), as far as those on its pieces are all ``known`` (3k,); with
+        a ``fold`` the force along the mirror, by the rows that are kept (s, g)."""
+        middle = self.cloud.points.mean(axis=0)
+        told: BoolArray = np.array([(one | ~self.main).all() for one in known.reshape(3, -1)])
+        told[2] = told.all()
+        if fold is not None:
+            told &= np.arange(3) == fold.along
+        sums = sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(told)])
+        return sums if fold is None else fold.strong_sums(sums)
 
     def told(self, hidden: list[tuple[int, int]]) -> BoolArray:
         """Which of the 3k rows can be told: those of closed pieces, but where single ``hidden`` (node,

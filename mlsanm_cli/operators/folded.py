@@ -57,6 +57,7 @@ class Fold:
 
     Behind the rows, right-hand sides have those of strong ones. Of these ``strong`` (g,) are kept for
     themselves and their ``strong_image`` (g,), times ``strong_sign`` (g,), of ``strong_rows_total`` (k).
+    The mirror is ``along`` x (0) or y (1).
     """
 
     own: IntArray
@@ -71,6 +72,7 @@ class Fold:
     strong: IntArray
     strong_image: IntArray
     strong_sign: FloatArray
+    along: int
 
     @property
     def unknowns(self) -> int:
@@ -108,7 +110,7 @@ class Fold:
     ) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Of all strong ``rows`` (k, 2n) and ``loads`` (k, r + k) those (g, 2h) that are kept, and what the
         right-hand sides (e + s + g) of :meth:`sources` do there. One that is its own image counts half."""
-        share = sparse.diags_array(np.where(self.strong == self.strong_image, np.sqrt(0.5), 1.0))
+        share = sparse.diags_array(self.strong_share)
         count, nothing = len(self.kept), sparse.csr_array((len(self.strong), len(self.still)))
         entries = (self.row_sign, (self.image, np.arange(count)))
         other = self.kept != self.image
@@ -120,6 +122,18 @@ class Fold:
             sparse.csr_array(share @ self.columns(sparse.csr_array(rows[self.strong]))),
             sparse.csr_array(share @ sparse.hstack(parts)),
         )
+
+    @property
+    def strong_share(self) -> FloatArray:
+        """What the strong rows (g,) are multiplied by: the root of how often they count."""
+        share: FloatArray = np.where(self.strong == self.strong_image, np.sqrt(0.5), 1.0)
+        return share
+
+    def strong_sums(self, sums: sparse.csr_array) -> sparse.csr_array:
+        """What ``sums`` (s, k) of all strong rows are of those that are kept (s, g), before they are
+        multiplied."""
+        other = sparse.diags_array(np.where(self.strong == self.strong_image, 0.0, self.strong_sign))
+        return sparse.csr_array(sums[:, self.strong] + sums[:, self.strong_image] @ other)
 
     @cached_property
     def _halving(self) -> sparse.csr_array:

@@ -7,6 +7,9 @@ equations N of the others; so its multiplier z = B u - L b is an unknown of its 
     N u + B^T z = M^T W b           B u - z = L b
 
 which is quasi-definite (Vanderbei 1995, doi:10.1137/0805005) and has a factor without pivoting in any order.
+A few sums of strong rows, the forces and the moment on the whole body, hold exactly
+(:mod:`mlsanm_cli.operators.conditions`): were the rows so strong, there would be no digits left for others.
+
 The factor alone loses half the digits. Residuals of the rows, not of the normal equations, give them back
 (Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here as conjugate gradients (Bjorck 1996,
 doi:10.1137/1.9781611971484, section 7.4) with the factor for preconditioner: the first step is the corrected
@@ -15,11 +18,15 @@ semi-normal step, and bodies that are almost incompressible get there in a few m
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.operators.compliance import corrected
+from mlsanm_cli.operators.conditions import Conditions, conditions_of, said
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
@@ -41,34 +48,39 @@ class Strong:
     """Strong ``rows`` (g, n) as they are scaled, and what right-hand sides do there: ``loads`` (g, r).
 
     Row i belongs to the place ``owner[i]`` (g,) among ``places`` (k, 2), where its multiplier is eliminated;
-    up to four have one place.
+    up to four have one place. What the ``sums`` (s, g) make of them holds exactly.
     """
 
     rows: sparse.csr_array
     loads: sparse.csr_array
     owner: IntArray
     places: FloatArray
+    sums: sparse.csr_array
 
     @classmethod
     def none(cls, unknowns: int, sources: int) -> Strong:
         """No strong rows."""
         rows, loads = sparse.csr_array((0, unknowns)), sparse.csr_array((0, sources))
-        return cls(rows, loads, np.zeros(0, dtype=np.int64), np.zeros((0, 2)))
+        return cls(rows, loads, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), sparse.csr_array((0, 0)))
 
 
 @dataclass(frozen=True)
 class LeastSquares:
     """Factorised least-squares problem: ``rows`` (e, n) already multiplied by ``weight`` (e,), and ``strong``
-    ones. Right-hand sides are r numbers, of which the first e are those of the rows."""
+    ones, of whose sums the ``conditions`` are made. Right-hand sides are r numbers, of which the first e are
+    those of the rows."""
 
     rows: sparse.csr_array
     weight: FloatArray
     strong: Strong
     factor: Factor
+    conditions: Conditions
 
     def solve(self, sources: sparse.csc_array, tolerance: float = PRECISE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c) given in the rows' physical units."""
-        return self._refined(np.zeros((self.rows.shape[1], 1)), self.scaled(sources), tolerance)[0]
+        scaled = self.scaled(sources)
+        solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
+        return self.conditions.met(solution, self._sums(scaled))
 
     def checked(
         self, sources: sparse.csc_array, start: FloatArray | None = None
@@ -76,6 +88,7 @@ class LeastSquares:
         """Solutions (n, c) for ``sources`` (r, c), from a multiple of a ``start`` (n, 1) if one near them is
         known, and what the last update changed of each, relatively: (c,)."""
         force, lack = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
+        wanted = self._sums(lack)
         if start is None:
             solution = self.factor.solve(self._gather(lack))
             lack = lack - self._apply(solution)
@@ -86,17 +99,19 @@ class LeastSquares:
             solution, lack = start @ part, lack - image @ part
             progress = Progress.begun(sources.shape[1], PRECISE, CHECKED)
         solution, _, progress = self._further(force, lack, solution, progress)
-        return solution, relative(progress.last, solution)
+        return self.conditions.met(solution, wanted), relative(progress.last, solution)
 
     def roughly(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
-        return self.factor.solve(self._gather(self.scaled(sources)))
+        scaled = self.scaled(sources)
+        return self._answer(scaled, self._sums(scaled))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
         """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
         (r, 1) by the factor alone, (n, 2)."""
-        gradient = self._gather(self.scaled(source) - self._apply(solution))
-        return self.factor.solve(np.hstack([gradient, self._gather(self.scaled(more))]))
+        one, other = self.scaled(source), self.scaled(more)
+        wanted = [self._sums(one) - self.conditions.rows @ solution, self._sums(other)]
+        return self._answer(np.hstack([one - self._apply(solution), other]), np.hstack(wanted))
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -105,21 +120,23 @@ class LeastSquares:
         times the ``mixture`` (s, c): (g, c)."""
         weighted = self._weighted(sources)
         mixed = np.eye(sources.shape[1]) if mixture is None else mixture
-        count = weighted.shape[0]
+        count, first = weighted.shape[0], self.rows.shape[0]
+        rows = sparse.csr_array(sparse.vstack([observed, self.conditions.rows], format="csr"))
 
         def of_columns(chosen: FloatArray) -> FloatArray:
             lack = weighted @ (mixed @ chosen)
-            return np.asarray(observed @ self._refined(np.zeros((self.rows.shape[1], 1)), lack, QUICK)[0])
+            return np.asarray(rows @ self._refined(np.zeros((self.rows.shape[1], 1)), lack, QUICK)[0])
 
         def of_rows(chosen: FloatArray) -> FloatArray:
             lack = np.zeros((count, chosen.shape[1]))
-            images = -self._refined(np.asarray(observed.T @ chosen), lack, QUICK)[1]
+            images = -self._refined(np.asarray(rows.T @ chosen), lack, QUICK)[1]
             return np.asarray((weighted.T @ images).T @ mixed)
 
-        first = self.rows.shape[0]
         gathered = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
-        start = self.factor.products(observed, sparse.csc_array(gathered))
-        return corrected(start @ mixed, of_columns, of_rows)
+        start = self.factor.products(rows, sparse.csc_array(gathered))
+        seen, kept = np.split(corrected(start @ mixed, of_columns, of_rows), [observed.shape[0]])
+        wanted = (self.strong.sums @ weighted[first:]) @ mixed
+        return np.asarray(seen + (observed @ self.conditions.lift) @ (wanted - kept))
 
     def _refined(
         self, force: FloatArray, lack: FloatArray, tolerance: float
@@ -157,8 +174,19 @@ class LeastSquares:
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
         """What one more corrected semi-normal step would change of each of the ``solutions`` (n, c),
         relatively: (c,)."""
-        gradient = self._gather(self.scaled(sources) - self._apply(solutions))
-        return relative(np.linalg.norm(self.factor.solve(gradient), axis=0), solutions)
+        scaled = self.scaled(sources)
+        wanted = self._sums(scaled) - self.conditions.rows @ solutions
+        update = self._answer(scaled - self._apply(solutions), wanted)
+        return relative(np.linalg.norm(update, axis=0), solutions)
+
+    def _answer(self, lack: FloatArray, wanted: FloatArray) -> FloatArray:
+        """Solutions (n, c) by the factor alone for a ``lack`` (e + g, c) of the rows, and what the conditions
+        want (s, c)."""
+        return self.conditions.met(self.factor.solve(self._gather(lack)), wanted)
+
+    def _sums(self, scaled: FloatArray) -> FloatArray:
+        """What the conditions want (s, c) for right-hand sides (e + g, c) as the rows are scaled."""
+        return np.asarray(self.strong.sums @ scaled[self.rows.shape[0] :])
 
     @property
     def note(self) -> str:
@@ -179,16 +207,29 @@ class LeastSquares:
         return sparse.csc_array(sparse.vstack([own, self.strong.loads @ sources], format="csc"))
 
     def equations(self, sources: sparse.csc_array) -> Equations:
-        """The normal equations of all rows, strong ones too, which fill the matrix."""
+        """The normal equations of all rows, strong ones too, which fill the matrix, with what holds the
+        conditions among their right-hand sides."""
         normal = sparse.csr_array(normal_equations(self.rows)) + self.strong.rows.T @ self.strong.rows
         weighted, first = self._weighted(sources), self.rows.shape[0]
         caused = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
+        turned, holding = self._holding
+        caused = caused + turned @ sparse.csr_array((weighted.T @ holding.T).T)
         return Equations(sparse.csr_array(normal), sparse.csr_array(caused), definite=True)
 
     def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
-        """The gradient (n,) of half the sum of squares, formed from the rows' own residuals."""
+        """The gradient (n,) of half the sum of squares, formed from the rows' own residuals, less what holds
+        the conditions."""
         scaled = np.concatenate([self.weight * source[: len(self.weight)], self.strong.loads @ source])
-        return -self._gather(scaled - self._apply(solution))
+        turned, holding = self._holding
+        return np.asarray(-self._gather(scaled - self._apply(solution)) - turned @ (holding @ scaled))
+
+    @cached_property
+    def _holding(self) -> tuple[sparse.csr_array, FloatArray]:
+        """What the conditions are held with: C^T (n, s) times what right-hand sides as the rows are scaled
+        ask for (s, e + g)."""
+        holding = np.ascontiguousarray(-self._apply(self.conditions.lift).T)
+        holding[:, self.rows.shape[0] :] += self.conditions.stiffness @ self.strong.sums
+        return sparse.csr_array(self.conditions.rows.T), holding
 
     def _apply(self, solution: FloatArray) -> FloatArray:
         """Weighted rows and strong ones (e + g, c) of ``solution`` (n, c)."""
@@ -245,9 +286,19 @@ def factorise(
     if strong is None:
         strong = Strong.none(rows.shape[1], rows.shape[0])
     if not len(strong.owner):
-        return LeastSquares(rows, weight, strong, solver.factor_definite(normal, points))
+        factor = solver.factor_definite(normal, points)
+        return LeastSquares(rows, weight, strong, factor, Conditions.none(rows.shape[1]))
     # Two vertices of two multipliers each.
     vertices = np.repeat(strong.places, 2, axis=0)
     whole = bordered(normal, strong.rows, strong.owner, len(vertices))
     factor = solver.factor_definite(whole, np.concatenate([points, vertices]), negative=len(vertices))
-    return LeastSquares(rows, weight, strong, Eliminated(factor, rows.shape[1], 2 * len(vertices)))
+    alone = Eliminated(factor, rows.shape[1], 2 * len(vertices))
+    without = LeastSquares(rows, weight, strong, alone, Conditions.none(rows.shape[1]))
+    kept, numbers = said(strong.rows, strong.sums)
+    if not len(numbers):
+        return replace(without, strong=replace(strong, sums=strong.sums[numbers]))
+    force, count = kept.T.toarray(), rows.shape[0] + len(strong.owner)
+    answer = without._refined(force, np.zeros((count, len(numbers))), QUICK)[0]
+    conditions = conditions_of(kept, answer)
+    sums = sparse.csr_array(strong.sums[numbers[: conditions.rows.shape[0]]])
+    return LeastSquares(rows, weight, replace(strong, sums=sums), alone, conditions)

@@ -211,6 +211,9 @@ def test_half_of_the_equations_is_enough(name: str, tmp_path: Path, monkeypatch:
     for key, values in expected.items():
         # What symmetry makes zero is so next to what it does not.
         size = np.abs(values).max(initial=0.0)
+        if key == "forces":
+            # Those that only round-off makes: of reactions where nothing pushes.
+            size = max(size, *(1e-9 * np.abs(v).max() for k, v in expected.items() if k.endswith("stress")))
         if key.endswith(("moves", "shift")):
             size = max(np.abs(v).max() for k, v in expected.items() if k.endswith("displacement"))
         assert np.abs(found[key] - values).max(initial=0.0) <= FEWER_DIGITS.get(name, SAME) * size, key

@@ -25,6 +25,8 @@ EXACT = 'contact.interface.regularization.law="exact"'
 def solve(name: str, directory: Path, *overrides: str) -> tuple[Mapping[str, Any], RunData]:
     summary = run(CASES / f"{name}.toml", overrides=overrides, out=directory, console=Quiet())
     assert summary["status"] == "done", summary
+    if name != "paper":
+        assert summary["force_balance"] <= 1e-9
     return summary, read_run(directory)
 
 

@@ -156,7 +156,7 @@ def test_vectors_are_turned_as_normals_are() -> None:
 
 @pytest.mark.parametrize("held", HELDS)
 def test_reactions_balance_all_loads(held: dict[str, tuple[bool, bool]]) -> None:
-    # What pieces lack adds up to what the supports hold: to the digits that strong rows have.
+    # What the pieces add up to holds exactly.
     body = build(jittered_square(21), held)
     cloud = body.model.cloud
     source = body.force_source(np.stack([np.sin(cloud.points[:, 1]), cloud.points[:, 0]], axis=1))
@@ -168,7 +168,7 @@ def test_reactions_balance_all_loads(held: dict[str, tuple[bool, bool]]) -> None
         reactions += body.reaction_rows(name) @ u.ravel()
     loads = body.resultants() @ source
     if held:
-        assert reactions == pytest.approx(-loads, rel=1e-3)
+        assert reactions == pytest.approx(-loads, rel=1e-9)
     else:
         # Nothing holds: inertia balances what there is.
         assert isinstance(body.system, FreeSystem)
@@ -233,7 +233,11 @@ def test_so_it_does_on_a_cloud_that_is_its_own_mirror_image(line: Line) -> None:
 
 
 def test_with_pieces_as_weak_as_nodes_it_is_too_stiff(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By 6 % where the force and the moment on the whole of it hold all the same, else by much more."""
     monkeypatch.setattr(pieces, "STRENGTH", 1.0)
+    assert compliance(beam(), shear, CLAMPED) <= 0.95 * BEAM
+    proper = Pieces.sums
+    monkeypatch.setattr(Pieces, "sums", lambda *given: proper(*given)[:0])
     assert compliance(beam(), shear, CLAMPED) <= 0.8 * BEAM
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sparse
 import scipy.sparse.linalg as sparse_linalg
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -15,6 +17,7 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.operators.conditions import said
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.dissection import LEAF, nested_dissection
@@ -216,23 +219,27 @@ def test_a_step_of_a_square_system_comes_with_the_solution_for_more() -> None:
     assert np.abs(found - np.hstack([-away, expected])).max() <= 1e-9 * np.abs(expected).max()
 
 
-def strong_ones(seed: int) -> Strong:
+def strong_ones(seed: int, sums: sparse.csr_array | None = None) -> Strong:
     """Three strong rows (9, 120) of each of three places among the nodes of :func:`least_squares`, what 300
-    right-hand sides do there, and nine of their own."""
+    right-hand sides do there, and nine of their own; ``sums`` (s, 9) of them hold exactly."""
     rng = np.random.default_rng(seed)
     rows = 10.0 * sparse.random_array((9, 120), density=0.3, rng=rng)
     of_rows = sparse.random_array((9, 300), density=0.1, rng=rng)
     loads = 10.0 * sparse.hstack([of_rows, sparse.eye_array(9)])
     owner = rng.permutation(np.repeat(np.arange(3), 3))
-    return Strong(sparse.csr_array(rows), sparse.csr_array(loads), owner, rng.uniform(0.0, 1.0, (3, 2)))
+    sums = sparse.csr_array((0, 9)) if sums is None else sums
+    places = rng.uniform(0.0, 1.0, (3, 2))
+    return Strong(sparse.csr_array(rows), sparse.csr_array(loads), owner, places, sums)
 
 
-def strengthened(apart: float, seed: int = 0) -> tuple[LeastSquares, LeastSquares, FloatArray, FloatArray]:
+def strengthened(
+    apart: float, seed: int = 0, sums: sparse.csr_array | None = None
+) -> tuple[LeastSquares, LeastSquares, FloatArray, FloatArray]:
     """A system of :func:`least_squares` alone and with strong rows, all rows densely as they are scaled, and
     what makes their right-hand sides."""
     plain, rows, weight = least_squares(apart, seed)
     points = np.random.default_rng(seed).uniform(0.0, 1.0, (60, 2))
-    strong = strong_ones(seed)
+    strong = strong_ones(seed, sums)
     system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver(), strong)
     whole = np.concatenate([weight[:, None] * rows, strong.rows.toarray()])
     scale = np.concatenate([np.hstack([np.diag(weight), np.zeros((300, 9))]), strong.loads.toarray()])
@@ -266,6 +273,76 @@ def test_written_out_equations_are_those_that_are_solved() -> None:
     np.testing.assert_allclose(
         system.excess(b[:, 0], u), whole.T @ (whole @ u - scale @ b[:, 0]), rtol=1e-10, atol=1e-6
     )
+
+
+def some_sums(seed: int) -> sparse.csr_array:
+    return sparse.csr_array(np.random.default_rng(seed).normal(size=(2, 9)))
+
+
+def held(whole: FloatArray, wanted: FloatArray, sums: FloatArray) -> FloatArray:
+    """Least squares (120, c) of ``whole`` rows (309, 120), of which sums of the last nine hold exactly."""
+    rows, values = sums @ whole[300:], sums @ wanted[300:]
+    some = np.linalg.pinv(rows) @ values
+    free = np.linalg.svd(rows)[2][len(rows) :].T
+    rest = np.linalg.lstsq(whole @ free, wanted - whole @ some, rcond=None)[0]
+    return np.asarray(some + free @ rest)
+
+
+@given(seed=st.integers(0, 500))
+@settings(max_examples=20)
+def test_sums_of_strong_rows_hold_exactly(seed: int) -> None:
+    sums, rng = some_sums(seed), np.random.default_rng(seed + 1)
+    _, system, whole, scale = strengthened(1.0, seed, sums)
+    b, more = (sparse.csc_array(rng.normal(size=(309, 3))) for _ in range(2))
+    expected, other = (held(whole, scale @ one.toarray(), sums.toarray()) for one in (b, more))
+    size, column = np.abs(expected).max(), sparse.csc_array(b[:, [0]])
+    off = expected[:, :1] + 1e-3 * rng.normal(size=(120, 1))
+    found = {
+        "solve": (system.solve(b), 1e-10),
+        "checked": (system.checked(b)[0], 1e-10),
+        "from a start": (system.checked(b, expected[:, :1])[0], 1e-10),
+        "roughly": (system.roughly(b), 1e-6),
+        "step": (off + system.step(column, off, sparse.csc_array(more[:, [0]]))[:, :1], 1e-6),
+    }
+    for name, (solution, bar) in found.items():
+        wanted = expected[:, : solution.shape[1]]
+        assert np.abs(solution - wanted).max() <= bar * size, name
+        lack = sums @ (whole[300:] @ (solution - wanted))
+        assert np.abs(lack).max() <= 1e-10 * np.abs(sums @ (whole[300:] @ expected)).max(), name
+    beside = system.step(column, off, sparse.csc_array(more[:, [0]]))[:, 1:]
+    assert np.abs(beside - other[:, :1]).max() <= 1e-6 * np.abs(other).max()
+    observed = sparse.csr_array(np.concatenate([rng.normal(size=(5, 120)), sums @ whole[300:]]))
+    mixture = rng.normal(size=(3, 4))
+    for mixed, answers in ((None, expected), (mixture, expected @ mixture)):
+        assert system.functionals(observed, b, mixed) == pytest.approx(observed @ answers, abs=1e-7 * size)
+    # What held them but nearly is told.
+    assert system.residual(b, expected).max() <= 1e-10
+    nearly = strengthened(1.0, seed)[1].solve(b)
+    moved = np.linalg.norm(nearly - expected, axis=0) / np.linalg.norm(nearly, axis=0)
+    assert system.residual(b, nearly) == pytest.approx(moved, rel=1e-4)
+    assert moved.min() >= 1e-5
+    # Written out.
+    out = system.equations(b)
+    assert (
+        np.abs(np.linalg.solve(out.matrix.toarray(), out.sources.toarray()) - expected).max() <= 1e-7 * size
+    )
+    b0, u = b.toarray()[:, 0], rng.normal(size=120)
+    assert system.excess(b0, u) == pytest.approx(
+        out.matrix @ u - out.sources.toarray()[:, 0], rel=1e-8, abs=1e-4
+    )
+
+
+def test_sums_that_say_nothing_or_what_others_say_are_left_out() -> None:
+    told = some_sums(0)
+    rows = strong_ones(0).rows.toarray()
+    _, system, _, _ = strengthened(1.0, 0, sparse.csr_array(sparse.vstack([told, told[[0]]])))
+    assert system.conditions.rows.shape == (2, 120)
+    assert system.strong.sums.shape == (2, 9)
+    twice = strong_ones(0)
+    twice = replace(twice, rows=sparse.csr_array(np.vstack([rows[0], rows[0], rows[2:]])))
+    sums = sparse.csr_array(np.vstack([[1.0, -1.0, *np.zeros(7)], told.toarray()[0]]))
+    kept, numbers = said(twice.rows, sums)
+    assert (kept.shape, numbers.tolist()) == ((1, 120), [1])
 
 
 def test_no_strong_rows_are_none() -> None:
