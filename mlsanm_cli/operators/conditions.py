@@ -41,11 +41,6 @@ class Conditions:
         """The ``solution`` (n, c) of the normal equations, moved to where C u is ``wanted`` (s, c)."""
         return np.asarray(solution + self.lift @ (wanted - self.rows @ solution))
 
-    def force(self, caused: FloatArray, wanted: FloatArray) -> FloatArray:
-        """What holds (s, c) the conditions, as C^T times it beside right-hand sides ``caused`` (n, c) of the
-        normal equations would."""
-        return np.asarray(self.stiffness @ wanted - self.lift.T @ caused)
-
 
 def said(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sparse.csr_array, IntArray]:
     """What ``sums`` (s, g) of strong ``rows`` (g, n) say (t, n), and which of them do (t,): not those that

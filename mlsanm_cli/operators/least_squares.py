@@ -19,6 +19,7 @@ semi-normal step, and bodies that are almost incompressible get there in a few m
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -211,16 +212,24 @@ class LeastSquares:
         normal = sparse.csr_array(normal_equations(self.rows)) + self.strong.rows.T @ self.strong.rows
         weighted, first = self._weighted(sources), self.rows.shape[0]
         caused = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
-        force = self.conditions.force(caused, (self.strong.sums @ weighted[first:]).toarray())
-        caused = caused + self.conditions.rows.T @ sparse.csr_array(force)
+        turned, holding = self._holding
+        caused = caused + turned @ sparse.csr_array((weighted.T @ holding.T).T)
         return Equations(sparse.csr_array(normal), sparse.csr_array(caused), definite=True)
 
     def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """The gradient (n,) of half the sum of squares, formed from the rows' own residuals, less what holds
         the conditions."""
         scaled = np.concatenate([self.weight * source[: len(self.weight)], self.strong.loads @ source])
-        force = self.conditions.force(self._gather(scaled), self._sums(scaled))
-        return np.asarray(-self._gather(scaled - self._apply(solution)) - self.conditions.rows.T @ force)
+        turned, holding = self._holding
+        return np.asarray(-self._gather(scaled - self._apply(solution)) - turned @ (holding @ scaled))
+
+    @cached_property
+    def _holding(self) -> tuple[sparse.csr_array, FloatArray]:
+        """What the conditions are held with: C^T (n, s) times what right-hand sides as the rows are scaled
+        ask for (s, e + g)."""
+        holding = np.ascontiguousarray(-self._apply(self.conditions.lift).T)
+        holding[:, self.rows.shape[0] :] += self.conditions.stiffness @ self.strong.sums
+        return sparse.csr_array(self.conditions.rows.T), holding
 
     def _apply(self, solution: FloatArray) -> FloatArray:
         """Weighted rows and strong ones (e + g, c) of ``solution`` (n, c)."""
