@@ -242,8 +242,22 @@ def _searched(
     ends: list[ExactState] = []
     for number, wanted in enumerate(factors[1:]):
         start = next(iter(starts[number:]), None)
-        ends.append(solve_exact(condensed, wanted, _last(ends) if start is None else start.closed))
+        first = _last(ends) if start is None else start.closed
+        try:
+            ends.append(_solved_exactly(condensed, wanted, first))
+        except NumericalError:
+            # A body that floats on its way has no exact state there.
+            if not every:
+                raise
     return tuple(ends)
+
+
+def _solved_exactly(condensed: Condensed, factors: FloatArray, first: BoolArray | None) -> ExactState:
+    """The exact state, searched from a ``first`` set, or where that lets go of a body from the closest."""
+    try:
+        return solve_exact(condensed, factors, first)
+    except NumericalError:
+        return solve_exact(condensed, factors)
 
 
 def _last(ends: Sequence[ExactState]) -> BoolArray | None:

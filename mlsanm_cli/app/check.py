@@ -66,7 +66,7 @@ def check(
         "plane": case.model.plane,
         "nodes": nodes,
         "unknowns": 2 * nodes,
-        "contact_unknowns": sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings),
+        "contact_unknowns": _contact_unknowns(prepared),
         "loads": len(case.moved),
         "stages": len(case.stage),
         "estimated_memory_mb": round(estimate(case).memory_mb),
@@ -79,6 +79,13 @@ def check(
         "seconds": {phase: seconds[phase] for phase in ("jit", "cloud", "operators")},
         "threads": threads,
     }
+
+
+def _contact_unknowns(prepared: Prepared) -> int | None:
+    """How many pressures and tractions there will be; None where a run finds out, for a grid of their own."""
+    if prepared.clear:
+        return None
+    return sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
 
 
 def _body(name: str, prepared: Prepared, quality: Quality) -> dict[str, Any]:
@@ -164,6 +171,10 @@ def _remarks(prepared: Prepared, quality: Quality) -> list[str]:
         message = ratio_message(pairing, ratio)
         if ratio > REMARKABLE_RATIO and message not in quality.warnings:
             remarks.append(message)
+        if pairing.name in prepared.clear:
+            remarks.append(
+                f"contact {pairing.name}: pressures get a grid of their own unless they reach a corner"
+            )
         unpaired = len(pairing.slave.index) - len(pairing.position)
         if unpaired:
             other = "obstacle" if pairing.master is None else "master"

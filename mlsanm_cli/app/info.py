@@ -57,7 +57,7 @@ def _unfinished(run: RunData) -> dict[str, Any]:
         "status": run.status,
         **told,
         "steps": max(path.rows - 1, 0),
-        "nodes": sum(len(body.points) for body in run.bodies.values()),
+        "nodes": int(run.attributes.get("nodes", 0)),
     }
     if not path.rows:
         return known

@@ -106,6 +106,8 @@ class Recorder:
         with self._clock.phase("output"):
             recording.write_model(self._file, built)
             self._file.confirm_attribute("cache_hash", recording.operators_digest(built))
+            nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
+            self._file.confirm_attribute("nodes", str(nodes))
             if adapted.refined:
                 self._file.write_checkpoint(CLOUDS, packed(adapted.refinement))
             self._file.commit()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -117,8 +118,12 @@ def carry_out(
         built = adapted.built
         for warning in adapted.warnings:
             recorder.warn(warning)
-        if adapted.refined:
-            told, quality = quality.warnings, assess(case, adapted.prepared, memo)
+        by_nodes = {pairing.name for pairing in built.condensed.pairings if pairing.near is None}
+        hoped = adapted.prepared.clear
+        if adapted.refined or by_nodes & set(hoped):
+            # What came to a corner has no grid, and needs what nodes need.
+            kept = {name: one for name, one in hoped.items() if name not in by_nodes}
+            told, quality = quality.warnings, assess(case, replace(adapted.prepared, clear=kept), memo)
             for warning in quality.warnings:
                 if warning not in told:
                     recorder.warn(warning)

@@ -114,7 +114,7 @@ def _quality(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     sizes = [
         f"{number(summary[key])} {label(key)}"
         for key in ("nodes", "unknowns", "contact_unknowns")
-        if key in summary
+        if summary.get(key) is not None
     ]
     if sizes:
         rows.append(("size", ", ".join(sizes)))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app import adapt, build, scene
-from mlsanm_cli.app.adapt import ROUGH, Rule
+from mlsanm_cli.app.adapt import ROUGH
 from mlsanm_cli.app.build import Built, complete, place
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.arrays import FloatArray
@@ -18,6 +18,7 @@ from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.patches import contact_patches
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.kernels.jit import Loaded
 from mlsanm_cli.mechanics.assembly import assemble
@@ -141,8 +142,10 @@ def test_a_coarse_hertz_case_becomes_accurate(tmp_path: Path, law: str) -> None:
 def test_a_pass_that_fails_leaves_the_result_of_the_one_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Spacings that treble from node to node spoil the local fits.
-    monkeypatch.setattr(adapt, "SMOOTH", Rule(10.0, 0.5, 256.0, 4.0))
+    def failing(*given: object) -> None:
+        raise NumericalError("does not resist pressures")
+
+    monkeypatch.setattr(adapt, "place", failing)
     settings = ('contact.interface.regularization.law="exact"', "mls.degree=4")
     plain = solve(NODAL, tmp_path / "plain", *settings)
     kept = solve(NODAL, tmp_path / "kept", "adapt.passes=2", *settings)

@@ -52,6 +52,7 @@ def test_the_same_bits_without_with_a_new_and_with_a_full_cache(tmp_path: Path, 
         assert_same_bits(tmp_path / "without", tmp_path / name)
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_only_what_has_changed_is_made_again(tmp_path: Path) -> None:
     assert figures(tmp_path, ROUGH) == [0, 4]  # two clouds, answers of two bodies
     for free in (
