@@ -76,10 +76,14 @@ def polished(built: Built, mark: PolishMark | None) -> Iterator[PathStep]:
 
 
 def _improved(built: Built, polish: Polisher, state: State) -> PathStep:
-    """A row with the exact state, which takes the smooth one's place."""
+    """A row with the exact state, which takes the smooth one's place; the smooth one if polishing was not
+    asked for and there is no other."""
     try:
         row = polish(state)
     except NumericalError as error:
+        if built.case.solver.polish == "auto":
+            # A body may float where only the smooth law holds it.
+            return PathStep(state, (state,))
         where = f"at position {state.position:.9g} the exact laws have no state"
         raise NumericalError(
             f"{where}: {error.message}", error.hint or "set solver.polish = false"
