@@ -103,7 +103,7 @@ def test_the_over_refined_pressure_is_that_of_finite_elements(hertz: Truth) -> N
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-3])
 def test_accuracies_asked_for(accuracy: float, tmp_path: Path, hertz: Truth) -> None:
     summary, data = solve("hertz", tmp_path / "run", EXACT, f"contact.interface.accuracy={accuracy!r}")
-    assert summary["nodes"] <= 300
+    assert summary["nodes"] <= 400
     assert hertz.errors(data)[1] <= 0.5 * accuracy
     # No finer than they have to be either: about 50 places for 1 %, and h^(3/2).
     assert summary["contact_unknowns"] <= 80 * (0.01 / accuracy) ** 0.5
