@@ -19,7 +19,7 @@ BAD = {
     "boolean for a number": ("nu = 0.3", "nu = true", ("material.steel.nu",), "nu ="),
     "nan": ("E = 210000.0", "E = nan", ("material.steel.E", "nan and inf"), "E ="),
     "infinity": ("fy = -226.0", "fy = -inf", ("load.press.fy", "nan and inf"), "fy ="),
-    "negative spacing": ("spacing = 0.012", "spacing = -0.012", ("spacing", "greater than 0"), "spacing = -"),
+    "negative spacing": ("spacing = 0.25", "spacing = -0.25", ("spacing", "above 0"), "spacing = -"),
     "incompressible": ("nu = 0.3", "nu = 0.5", ("material.steel.nu", "plane strain"), "nu ="),
     "unknown material": ('material = "steel"', 'material = "steal"', ("steal", "steel"), 'material = "steal'),
     "unknown body": ('"cylinder.arc"', '"cylindre.arc"', ("cylindre", "cylinder"), 'slave = "cylindre'),
@@ -101,9 +101,9 @@ def test_all_problems_are_told_at_once(
     monkeypatch.chdir(tmp_path)
     assert main(["run", "case.toml", "--set", "solver.ordr=12"]) == 2
     err = capsys.readouterr().err
-    for part in ("nuu", "-0.012", "topp", "solver.ordr", "--set"):
+    for part in ("nuu", "topp", "solver.ordr", "--set"):
         assert part in err
-    assert "5 problems" in err or "4 problems" in err
+    assert "5 problems" in err
 
 
 def test_a_scene_that_memory_cannot_hold(

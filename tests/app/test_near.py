@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -137,23 +136,16 @@ def stresses_off(directory: Path) -> FloatArray:
 
 def test_stresses_beneath_are_mcewen_s(tmp_path: Path) -> None:
     off = stresses_off(tmp_path / "run")
-    assert np.abs(off[:, 1:]).max() <= 5e-4
+    assert np.abs(off[:, 1:]).max() <= 3e-4
     # The block bends as a whole: 0.34 a / R of the peak along it, that changes with the depth in the block.
     assert np.abs(off[:, 0]).max() <= 5e-3
     assert np.ptp(off[:, 0]) <= 5e-4
 
 
-@pytest.mark.parametrize(
-    ("module", "name", "value"),
-    [(near_fields, "FAR", 0.0), (near_fields, "POINTS", 2)],
-    ids=["points-of-the-grid-nearby", "few-points-nearby"],
-)
-def test_stresses_beneath_need_their_points(
-    module: ModuleType, name: str, value: float, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    # Faults put in on purpose.
-    monkeypatch.setattr(module, name, value)
-    assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 5e-4
+def test_stresses_beneath_need_points_of_their_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # A fault put in on purpose: the points of the grid nearby.
+    monkeypatch.setattr(near_fields, "FAR", 0.0)
+    assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 3e-4
 
 
 def test_pressures_need_exact_integrals(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
