@@ -20,7 +20,6 @@ from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.active_set import ExactState
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.near import Near
-from mlsanm_cli.contact.near_answers import sides
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.probes import probe_rows
 from mlsanm_cli.mechanics.scene import Scene
@@ -73,7 +72,7 @@ def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -
         span = condensed.spans[pairing.name]
         closed = np.any([state.active[span] for state in ends], axis=0)
         patches = sorted(_patches(pairing.near, closed), key=lambda patch: patch[0] - patch[1])[:MOST]
-        for body, slave, _ in sides(pairing):
+        for body, slave, _ in pairing.sides:
             if body != model.name:
                 continue
             for first, last in patches:

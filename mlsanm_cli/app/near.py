@@ -20,7 +20,6 @@ from mlsanm_cli.contact.active_set import ExactState
 from mlsanm_cli.contact.condensed import Answers, Condensed, condense
 from mlsanm_cli.contact.grid import Hats
 from mlsanm_cli.contact.near import Near
-from mlsanm_cli.contact.near_answers import sides
 from mlsanm_cli.contact.pairing import Pairing, on_grid
 from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.mechanics.scene import Scene
@@ -230,7 +229,7 @@ def _sampled(scene: Scene, answers: Answers, grids: Mapping[str, Near]) -> dict[
             continue
         log = sum(
             np.abs(near.singular(scene.bodies[body].model.kernel, slave)[0]).max()
-            for body, slave, _ in sides(pairing)
+            for body, slave, _ in pairing.sides
         )
         kernel = answers.smooth(pairing)
         if near.last_coefficients(kernel) > SMOOTH * max(float(log), float(np.ptp(kernel))):

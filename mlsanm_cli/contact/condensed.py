@@ -31,7 +31,7 @@ from mlsanm_cli.contact.balance import Forces, balance_of_movers, body_imbalance
 from mlsanm_cli.contact.dense import scales
 from mlsanm_cli.contact.drivers import Drivers
 from mlsanm_cli.contact.linear_map import LinearMap, stack
-from mlsanm_cli.contact.near_answers import add_fields, add_singular, near_answers, sides
+from mlsanm_cli.contact.near_answers import add_fields, add_singular, near_answers
 from mlsanm_cli.contact.near_fields import fields_of
 from mlsanm_cli.contact.observation import Observation, Observed, observe, used_columns
 from mlsanm_cli.contact.offsets import of_fits, of_obstacles
@@ -177,7 +177,7 @@ class Condensed:
             pressure, traction = self.contact_values(pairing, unknowns)
             if not (pressure.any() or traction.any()):
                 continue
-            for own, slave, sign in sides(pairing):
+            for own, slave, sign in pairing.sides:
                 if own == body:
                     loads = pressure[:, None], traction[:, None]
                     found = fields_of(pairing.near, model.kernel, slave, place, *loads)
@@ -231,7 +231,6 @@ class Answers:
     sources: Mapping[str, sparse.csc_array]
     observed: FloatArray
     solutions: Mapping[str, FloatArray]
-    content: str
 
     @classmethod
     def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = AFRESH) -> Answers:
@@ -241,8 +240,7 @@ class Answers:
         observed, solutions = observe(observation, sources, drivers.columns, memo)
         if any(pairing.near is not None for pairing in pairings):
             observed += near_answers(observation, drivers)
-        content = digest(scene, _told_apart(pairings))
-        return cls(observation, sources, observed, solutions, content)
+        return cls(observation, sources, observed, solutions)
 
     def smooth(self, pairing: Pairing) -> FloatArray:
         """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""

@@ -19,7 +19,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.contact.grid import Hats, chebyshev, lagrange
 from mlsanm_cli.contact.obstacles import Shape
-from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex
+from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex, by_component
 from mlsanm_cli.values import dataclass
 
 STEP = 1e-4
@@ -166,7 +166,7 @@ class Near:
         if center is not None:
             other = z - center
             found -= kernel.displacement(other, other)[:, None]
-        return np.ascontiguousarray(found.transpose(2, 0, 3, 1)).reshape(2 * count, 2 * count)
+        return by_component(found)
 
     def singular(self, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
         """The tensors L and T (2, 2) of one of the two bodies."""
@@ -182,13 +182,6 @@ class Near:
         step = STEP * (self.last - self.first)
         ahead, behind = (self.facing.side(self.samples + sign * step, slave)[0] for sign in (1.0, -1.0))
         return np.asarray((ahead - behind) / (2.0 * step))
-
-    def pairs(self, log: FloatArray, turn: FloatArray) -> list[list[FloatArray]]:
-        """Integrals (m, m) with both hats of L ln|s - s'| + T sgn(s - s'), along and by pressures and
-        tractions: rows by what is observed."""
-        return [
-            [self.hats.pairs(log, turn, one, other) for other in self.directions] for one in self.directions
-        ]
 
     def resultants(self, slave: bool, center: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """Force x, y and moment about a ``center`` (3, m) on one of the two bodies by unit pressures, and by

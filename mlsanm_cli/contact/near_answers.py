@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.drivers import Drivers
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.near_fields import fields_of
 from mlsanm_cli.contact.observation import Observation
 from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.mechanics.near_field import SurfaceForces, as_complex
+from mlsanm_cli.mechanics.near_field import SurfaceForces, as_complex, by_component
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.remainder import reaction_of, spring_pull_of
 from mlsanm_cli.mechanics.scene import Scene
-
-Side = tuple[str, bool, float]
-"""A body, whether it is a contact's slave, and the sign of forces and motions on it."""
-
-
-def sides(pairing: Pairing) -> Iterator[Side]:
-    """The bodies of a contact."""
-    yield pairing.slave_body, True, 1.0
-    if pairing.master_body is not None:
-        yield pairing.master_body, False, -1.0
 
 
 def near_answers(observation: Observation, drivers: Drivers) -> FloatArray:
@@ -39,7 +27,7 @@ def near_answers(observation: Observation, drivers: Drivers) -> FloatArray:
         if pairing.near is None:
             continue
         columns = np.r_[drivers.places(pairing), drivers.tangential_places(pairing)]
-        for body, slave, sign in sides(pairing):
+        for body, slave, sign in pairing.sides:
             elastic = scene.bodies[body]
             forces = pairing.near.forces(elastic.model.kernel, slave)
             blocks = [
@@ -73,36 +61,33 @@ def _on_contact(
     if seen.near is None:
         return _along(seen, body, forces, seen.normal)
     total = np.zeros((2 * seen.near.count, 2 * len(forces.place)))
-    for own, is_slave, sign in sides(seen):
+    for own, is_slave, sign in seen.sides:
         if own != body:
             continue
         if seen.name == by.name and is_slave == slave:
             total += sign * seen.near.smooth(scene.bodies[body].model.kernel, slave)
         else:
             place = seen.near.facing.side(seen.near.samples, is_slave)[0]
-            total += sign * _flat(forces.displacement(place))
-    watched = np.flatnonzero(~seen.candidate)
-    beyond = _along(seen, body, forces, seen.normal)[watched]
+            total += sign * by_component(forces.displacement(place))
+    beyond = _along(seen, body, forces, seen.normal, ~seen.candidate)
     return np.concatenate([total, beyond])
 
 
-def _flat(table: FloatArray) -> FloatArray:
-    """Displacements (e, k, 2, 2) as rows x of all, y of all, by forces x of all, y of all (2e, 2k)."""
-    e, k = table.shape[:2]
-    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(2 * e, 2 * k)
-
-
-def _along(pairing: Pairing, body: str, forces: SurfaceForces, direction: FloatArray) -> FloatArray:
-    """Motions (w, 2k) of a contact's slave relative to its master along a ``direction`` (w, 2), as far as the
-    field in one body makes them."""
-    total = np.zeros((len(direction), 2 * len(forces.place)))
-    for own, slave, sign in sides(pairing):
+def _along(
+    pairing: Pairing,
+    body: str,
+    forces: SurfaceForces,
+    direction: FloatArray,
+    chosen: BoolArray | slice = slice(None),
+) -> FloatArray:
+    """Motions (e, 2k) of a contact's slave relative to its master along a ``direction`` (w, 2), as far as the
+    field in one body makes them, at all or some ``chosen`` places (w,)."""
+    along = direction[chosen]
+    total = np.zeros((len(along), 2 * len(forces.place)))
+    for own, slave, sign in pairing.sides:
         if own == body:
-            place = as_complex(pairing.points if slave else pairing.partner)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                moved = forces.displacement(place)
-            along = sign * np.einsum("ec,ekcd->edk", direction, moved)
-            total += along.reshape(len(direction), -1)
+            moved = forces.displacement(as_complex((pairing.points if slave else pairing.partner)[chosen]))
+            total += sign * np.einsum("ec,ekcd->edk", along, moved).reshape(total.shape)
     return total
 
 
@@ -112,7 +97,7 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
     near = pairing.near
     assert near is not None
     log, turn = np.zeros((2, 2)), np.zeros((2, 2))
-    for body, slave, _ in sides(pairing):
+    for body, slave, _ in pairing.sides:
         more = near.singular(scene.bodies[body].model.kernel, slave)
         log, turn = log + more[0], turn + more[1]
     count = len(near.hats.place)
@@ -131,7 +116,7 @@ def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) 
         near = pairing.near
         if near is None:
             continue
-        for body, slave, sign in sides(pairing):
+        for body, slave, sign in pairing.sides:
             if body == probe.body:
                 unit, nothing = np.eye(len(near.hats.place)), np.zeros((len(near.hats.place),) * 2)
                 pressed = _probed(near, scene, body, slave, probe, unit, nothing)

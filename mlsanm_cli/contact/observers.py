@@ -44,7 +44,7 @@ def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, direction: Floa
     near = pairing.near
     assert near is not None
     samples = sparse.csr_array((2 * near.count, body.model.unknowns))
-    for own, slave, sign in ((pairing.slave_body, True, 1.0), (pairing.master_body, False, -1.0)):
+    for own, slave, sign in pairing.sides:
         if own == name:
             points = as_real(near.facing.side(near.samples, slave)[0])
             along = [body.model.values_along(points, np.tile(axis, (near.count, 1))) for axis in np.eye(2)]

@@ -71,6 +71,11 @@ class Pairing:
         return (self.slave_body,) if self.master_body is None else (self.slave_body, self.master_body)
 
     @property
+    def sides(self) -> tuple[tuple[str, bool, float], ...]:
+        """Of each of :attr:`bodies` its name, whether it is the slave, and the sign of forces and motions."""
+        return tuple(zip(self.bodies, (True, False), (1.0, -1.0), strict=False))
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The boundaries of :attr:`bodies`, as the case names them."""
         slave = f"{self.slave_body}.{self.slave.name}"

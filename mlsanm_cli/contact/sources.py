@@ -64,7 +64,7 @@ def _sample_sources(body: ElasticBody, name: str, pairing: Pairing) -> FloatArra
     near = pairing.near
     assert near is not None
     total = np.zeros((body.rows, 2 * near.count))
-    for own, slave, sign in ((pairing.slave_body, True, 1.0), (pairing.master_body, False, -1.0)):
+    for own, slave, sign in pairing.sides:
         if own == name:
             total += sign * remainder_sources(body, near.forces(body.model.kernel, slave))
     return total

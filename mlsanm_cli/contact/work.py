@@ -12,7 +12,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.near_answers import sides
 from mlsanm_cli.contact.near_fields import traction_beside
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -137,7 +136,7 @@ def _given_tractions(
         pressure, traction = condensed.contact_values(pairing, unknowns)
         if pairing.near is not None:
             kernel = scene.bodies[body].model.kernel
-            for own, slave, sign in sides(pairing):
+            for own, slave, sign in pairing.sides:
                 if own == body:
                     for name, surface in surfaces.items():
                         beside = traction_beside(pairing.near, kernel, slave, surface, pressure, traction)

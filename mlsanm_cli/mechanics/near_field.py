@@ -160,6 +160,12 @@ def as_real(numbers: ComplexArray) -> FloatArray:
     return np.stack([numbers.real, numbers.imag], axis=-1)
 
 
+def by_component(table: FloatArray) -> FloatArray:
+    """Displacements (e, k, 2, 2) as rows x of all, y of all, by forces x of all, y of all (2e, 2k)."""
+    e, k = table.shape[:2]
+    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(2 * e, 2 * k)
+
+
 def _table(rows: list[list[FloatArray]]) -> FloatArray:
     """Rows of arrays (...) as one array (..., rows, columns)."""
     return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
