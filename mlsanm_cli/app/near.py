@@ -130,8 +130,14 @@ def _first(clear: Clear) -> Near:
             steps.append(min(GROWTH * steps[-1], widest))
         away = np.cumsum(steps)
         parts.append(clear.nearest + sign * away[:-1] * room / away[-1])
-    hats = Hats(np.unique(np.concatenate(parts)))
-    return Near(clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, rough=True)
+    hats = _hats(np.unique(np.concatenate(parts)), clear)
+    return Near(clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, clear.corners, rough=True)
+
+
+def _hats(nodes: FloatArray, clear: Clear) -> Hats:
+    """Hats on ``nodes``, increasing, up to the ends of surfaces that they reach."""
+    whole = clear.whole[0] and nodes[0] == clear.first, clear.whole[1] and nodes[-1] == clear.last
+    return Hats.on(nodes, whole)
 
 
 def _on_grids(pairings: Sequence[Pairing], grids: Mapping[str, Near]) -> tuple[Pairing, ...]:
@@ -200,22 +206,23 @@ def _ranged(
         width = high - low
         if len(beyond):
             low, high = min(low, float(beyond.min())), max(high, float(beyond.max()))
-        if low <= room.first or high >= room.last:
+        if (low <= room.first and not room.whole[0]) or (high >= room.last and not room.whole[1]):
             return None
         first, last = max(room.first, low - MARGIN * width), min(room.last, high + MARGIN * width)
-        if low <= near.first or high >= near.last or len(beyond):
+        outgrown = room.first < near.first >= low or room.last > near.last <= high
+        if outgrown or len(beyond):
             inner = nodes[(nodes > near.first) & (nodes < near.last)]
             first, last = min(first, near.first), max(last, near.last)
             steps = np.median(near.hats.steps)
             more = [np.arange(near.first - steps, first, -steps), np.arange(near.last + steps, last, steps)]
-            wider = Hats(np.unique(np.concatenate([[first], *more, inner, [last]])))
+            wider = _hats(np.unique(np.concatenate([[first], *more, inner, [last]])), room)
             result[name] = replace(near, first=first, last=last, hats=wider)
         elif len(places) < LEAST:
             middle = np.zeros(len(near.hats.steps), dtype=bool)
             middle[max(places[0] - 1, 0) : places[-1] + 3] = True
             result[name] = replace(near, hats=near.hats.halved(middle))
         elif near.rough or last - first < NARROWED * (near.last - near.first):
-            even = Hats(np.linspace(first, last, FIRST + 1))
+            even = _hats(np.linspace(first, last, FIRST + 1), room)
             result[name] = replace(near, first=first, last=last, count=SAMPLES, hats=even, rough=False)
     return result
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,10 +12,13 @@ from mlsanm_cli.app.contacts import shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.near import Facing
 from mlsanm_cli.contact.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
+from mlsanm_cli.mechanics.wedge import Wedge
 from mlsanm_cli.values import dataclass
 
 CLEAR = 4.0
@@ -24,6 +28,12 @@ ALIKE = 1e-9
 """Curvatures that differ by less are the same."""
 TOUCHING = 1e-6
 """Gaps that differ by less than this part of the range are the same: such surfaces touch all along."""
+SHARPEST, BLUNTEST = np.radians(25.0), np.radians(170.0)
+"""Angles of corners whose fields are known."""
+BEYOND = np.geomspace(1e-3, 1e2, 200)
+"""How far, in their lengths, the lines of a corner's faces are followed outside the body."""
+SNAP = 1.5
+"""Ends of a range are ends of a surface that are no more looks away."""
 LOOKED_AT = 800
 RAYS = 17
 LOOKS = 8
@@ -32,14 +42,17 @@ CHORDS = 200
 
 @dataclass(frozen=True)
 class Clear:
-    """A contact's range from ``first`` to ``last`` off all corners, the place ``nearest`` to the other
-    surface, and where fields end in hollows."""
+    """A contact's range from ``first`` to ``last``, the place ``nearest`` to the other surface, where fields
+    end in hollows, and the ``corners`` of both bodies that pressures may come near. Ends that are ``whole``
+    are where one of the surfaces ends, so that there may be pressures right up to it."""
 
     facing: Facing
     first: float
     last: float
     nearest: float
     centers: tuple[complex | None, complex | None]
+    corners: tuple[tuple[Corner, ...], tuple[Corner, ...]]
+    whole: tuple[bool, bool]
 
 
 def clear_contacts(
@@ -53,7 +66,7 @@ def clear_contacts(
     if case.mls.scheme != "least-squares" or case.solver.formulation != "condensed":
         return {}
     found = {
-        pairing.name: _clear(case, models, pairing)
+        pairing.name: _clear(case, models, pairing, held)
         for pairing in pairings
         if pairing.slave.name not in held[pairing.slave_body]
         and (pairing.master is None or pairing.master.name not in held[str(pairing.master_body)])
@@ -72,7 +85,9 @@ def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, Clear]) -> tuple
     return tuple(result)
 
 
-def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Clear | None:
+def _clear(
+    case: Case, models: Mapping[str, BodyModel], pairing: Pairing, held: Mapping[str, Collection[str]]
+) -> Clear | None:
     if pairing.master_body == pairing.slave_body:
         return None
     if any(models[body].cloud.sight is not None for body in pairing.bodies):
@@ -91,7 +106,8 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
     faces = (across < OPPOSED) & (beside <= TOUCHING * base.length)
     if not faces.any():
         return None
-    off = faces & _off_corners(pairing, models, facing, sign * s)
+    corners = _corners(pairing, models, held)
+    off = faces & _off_corners(pairing, models, facing, sign * s, corners)
     least = gap[faces].min() + TOUCHING * base.length
     touching = np.flatnonzero(off & (gap <= least))
     if not len(touching):
@@ -112,6 +128,11 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
     if stretch is None:
         return None
     first, last = float(s[stretch[0]]), float(s[stretch[1]])
+    ends = _ends(ahead, corners)
+    step = SNAP * float(s[1] - s[0])
+    snapped = [_snapped(one, ends, step) for one in (first, last)]
+    whole = snapped[0] is not None, snapped[1] is not None
+    first, last = (one if exact is None else exact for one, exact in zip((first, last), snapped, strict=True))
     rays = np.linspace(first, last, RAYS)
     centers: list[complex | None] = []
     for body, slave in zip(pairing.bodies, (True, False), strict=False):
@@ -119,10 +140,91 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
         if not found:
             return None
         centers += found
-    closest = _minimum(ahead, s[max(nearest - 1, 0)], s[min(nearest + 1, len(s) - 1)])
-    first, last = sorted((sign * first, sign * last))
+    closest = _minimum(ahead, max(s[max(nearest - 1, 0)], first), min(s[min(nearest + 1, len(s) - 1)], last))
+    if not facing.slave_first:
+        first, last, whole = -last, -first, whole[::-1]
     both = centers[0], centers[1] if len(centers) > 1 else None
-    return Clear(facing, first, last, sign * closest, both)
+    of_bodies = tuple(one for one in corners["slave"] if one), tuple(one for one in corners["master"] if one)
+    return Clear(facing, first, last, sign * closest, both, of_bodies, whole)
+
+
+Ends: TypeAlias = Mapping[str, tuple[Corner | None, Corner | None]]
+"""The corners at the beginning and the end of the surfaces of slave and master, where fields know them."""
+
+
+def _corners(
+    pairing: Pairing, models: Mapping[str, BodyModel], held: Mapping[str, Collection[str]]
+) -> Ends:
+    found: dict[str, tuple[Corner | None, Corner | None]] = {"slave": (None, None), "master": (None, None)}
+    for role, body, surface in (
+        ("slave", pairing.slave_body, pairing.slave),
+        ("master", pairing.master_body, pairing.master),
+    ):
+        if body is not None and surface is not None:
+            model, kept = models[body], held[body]
+            found[role] = _corner(model, surface, False, kept), _corner(model, surface, True, kept)
+    return found
+
+
+def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Collection[str]) -> Corner | None:
+    """The corner at one end of a surface, if both its faces are straight, the other one is free, and it is
+    neither blunt nor very sharp."""
+    face = _straight(surface)
+    if face is None:
+        return None
+    tip, along = (face[1], face[0] - face[1]) if at_end else (face[0], face[1] - face[0])
+    for name, beside in model.cloud.surfaces.items():
+        line = _straight(beside)
+        if name == surface.name or name in held or line is None:
+            continue
+        far = max(line, key=lambda end: abs(end - tip))
+        if min(abs(end - tip) for end in line) > ALIKE * abs(along):
+            continue
+        ways = along / abs(along), (far - tip) / abs(far - tip)
+        angle = float(np.angle(ways[1] / ways[0]))
+        inside = angle < 0.0 if at_end else angle > 0.0
+        if not inside or not SHARPEST <= abs(angle) <= BLUNTEST:
+            return None
+        # The wedge's forces go on where the faces end: not so into the body.
+        ahead = np.concatenate([end + (end - tip) * BEYOND for end in (tip + along, far)])
+        if model.cloud.holds(as_real(ahead)).any():
+            return None
+        spacing = float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
+        return Corner(
+            Wedge(model.kernel, *ways), tip, min(abs(along), abs(far - tip)), CLEAR * spacing
+        )
+    return None
+
+
+def _straight(surface: Surface) -> tuple[complex, complex] | None:
+    """Both ends of a straight surface; None if it is none."""
+    curve = surface.curve
+    if curve.closed:
+        return None
+    first, last = as_complex(curve.points(np.array([0.0, curve.length])))
+    straight = abs(abs(last - first) - curve.length) <= ALIKE * curve.length
+    return (complex(first), complex(last)) if straight else None
+
+
+def _ends(facing: Facing, corners: Ends) -> list[float]:
+    """Places along the base where one of the two surfaces ends in a corner that fields know."""
+    curves = {"slave": facing.base, "master": facing.other}
+    if not facing.slave_first:
+        curves = {"master": facing.base, "slave": facing.other}
+    tips = [
+        (role, corner.tip)
+        for role, both in corners.items()
+        if curves[role] is not None
+        for corner in both
+        if corner is not None
+    ]
+    return [float(facing.base.closest(as_real(np.array([tip])))[0]) for _, tip in tips]
+
+
+def _snapped(s: float, ends: list[float], step: float) -> float | None:
+    """The end nearest to a place if it is so near."""
+    nearest = min(ends, key=lambda end: abs(end - s), default=np.inf)
+    return nearest if abs(nearest - s) <= step else None
 
 
 def _facing(case: Case, pairing: Pairing) -> Facing:
@@ -146,19 +248,22 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
 
 
 def _off_corners(
-    pairing: Pairing, models: Mapping[str, BodyModel], facing: Facing, s: FloatArray
+    pairing: Pairing, models: Mapping[str, BodyModel], facing: Facing, s: FloatArray, corners: Ends
 ) -> BoolArray:
-    """Whether places (e,) are off the ends of both surfaces."""
+    """Whether places (e,) are off those ends of both surfaces that fields do not know."""
     off = np.ones(len(s), dtype=bool)
-    for body, surface, slave in (
-        (pairing.slave_body, pairing.slave, True),
-        (pairing.master_body, pairing.master, False),
+    for body, surface, slave, known in (
+        (pairing.slave_body, pairing.slave, True, corners["slave"]),
+        (pairing.master_body, pairing.master, False, corners["master"]),
     ):
         if body is None or surface is None or surface.curve.closed:
             continue
         arc = surface.curve.closest(as_real(facing.side(s, slave)[0]))
         first, last = CLEAR * models[body].cloud.spacing[surface.index[[0, -1]]]
-        off &= (arc >= first) & (arc <= surface.curve.length - last)
+        if known[0] is None:
+            off &= arc >= first
+        if known[1] is None:
+            off &= arc <= surface.curve.length - last
     return off
 
 

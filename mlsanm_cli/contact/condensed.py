@@ -246,7 +246,7 @@ class Answers:
         """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""
         near, drivers = pairing.near, _drivers(self.observation.scene, self.observation.pairings)
         assert near is not None
-        columns = np.r_[drivers.places(pairing), drivers.tangential_places(pairing)]
+        columns = drivers.of_samples(pairing)
         seen = self.observation.parted(self.observed).gaps[pairing.name]
         return seen[: 2 * near.count, columns]
 

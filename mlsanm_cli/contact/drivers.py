@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.values import dataclass
@@ -87,6 +87,13 @@ class Drivers:
         first = self.loads + self.motions + self.columns.pressures
         return slice(first + own.start, first + own.stop)
 
+    def of_samples(self, pairing: Pairing) -> IntArray:
+        """The forces (2k,), x and then y, at the samples of a contact on a grid of its own among all
+        drivers."""
+        assert pairing.near is not None
+        own = np.arange(pairing.near.count)
+        return np.concatenate([self.places(pairing).start + own, self.tangential_places(pairing).start + own])
+
     def by_unknowns(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
         """What ``rows`` (r, drivers) observe, by the unknowns."""
         result = self.unknowns.zeros(len(rows))
@@ -101,7 +108,7 @@ class Drivers:
                     result.traction[:, self.tangential[pairing.name]] = rows[:, along]
                 continue
             both = np.hstack([rows[:, places], rows[:, self.tangential_places(pairing)]])
-            normal, tangent = pairing.near.spreads
+            normal, tangent = pairing.near.driven
             result.pressure[:, own] = both @ normal
             if pairing.friction:
                 result.traction[:, self.tangential[pairing.name]] = both @ tangent
@@ -121,11 +128,11 @@ class Drivers:
                 if traction is not None:
                     total[self.tangential_places(pairing)] = traction
                 continue
-            normal, tangent = pairing.near.spreads
+            normal, tangent = pairing.near.driven
             forces = normal @ pressure if traction is None else normal @ pressure + tangent @ traction
             total[self.places(pairing)], total[self.tangential_places(pairing)] = np.split(forces, 2)
         return total
 
 
 def _count(pairing: Pairing) -> int:
-    return int(pairing.candidate.sum()) if pairing.near is None else pairing.near.count
+    return int(pairing.candidate.sum()) if pairing.near is None else pairing.near.drivers

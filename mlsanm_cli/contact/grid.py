@@ -17,6 +17,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.values import dataclass
 
+Table: TypeAlias = Callable[[FloatArray], FloatArray]
 Kernels: TypeAlias = tuple[FloatArray, FloatArray]
 """A kernel at all pairs of points, and its exact integrals of near pairs."""
 
@@ -24,6 +25,8 @@ RULE = GAUSS[3]
 NEAR = 5.0
 """Hats closer than this many widths are integrated exactly, others by Gauss's points: those have 1e-8 left
 there."""
+CROWDED = 8
+"""An interval that ends at a corner is halved towards it so many times."""
 NOTHING = 1e-14
 STEEPEST = 2.5
 """Neighbouring intervals differ by this factor at most."""
@@ -31,9 +34,31 @@ STEEPEST = 2.5
 
 @dataclass(frozen=True)
 class Hats:
-    """Piecewise linear functions on ``nodes`` (m + 2,), increasing, that vanish at the first and the last."""
+    """Piecewise linear functions on ``nodes`` (m + 2,), increasing, that vanish at the first and the last.
+
+    Where a contact ends at a corner the first two nodes, or the last two, are one place, and the function of
+    that place is half a hat.
+    """
 
     nodes: FloatArray
+
+    @classmethod
+    def on(cls, nodes: FloatArray, whole: tuple[bool, bool]) -> Hats:
+        """On ``nodes``, increasing, with half a hat at the ends that are ``whole``."""
+        before = nodes[:1] if whole[0] else nodes[:0]
+        after = nodes[-1:] if whole[1] else nodes[:0]
+        return cls(np.concatenate([before, nodes, after]))
+
+    @property
+    def whole(self) -> tuple[bool, bool]:
+        """At which ends there is half a hat."""
+        return bool(self.steps[0] == 0.0), bool(self.steps[-1] == 0.0)
+
+    @property
+    def ends(self) -> FloatArray:
+        """Where the intervals begin and end, every place once."""
+        first, last = self.whole
+        return self.nodes[int(first) : len(self.nodes) - int(last)]
 
     @property
     def place(self) -> FloatArray:
@@ -53,22 +78,39 @@ class Hats:
     @cached_property
     def points(self) -> FloatArray:
         """Gauss's points (g,), interval by interval."""
-        return np.concatenate([self.nodes[:-1] + at * self.steps for at, _ in RULE])
+        return _gauss(self.nodes[:-1], self.steps)[0]
 
     @cached_property
     def integrals(self) -> sparse.csr_array:
         """What makes integrals with every function of values at the ``points``: (m, g)."""
-        count, number = len(self.steps), np.arange(len(self.steps))
-        rows, columns, values = [], [], []
-        for turn, (at, weight) in enumerate(RULE):
-            for shift, share in ((-1, 1.0 - at), (0, at)):
-                rows.append(number + shift)
-                columns.append(turn * count + number)
-                values.append(weight * share * self.steps)
-        row, column, value = (np.concatenate(some) for some in (rows, columns, values))
-        kept = (row >= 0) & (row < count - 1)
-        shape = (count - 1, len(RULE) * count)
-        return sparse.csr_array((value[kept], (row[kept], column[kept])), shape=shape)
+        points, weights = _gauss(self.nodes[:-1], self.steps)
+        return self._integrals(points, np.tile(np.arange(len(self.steps)), len(RULE)), weights)
+
+    @cached_property
+    def towards_ends(self) -> tuple[FloatArray, sparse.csr_array]:
+        """Points (e,) that crowd towards the ends, for kernels that change with the logarithm of the distance
+        from there, and what makes integrals (m, e) with the functions."""
+        starts, steps, interval = [], [], []
+        for number, (start, step) in enumerate(zip(self.nodes[:-1], self.steps, strict=True)):
+            ends = np.array([0.0, 1.0])
+            if step > 0.0 and (number <= self.whole[0] or number >= len(self.steps) - 1 - self.whole[1]):
+                ends = np.concatenate([[0.0], 0.5 ** np.arange(CROWDED, -1, -1)])
+                ends = ends if number <= self.whole[0] else 1.0 - ends[::-1]
+            starts.append(start + step * ends[:-1])
+            steps.append(step * np.diff(ends))
+            interval.append(np.full(len(ends) - 1, number))
+        points, weights = _gauss(np.concatenate(starts), np.concatenate(steps))
+        return points, self._integrals(points, np.tile(np.concatenate(interval), len(RULE)), weights)
+
+    def _integrals(self, points: FloatArray, interval: IntArray, weights: FloatArray) -> sparse.csr_array:
+        """What makes integrals (m, e) of values at ``points`` (e,) in intervals (e,), of ``weights`` (e,)."""
+        step = self.steps[interval]
+        share = np.where(step > 0.0, (points - self.nodes[interval]) / np.where(step > 0.0, step, 1.0), 0.0)
+        row, value = np.concatenate([interval - 1, interval]), np.concatenate([1.0 - share, share])
+        column, count = np.tile(np.arange(len(points)), 2), len(self.place)
+        kept = (row >= 0) & (row < count)
+        entries = (value * np.tile(weights, 2))[kept]
+        return sparse.csr_array((entries, (row[kept], column[kept])), shape=(count, len(points)))
 
     @cached_property
     def near(self) -> tuple[IntArray, IntArray]:
@@ -82,21 +124,36 @@ class Hats:
     def logarithms(self) -> FloatArray:
         """ln|s - s'| at all pairs of the ``points`` (g, g), 0 where they are the same."""
         apart = np.abs(self.points[:, None] - self.points)
-        np.fill_diagonal(apart, 1.0)
-        return np.asarray(np.log(apart))
+        return np.asarray(np.log(np.where(apart == 0.0, 1.0, apart)))
 
     @cached_property
     def signs(self) -> FloatArray:
         """sgn(s - s') at all pairs of the ``points`` (g, g)."""
         return np.sign(self.points[:, None] - self.points)
 
-    def _differences(self, table: FloatArray) -> FloatArray:
-        """Second divided differences, along both axes, of a ``table`` (e, 3, 3) of values at near pairs'
-        nodes: integrals with hats of what the values are fourth integrals of."""
+    @cached_property
+    def _second(self) -> tuple[FloatArray, FloatArray]:
+        """Second derivatives of the functions: strengths (m, 3) of the unit impulses at their three nodes,
+        and (m, 3) of their first derivatives; of these only half a hat has one."""
+        steps = self.steps.astype(np.longdouble)
+        left, right = (np.where(one > 0.0, 1.0 / np.where(one > 0.0, one, 1.0), 0.0) for one in (steps[:-1], steps[1:]))
+        impulses = np.stack([left, -(left + right), right], axis=1)
+        doublets = np.zeros_like(impulses)
+        doublets[:, 1] = (steps[:-1] == 0.0).astype(float) - (steps[1:] == 0.0)
+        return impulses, doublets
+
+    def _differences(self, fourth: Table, third: Table, second: Table) -> FloatArray:
+        """Integrals (e,) with both hats of near pairs of a kernel of their distance, of which ``fourth``,
+        ``third`` and ``second`` are repeated integrals."""
         one, other = self.near
-        left, right = 1.0 / self.steps[:-1].astype(np.longdouble), 1.0 / self.steps[1:].astype(np.longdouble)
-        factors = np.stack([left, -(left + right), right], axis=1)
-        return np.asarray(np.einsum("ea,eab,eb->e", factors[one], table, factors[other]), dtype=np.float64)
+        t = self._apart
+        impulses, doublets = self._second
+        total = np.einsum("ea,eab,eb->e", impulses[one], fourth(t), impulses[other])
+        if doublets.any():
+            total += np.einsum("ea,eab,eb->e", impulses[one], third(t), doublets[other])
+            total -= np.einsum("ea,eab,eb->e", doublets[one], third(t), impulses[other])
+            total -= np.einsum("ea,eab,eb->e", doublets[one], second(t), doublets[other])
+        return np.asarray(total, dtype=np.float64)
 
     @cached_property
     def _apart(self) -> FloatArray:
@@ -107,17 +164,23 @@ class Hats:
 
     @cached_property
     def near_logarithms(self) -> FloatArray:
-        """Integrals of ln|s - s'| with both hats of every near pair (e,): t^4 / 24 (ln|t| - 25 / 12) is its
-        fourth integral."""
-        t = self._apart
-        size = np.where(t == 0.0, 1.0, np.abs(t))
-        return self._differences(t**4 / 24.0 * (np.log(size) - np.longdouble(25.0) / 12.0))
+        """Integrals of ln|s - s'| with both hats of every near pair (e,): its fourth integral is t^4 / 24
+        (ln|t| - 25 / 12)."""
+
+        def integral(order: int, factor: int, sum_of_inverses: tuple[int, int]) -> Table:
+            harmonic = np.longdouble(sum_of_inverses[0]) / sum_of_inverses[1]
+            return lambda t: t**order / factor * (np.log(np.where(t == 0.0, 1.0, np.abs(t))) - harmonic)
+
+        return self._differences(integral(4, 24, (25, 12)), integral(3, 6, (11, 6)), integral(2, 2, (3, 2)))
 
     @cached_property
     def near_signs(self) -> FloatArray:
         """The same (e,) of sgn(s - s')."""
-        t = self._apart
-        return self._differences(np.sign(t) * t**4 / 24.0)
+
+        def integral(order: int, factor: int) -> Table:
+            return lambda t: np.sign(t) * t**order / factor
+
+        return self._differences(integral(4, 24), integral(3, 6), integral(2, 2))
 
     def pairs(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
         """Integrals (m, m) with both hats of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s').
@@ -161,8 +224,8 @@ class Hats:
             nodes = np.sort(np.append(nodes, (0.5 * (nodes[1:] + nodes[:-1]))[chosen]))
             steps = np.diff(nodes)
             chosen = np.zeros(len(steps), dtype=bool)
-            chosen[:-1] |= steps[:-1] > STEEPEST * steps[1:]
-            chosen[1:] |= steps[1:] > STEEPEST * steps[:-1]
+            chosen[:-1] |= (steps[:-1] > STEEPEST * steps[1:]) & (steps[1:] > 0.0)
+            chosen[1:] |= (steps[1:] > STEEPEST * steps[:-1]) & (steps[:-1] > 0.0)
         return Hats(nodes)
 
     def errors(self, values: FloatArray) -> FloatArray:
@@ -170,7 +233,10 @@ class Hats:
         differences: h^(5/2) |p''| / sqrt(120)."""
         padded = np.concatenate([[0.0], values, [0.0]])
         bend = np.zeros(len(padded))
-        bend[1:-1] = np.abs(np.diff(np.diff(padded) / self.steps)) / self.weight
+        # Half a hat has no pressures beyond it that its own could differ from.
+        rise = np.diff(padded) / np.where(self.steps > 0.0, self.steps, np.inf)
+        inner = (self.steps[1:] > 0.0) & (self.steps[:-1] > 0.0)
+        bend[1:-1] = np.where(inner, np.abs(np.diff(rise)) / self.weight, 0.0)
         return np.asarray(self.steps**2.5 * np.maximum(bend[1:], bend[:-1]) / np.sqrt(120.0))
 
     def norm(self, values: FloatArray) -> float:
@@ -178,6 +244,11 @@ class Hats:
         padded = np.concatenate([[0.0], values, [0.0]])
         a, b = padded[:-1], padded[1:]
         return float(np.sqrt((self.steps * (a * a + a * b + b * b) / 3.0).sum()))
+
+
+def _gauss(start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gauss's points and weights on intervals, all first points first."""
+    return np.concatenate([start + at * step for at, _ in RULE]), np.concatenate([w * step for _, w in RULE])
 
 
 def chebyshev(first: float, last: float, count: int) -> FloatArray:

@@ -12,6 +12,7 @@ of the contact's range, from which any number of pressures and gaps between have
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -19,11 +20,16 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.contact.grid import Hats, chebyshev, lagrange
 from mlsanm_cli.contact.obstacles import Shape
+from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex, by_component
 from mlsanm_cli.values import dataclass
 
 STEP = 1e-4
 """Difference quotients along a contact are taken over this part of its range."""
+
+STRAIGHT = 1e-9
+LEAST = 1e-12
+"""Pressures are no nearer to a corner than this part of its faces."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +93,9 @@ class Facing:
 @dataclass(frozen=True)
 class Near:
     """A contact's range from ``first`` to ``last``, the ``count`` of its samples, and the ``hats`` of its
-    pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one.
-    A ``rough`` grid only serves to find out where the contact is."""
+    pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one,
+    ``corners`` those at the ends of their surfaces. A ``rough`` grid only serves to find out
+    where the contact is."""
 
     facing: Facing
     first: float
@@ -96,6 +103,7 @@ class Near:
     count: int
     hats: Hats
     centers: tuple[complex | None, complex | None] = (None, None)
+    corners: tuple[tuple[Corner, ...], tuple[Corner, ...]] = ((), ())
     rough: bool = False
 
     def around(self, s: FloatArray) -> FloatArray:
@@ -111,10 +119,20 @@ class Near:
         """Arc lengths (k,) of the samples."""
         return chebyshev(self.first, self.last, self.count)
 
-    def forces(self, kernel: Kernel, slave: bool) -> SurfaceForces:
+    def forces(self, kernel: Kernel, slave: bool) -> Forces:
         """Unit forces at the samples on one of the two bodies."""
         place, inward = self.facing.side(self.samples, slave)
-        return SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
+        own = SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
+        corners = self.corners_of(slave)
+        return CorneredForces(own, corners) if corners else own
+
+    def corners_of(self, slave: bool) -> tuple[Corner, ...]:
+        """The corners of one of the two bodies that the range comes near."""
+        chosen = self.corners[0 if slave else 1]
+        if not chosen:
+            return ()
+        ends = self.facing.side(np.array([self.first, self.last]), slave)[0]
+        return tuple(one for one in chosen if one.distance(ends).min() < one.reach)
 
     @cached_property
     def _shares(self) -> FloatArray:
@@ -139,6 +157,55 @@ class Near:
         """:meth:`spread` of pressures and of tractions."""
         normal, tangent = self.directions
         return self.spread(normal), self.spread(tangent)
+
+    @cached_property
+    def covers(self) -> bool:
+        """Whether the range is all of the straight surfaces of the bodies.
+
+        The mean tractions then are tractions of these surfaces as others are, to which bodies answer exactly
+        if they are all there is; fields in closed form are those of what differs from them.
+        """
+        straight = float(np.ptp(self.directions[0], axis=0).max()) <= STRAIGHT
+        if self.hats.whole != (True, True) or not straight:
+            return False
+        ends = np.array([self.first, self.last])
+        for slave in (True, False):
+            base = slave == self.facing.slave_first
+            curve = self.facing.base if base else self.facing.other
+            if curve is not None:
+                if curve.closed:
+                    return False
+                long = float(abs(np.diff(self.facing.side(ends, slave)[0])[0]))
+                if abs(long - curve.length) > STRAIGHT * curve.length or len(self.corners_of(slave)) != 2:
+                    return False
+        return True
+
+    @property
+    def drivers(self) -> int:
+        """How many forces x, and as many forces y, stand for all tractions: those at the samples and, where
+        the grid :attr:`covers` the surfaces, their mean."""
+        return self.count + self.covers
+
+    def uneven(self, values: FloatArray) -> FloatArray:
+        """What of nodal ``values`` (m, ...) acts by fields in closed form."""
+        if not self.covers:
+            return values
+        share = self.hats.weight / self.hats.weight.sum()
+        return np.asarray(values - share @ values)
+
+    @cached_property
+    def driven(self) -> tuple[FloatArray, FloatArray]:
+        """What makes the drivers (2 :attr:`drivers`, m), all x and then all y, of pressures, and of
+        tractions."""
+        if not self.covers:
+            return self.spreads
+        share = self.hats.weight / self.hats.weight.sum()
+        unit = np.eye(len(share))
+        found = []
+        for spread, direction in zip(self.spreads, self.directions, strict=True):
+            parts = np.split(spread @ self.uneven(unit), 2)
+            found.append(np.concatenate([parts[0], [direction[0, 0] * share], parts[1], [direction[0, 1] * share]]))
+        return found[0], found[1]
 
     @cached_property
     def means(self) -> tuple[FloatArray, FloatArray]:
@@ -167,6 +234,24 @@ class Near:
             other = z - center
             found -= kernel.displacement(other, other)[:, None]
         return by_component(found)
+
+    def cornered(self, slave: bool, which: int, by: int) -> FloatArray:
+        """Integrals (m, m) with both hats of what corners of one of the two bodies add to its displacements
+        along pressures (``which`` 0) or tractions (1), by pressures or tractions."""
+        hats = self.hats
+        total = np.zeros((len(hats.place), len(hats.place)))
+        if not self.corners_of(slave):
+            return total
+        points, integrals = hats.towards_ends
+        place, normal = self.facing.side(points, slave)[0], self.facing.normal(points)
+        directions = normal, np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+        for corner in self.corners_of(slave):
+            x = corner.distance(place)
+            kernel = corner.wedge.compliance(*[np.maximum(x, LEAST * corner.length)] * 2)
+            for c, d in product((0, 1), (0, 1)):
+                right = kernel[:, :, c, d] @ (integrals * directions[by][:, d]).T.toarray()
+                total += (integrals * directions[which][:, c]) @ right
+        return total
 
     def singular(self, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
         """The tensors L and T (2, 2) of one of the two bodies."""

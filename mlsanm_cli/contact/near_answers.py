@@ -11,7 +11,8 @@ from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.near_fields import fields_of
 from mlsanm_cli.contact.observation import Observation
 from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.mechanics.near_field import SurfaceForces, as_complex, by_component
+from mlsanm_cli.mechanics.corner import Forces
+from mlsanm_cli.mechanics.near_field import as_complex, by_component
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.remainder import reaction_of, spring_pull_of
 from mlsanm_cli.mechanics.scene import Scene
@@ -26,7 +27,7 @@ def near_answers(observation: Observation, drivers: Drivers) -> FloatArray:
     for pairing in drivers.pairings:
         if pairing.near is None:
             continue
-        columns = np.r_[drivers.places(pairing), drivers.tangential_places(pairing)]
+        columns = drivers.of_samples(pairing)
         for body, slave, sign in pairing.sides:
             elastic = scene.bodies[body]
             forces = pairing.near.forces(elastic.model.kernel, slave)
@@ -52,7 +53,7 @@ def near_answers(observation: Observation, drivers: Drivers) -> FloatArray:
 
 
 def _on_contact(
-    scene: Scene, seen: Pairing, by: Pairing, body: str, forces: SurfaceForces, slave: bool
+    scene: Scene, seen: Pairing, by: Pairing, body: str, forces: Forces, slave: bool
 ) -> FloatArray | None:
     """What forces at the samples of a contact ``by`` move of another that is ``seen``, or of itself, by the
     field in one body."""
@@ -76,7 +77,7 @@ def _on_contact(
 def _along(
     pairing: Pairing,
     body: str,
-    forces: SurfaceForces,
+    forces: Forces,
     direction: FloatArray,
     chosen: BoolArray | slice = slice(None),
 ) -> FloatArray:
@@ -103,11 +104,17 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
     count = len(near.hats.place)
     means = 1.0 / near.hats.weight[:, None]
     own = near.directions[which]
-    pressed = means * near.hats.pairs(log, turn, own, near.directions[0])
-    linear.pressure[:count, drivers.spans[pairing.name]] += pressed
+
+
+    def by(other: int) -> FloatArray:
+        total = near.hats.pairs(log, turn, own, near.directions[other])
+        for _, slave, _ in pairing.sides:
+            total += near.cornered(slave, which, other)
+        return means * (total @ near.uneven(np.eye(count)) if near.covers else total)
+
+    linear.pressure[:count, drivers.spans[pairing.name]] += by(0)
     if pairing.friction:
-        rubbed = means * near.hats.pairs(log, turn, own, near.directions[1])
-        linear.traction[:count, drivers.tangential[pairing.name]] += rubbed
+        linear.traction[:count, drivers.tangential[pairing.name]] += by(1)
 
 
 def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:

@@ -8,6 +8,7 @@ doi:10.1002/nme.1208).
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -33,7 +34,8 @@ AT_ONCE = 100_000
 
 @dataclass(frozen=True)
 class _Loads:
-    """Nodal ``pressure`` and ``traction`` (m + 2, c) along a contact, and where they act on one body."""
+    """``pressure`` and ``traction`` (i + 1, c) at the ends of a contact's intervals, and where they act on
+    one body."""
 
     near: Near
     slave: bool
@@ -41,11 +43,27 @@ class _Loads:
     pressure: FloatArray
     traction: FloatArray
 
+    @classmethod
+    def of(cls, near: Near, slave: bool, kernel: Kernel, pressure: FloatArray, traction: FloatArray) -> _Loads:
+        """Those of nodal ``pressure`` and ``traction`` (m, c)."""
+        first, last = near.hats.whole
+        beyond = ((int(not first), int(not last)), (0, 0))
+        return cls(near, slave, kernel, *(np.pad(one, beyond) for one in (pressure, traction)))
+
+    @cached_property
+    def ends(self) -> FloatArray:
+        """Where intervals begin and end (i + 1,)."""
+        return self.near.hats.ends
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """Lengths (i,) of the intervals."""
+        return np.diff(self.ends)
+
     def forces(self, interval: IntArray, share: FloatArray) -> tuple[SurfaceForces, FloatArray]:
         """Unit forces at places (e,) within intervals (e,), by the share of the way along these, and the
         tractions (e, 2, c) on the slave there."""
-        hats = self.near.hats
-        s = hats.nodes[interval] + share * hats.steps[interval]
+        s = self.ends[interval] + share * self.steps[interval]
         place, inward = self.near.facing.side(s, self.slave)
         normal, part = self.near.facing.normal(s), share[:, None]
         pressure, traction = (
@@ -61,6 +79,7 @@ def fields_of(
 ) -> tuple[FloatArray, FloatArray]:
     """Displacements (e, 2, c) and stresses (e, 3, c) at points ``z`` (e,) of a body by nodal ``pressure`` and
     ``traction`` (m, c) on the hats, as these act on the slave: on the master it is the opposite."""
+    pressure, traction = near.uneven(pressure), near.uneven(traction)
     close = replace(near, count=CLOSE)
     away = np.abs(z[:, None] - close.facing.side(close.samples, slave)[0]).min(axis=1, initial=np.inf)
     away = away / (near.last - near.first)
@@ -68,13 +87,20 @@ def fields_of(
     # From afar few samples of the range stand for all the pressures, as they do for the remainder.
     for some, sampled in ((away > 1.0, near), ((away <= 1.0) & (away > BEYOND), close)):
         if some.any():
-            forces, (normal, tangent) = sampled.forces(kernel, slave), sampled.spreads
+            forces, (normal, tangent) = replace(sampled, corners=((), ())).forces(kernel, slave), sampled.spreads
             on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
             for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
                 total[some] = np.einsum("ekcd,kdm->ecm", field(z[some]), on, optimize=True)
     beside = away <= BEYOND
     if beside.any():
         displacement[beside], stress[beside] = _beside(near, kernel, slave, z[beside], pressure, traction)
+    normal, tangent = near.directions
+    for corner in near.corners_of(slave):
+        hats = near.hats
+        at, unit = corner.distance(near.facing.side(hats.points, slave)[0]), hats.integrals.T
+        force = normal[:, :, None] * (unit @ pressure)[:, None] + tangent[:, :, None] * (unit @ traction)[:, None]
+        moved, stressed = corner.fields(z, at, force)
+        displacement, stress = displacement + moved, stress + stressed
     return displacement, stress
 
 
@@ -82,14 +108,14 @@ def _beside(
     near: Near, kernel: Kernel, slave: bool, z: ComplexArray, pressure: FloatArray, traction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """The same at points near the contact."""
-    loads = _Loads(near, slave, kernel, *(np.pad(one, ((1, 1), (0, 0))) for one in (pressure, traction)))
-    ends, size = near.facing.side(near.hats.nodes, slave)[0], near.hats.steps
+    loads = _Loads.of(near, slave, kernel, pressure, traction)
+    ends, size = near.facing.side(loads.ends, slave)[0], loads.steps
     parts = []
     step = max(1, AT_ONCE // (len(RULE) * len(size)))
     for first in range(0, len(z), step):
         some = z[first : first + step]
         foot = _feet(some, ends)
-        some = _inside(near, slave, some, ends, foot)
+        some = _inside(loads, some, ends, foot)
         away = np.abs(some[:, None] - (ends[:-1] + foot * np.diff(ends)))
         close = away < FAR * size
         far, beside = _far(loads, some, close), _close(loads, some, close, foot, away)
@@ -105,21 +131,22 @@ def _feet(z: ComplexArray, ends: ComplexArray) -> FloatArray:
     return np.asarray(np.clip(way, 0.0, 1.0))
 
 
-def _inside(near: Near, slave: bool, z: ComplexArray, ends: ComplexArray, foot: FloatArray) -> ComplexArray:
+def _inside(loads: _Loads, z: ComplexArray, ends: ComplexArray, foot: FloatArray) -> ComplexArray:
     """The points, those on the contact's surface a little inside."""
     away = z[:, None] - (ends[:-1] + foot * np.diff(ends))
     interval = np.argmin(np.abs(away), axis=1)
     every = np.arange(len(z))
-    s = near.hats.nodes[interval] + foot[every, interval] * near.hats.steps[interval]
-    place, inward = near.facing.side(s, slave)
-    deep, size = ((z - place) * np.conj(inward)).real, BESIDE * near.hats.steps[interval]
-    on = np.abs(away[every, interval]) <= 2.0 * near.hats.steps[interval]
+    step = loads.steps[interval]
+    s = loads.ends[interval] + foot[every, interval] * step
+    place, inward = loads.near.facing.side(s, loads.slave)
+    deep, size = ((z - place) * np.conj(inward)).real, BESIDE * step
+    on = np.abs(away[every, interval]) <= 2.0 * step
     return np.where(on & (deep < size), z + (size - deep) * inward, z)
 
 
 def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, FloatArray]:
     """What intervals that are not ``close`` (e, i) do."""
-    size, count = loads.near.hats.steps, loads.near.hats.steps.shape[0]
+    size, count = loads.steps, len(loads.steps)
     interval = np.arange(count)
     total: list[FloatArray] = []
     for share, weight in RULE:
@@ -138,7 +165,7 @@ def _close(
     row, interval = np.nonzero(close)
     columns = loads.pressure.shape[1]
     displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
-    size, at = loads.near.hats.steps[interval], foot[row, interval]
+    size, at = loads.steps[interval], foot[row, interval]
     distance = np.maximum(away[row, interval], 1e-12 * size) / size
     low, high = np.arcsinh(-at / distance), np.arcsinh((1.0 - at) / distance)
     for place, weight in zip(*np.polynomial.legendre.leggauss(POINTS), strict=True):
@@ -157,8 +184,16 @@ def traction_beside(
 ) -> FloatArray:
     """Tractions (b, 2) at the nodes of a body's surface of the fields by nodal ``pressure`` and ``traction``
     (m,) on the slave, less these themselves where they act."""
-    loads = _Loads(near, slave, kernel, *(np.pad(one, 1)[:, None] for one in (pressure, traction)))
-    size, count = near.hats.steps, len(near.hats.steps)
+    pressure, traction = near.uneven(pressure), near.uneven(traction)
+    if near.corners_of(slave):
+        # What is left beside corners changes little along the contact.
+        spreads, z = near.spreads, as_complex(surface.curve.points(surface.arc_length))
+        on = np.stack(np.split(spreads[0] @ pressure + spreads[1] @ traction, 2), axis=1)
+        curvature = surface.curve.curvature(surface.arc_length)
+        found = near.forces(kernel, slave).traction(z, as_complex(surface.normal), curvature)
+        return np.asarray(np.einsum("ekcd,kd->ec", found, on))
+    loads = _Loads.of(near, slave, kernel, pressure[:, None], traction[:, None])
+    size, count = loads.steps, len(loads.steps)
     z = as_complex(surface.curve.points(surface.arc_length))
     curvature = surface.curve.curvature(surface.arc_length)
     total = np.zeros((len(z), 2))

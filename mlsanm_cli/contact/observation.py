@@ -78,7 +78,7 @@ class Observation:
         for pairing in self.pairings:
             if pairing.near is not None:
                 first += _rows_of(pairing)
-                pressures.append(np.arange(pairing.near.count) + sum(map(len, pressures)))
+                pressures.append(np.arange(pairing.near.drivers) + sum(map(len, pressures)))
                 continue
             own = np.arange(len(pairing.position))
             same = own if pairing.image is None else np.maximum(own, pairing.image)

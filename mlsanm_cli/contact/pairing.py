@@ -75,6 +75,12 @@ class Pairing:
         """Of each of :attr:`bodies` its name, whether it is the slave, and the sign of forces and motions."""
         return tuple(zip(self.bodies, (True, False), (1.0, -1.0), strict=False))
 
+    def surface_of(self, slave: bool) -> Surface:
+        """The surface of the slave, or of the master of a contact that has one."""
+        found = self.slave if slave else self.master
+        assert found is not None, "an obstacle has no nodes"
+        return found
+
     @property
     def names(self) -> tuple[str, ...]:
         """The boundaries of :attr:`bodies`, as the case names them."""
@@ -123,7 +129,8 @@ def on_grid(pairing: Pairing, near: Near) -> Pairing:
     """The contact of nodes ``pairing`` with pressures on a contact grid; its nodes beyond are watched."""
     hats, facing = near.hats, near.facing
     place = near.around(facing.locate(pairing.points))
-    beyond = (place < near.first) | (place > near.last)
+    slack = SLACK * (near.last - near.first)
+    beyond = (place < near.first - slack) | (place > near.last + slack)
     points, partner, _ = facing.opposite(hats.place)
     gap = hats.at_places(facing.gap(hats.points)[:, None])[:, 0] - pairing.closed_by
     count = len(hats.place)

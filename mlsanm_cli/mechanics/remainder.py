@@ -14,11 +14,15 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.near_field import SurfaceForces, as_complex
+from mlsanm_cli.mechanics.corner import CorneredForces, Forces
+from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 
+ALONG = 1e-6
+"""Directions and places that differ by less are those of one straight surface."""
 
-def remainder_sources(body: ElasticBody, forces: SurfaceForces) -> FloatArray:
+
+def remainder_sources(body: ElasticBody, forces: Forces) -> FloatArray:
     """Right-hand sides (r, 2k) of the remainders of the body's answers to unit forces: those in x of all k
     places, then those in y."""
     cloud, pieces = body.model.cloud, body.pieces
@@ -40,16 +44,19 @@ def remainder_sources(body: ElasticBody, forces: SurfaceForces) -> FloatArray:
     for number, (node, component) in enumerate(body.held_nodes):
         moved = forces.displacement(as_complex(cloud.points[node : node + 1]))
         source[first + number] = -moved[0, :, component]
+    if isinstance(forces, CorneredForces):
+        loads += _balancing(body, forces)
     flat = source.reshape(body.rows, -1)
     lack = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
     flat[body.rows - len(lack) :] = lack
     return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
 
 
-def _on_pieces(body: ElasticBody, name: str, surface: Surface, forces: SurfaceForces) -> FloatArray:
+def _on_pieces(body: ElasticBody, name: str, surface: Surface, forces: Forces) -> FloatArray:
     """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface.
 
-    On a free surface they are exact, by what the fields send through each cell's part of the outline.
+    On a free surface they are exact, by what the fields send through each cell's part of the outline; with
+    corners' fields they are integrals.
     """
     pieces, gripped = body.pieces, np.array(body.gripped.get(name, FREE))
     springs = np.array(body.soft_springs.get(name, NO_SPRING))
@@ -57,7 +64,7 @@ def _on_pieces(body: ElasticBody, name: str, surface: Surface, forces: SurfaceFo
     total = np.zeros((3 * pieces.count, count, 2))
     if gripped.all():
         return total
-    if not gripped.any():
+    if not (gripped.any() or isinstance(forces, CorneredForces)):
         first, last, own = _parts(surface)
         ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
         through = forces.through(*ends)
@@ -68,17 +75,47 @@ def _on_pieces(body: ElasticBody, name: str, surface: Surface, forces: SurfaceFo
             if at_center is not None and forces.center is not None:
                 center = np.array([[forces.center.real, forces.center.imag]])
                 _add(body, total, owner, -np.repeat(at_center[:, None], count, axis=1), center)
-    if gripped.any() or springs.any():
+    if gripped.any() or springs.any() or isinstance(forces, CorneredForces):
         halves = Halves.of(surface, FINE)
         points, z = surface.curve.points(halves.arc), as_complex(surface.curve.points(halves.arc))
         values = -springs[:, None] * forces.displacement(z) if springs.any() else 0.0
-        if gripped.any():
+        if gripped.any() or isinstance(forces, CorneredForces):
             normal = as_complex(surface.curve.normals(halves.arc))
             values = values - forces.traction(z, normal, surface.curve.curvature(halves.arc))
         force = halves.length[:, None, None, None] * np.where(gripped[:, None], 0.0, values)
         for level in pieces.levels:
             owner = level[surface.index[halves.own]]
             total += _gathered(body, owner, points, force)
+    return total
+
+
+def _balancing(body: ElasticBody, forces: CorneredForces) -> FloatArray:
+    """Loads of the pieces (3p, k, 2) that make up for what integrals of corners' fields are off by, as
+    tractions linear along the surface of the forces."""
+    lack = -_moment(as_real(forces.place), np.broadcast_to(np.eye(2), (len(forces.place), 2, 2)))
+    inward, bearing = forces.own.inward[0], None
+    for surface in body.model.cloud.surfaces.values():
+        halves = Halves.of(surface, FINE)
+        points = surface.curve.points(halves.arc)
+        z, normal = as_complex(points), as_complex(surface.curve.normals(halves.arc))
+        found = forces.traction(z, normal, surface.curve.curvature(halves.arc))
+        lack -= _total(points, halves.length[:, None, None, None] * found)
+        beside = ((z[0] - forces.place) * np.conj(inward)).real
+        if max(np.abs(normal + inward).max(), np.abs(beside).max() / surface.curve.length) < ALONG:
+            bearing = surface, halves, points
+    assert bearing is not None
+    surface, halves, points = bearing
+    shapes = np.zeros((len(points), 3, 2))
+    shapes[:, 0], shapes[:, 1] = as_real(np.array([-1j * inward, inward]))
+    shapes[:, 2] = (2.0 * halves.arc / surface.curve.length - 1.0)[:, None] * shapes[:, 1]
+    shapes *= halves.length[:, None, None]
+    moments = points[:, :1] * shapes[:, :, 1] - points[:, 1:] * shapes[:, :, 0]
+    sums = np.stack([shapes[:, :, 0].sum(axis=0), shapes[:, :, 1].sum(axis=0), moments.sum(axis=0)])
+    share = np.linalg.solve(sums, lack.reshape(3, -1)).reshape(lack.shape)
+    force = -np.einsum("esc,skf->ekcf", shapes, share)
+    total = np.zeros((3 * body.pieces.count, *lack.shape[1:]))
+    for level in body.pieces.levels:
+        total += _gathered(body, level[surface.index[halves.own]], points, force)
     return total
 
 
@@ -121,7 +158,7 @@ def _gathered(body: ElasticBody, owner: IntArray, points: FloatArray, force: Flo
 
 
 def reaction_of(
-    body: ElasticBody, name: str, center: tuple[float, float], forces: SurfaceForces
+    body: ElasticBody, name: str, center: tuple[float, float], forces: Forces
 ) -> FloatArray:
     """Force x, y and moment about a ``center`` (3, 2k) of a held surface on the body, by the fields of unit
     forces in x at all places, then in y."""
@@ -132,7 +169,7 @@ def reaction_of(
     found = forces.traction(z, normal, surface.curve.curvature(halves.arc))
     force = halves.length[:, None, None, None] * np.where(held[:, None], found, 0.0)
     total = _total(points - np.array(center), force)
-    if held.all():
+    if held.all() and not isinstance(forces, CorneredForces):
         first, last, _ = _parts(surface)
         ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
         whole = forces.through(*ends).sum(axis=0)
@@ -145,7 +182,7 @@ def reaction_of(
     return np.ascontiguousarray(np.moveaxis(total, 2, 1)).reshape(3, -1)
 
 
-def spring_pull_of(body: ElasticBody, name: str, forces: SurfaceForces) -> FloatArray:
+def spring_pull_of(body: ElasticBody, name: str, forces: Forces) -> FloatArray:
     """Force x, y and moment about the origin (3, 2k) of the soft springs along a surface on the body, by the
     fields of unit forces in x at all places, then in y."""
     surface, springs = body.model.cloud.surfaces[name], np.array(body.soft_springs[name])

@@ -1,0 +1,130 @@
+"""Forces near a corner: what takes their fields' tractions off both faces of an infinite wedge.
+
+The field of a force on a straight face (:mod:`mlsanm_cli.mechanics.near_field`) leaves that face free of
+tractions, but not the other face of a wedge. Forces along both faces take them off: for a force at the
+distance x' from the tip they have the densities psi(ln(x / x')) per logarithm of the distance x. With the
+kernels A and B that tractions on the second face come from forces on the first by, and the reverse::
+
+    psi_2 + A * (delta + psi_1) = 0,    psi_1 + B * psi_2 = 0
+
+where * is the convolution in ln x: Mellin's transform solves them. For normal forces at a right angle they
+are Hetenyi's images (Hetenyi 1960, doi:10.1115/1.3643978).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, traction
+from mlsanm_cli.values import dataclass
+
+STEP, COUNT = 0.02, 4096
+"""The grid of ln(x / x')."""
+REACH = 38.0
+"""Densities beyond are nothing."""
+
+
+@dataclass(frozen=True)
+class Wedge:
+    """A wedge of a body with the ``kernel`` of its material between two straight faces that run from the tip
+    ``along`` the one that bears forces, and along the ``other`` (unit vectors)."""
+
+    kernel: Kernel
+    along: complex
+    other: complex
+
+    @property
+    def inward(self) -> tuple[complex, complex]:
+        """Unit normals into the body on the two faces."""
+        turn = 1j if (np.conj(self.along) * self.other).imag > 0.0 else -1j
+        return turn * self.along, -turn * self.other
+
+    @cached_property
+    def grid(self) -> FloatArray:
+        """ln(x / x') (n,)."""
+        return STEP * (np.arange(COUNT) - COUNT // 2)
+
+    @cached_property
+    def densities(self) -> tuple[FloatArray, FloatArray]:
+        """psi (n, 2, 2) on the two faces, components first, by forces x and y."""
+        place, normals = np.exp(self.grid), [-one for one in self.inward]
+
+        def transformed(seen: complex, by: complex, normal: complex) -> ComplexArray:
+            found = traction(self.kernel.stress(place * seen - by), np.full(COUNT, normal))
+            values = np.fft.ifftshift(found * place[:, None, None], axes=0)
+            return np.asarray(STEP * np.fft.fft(values, axis=0))
+
+        a = transformed(self.other, self.along, normals[1])
+        b = transformed(self.along, self.other, normals[0])
+        first = np.linalg.solve(np.eye(2) - b @ a, b @ a)
+        second = -a @ (np.eye(2) + first)
+
+        def back(values: ComplexArray) -> FloatArray:
+            found = np.fft.fftshift(np.fft.ifft(values, axis=0), axes=0).real / STEP
+            found[np.abs(self.grid) > REACH] = 0.0
+            return np.asarray(found)
+
+        return back(first), back(second)
+
+    def density(self, face: int, x: FloatArray, source: FloatArray) -> FloatArray:
+        """Forces per length (e, k, 2, 2) at distances ``x`` (e,) along a face by unit forces at distances
+        ``source`` (k,) along the first; at the tip itself none."""
+        where = np.maximum(x, np.finfo(float).tiny)[:, None]
+        return interpolated(self.densities[face], np.log(where / source)) / where[:, :, None, None]
+
+    @cached_property
+    def logarithm(self) -> FloatArray:
+        """What displacements (2, 2) by a force change by with the logarithm of the unit of length."""
+        ahead = np.array([self.inward[0]])
+        one, other = (self.kernel.displacement(size * ahead, ahead)[0] for size in (1.0, 2.0))
+        return np.asarray((other - one) / np.log(2.0))
+
+    @cached_property
+    def moved(self) -> FloatArray:
+        """Displacements (n, 2, 2) of the first face by the densities of a unit force at the distance 1."""
+        kept = np.abs(self.grid) <= REACH
+        total = np.zeros((COUNT, 2, 2))
+        # Half a step off the densities, so that none is at the place itself.
+        apart = STEP * (np.arange(-COUNT + 1, COUNT) + 0.5)
+        for density, face, inward in zip(self.densities, (self.along, self.other), self.inward, strict=True):
+            w = np.exp(np.minimum(apart, 600.0)) * self.along - face
+            seen = self.kernel.displacement(w, np.full(len(w), inward))
+            total += STEP * _convolved(seen, density)
+            total += self.logarithm @ (STEP * (self.grid[:, None, None] * density)[kept].sum(axis=0))
+        # A logarithm's singular point midway between places of a sum (Sidi and Israeli 1988,
+        # doi:10.1007/BF01061258).
+        middle = interpolated(self.densities[0], self.grid + 0.5 * STEP)
+        return total - STEP * np.log(2.0) * (self.logarithm @ middle)
+
+    def compliance(self, x: FloatArray, source: FloatArray) -> FloatArray:
+        """The same displacements (e, k, 2, 2) at distances ``x`` (e,) by unit forces at ``source`` (k,)."""
+        own = interpolated(self.moved, np.log(x[:, None] / source) - 0.5 * STEP)
+        whole = STEP * (self.densities[0] + self.densities[1]).sum(axis=0)
+        return own + np.log(source)[:, None, None] * (self.logarithm @ whole)
+
+
+def interpolated(table: FloatArray, t: FloatArray) -> FloatArray:
+    """Cubic interpolation (..., 2, 2) of a ``table`` (n, 2, 2) over the grid at ``t`` (...), constant
+    beyond."""
+    return cubic(table, t / STEP + COUNT // 2)
+
+
+def cubic(table: FloatArray, at: FloatArray) -> FloatArray:
+    """Cubic interpolation (..., a, b) of the rows of a ``table`` (n, a, b) ``at`` numbers of rows (...)."""
+    at = np.clip(at, 1.0, len(table) - 3.0)
+    first = np.minimum(at.astype(np.int64), len(table) - 4)
+    u = (at - first)[..., None, None]
+    a, b, c, d = (table[first + shift] for shift in (-1, 0, 1, 2))
+    low, high = u * (u - 1.0) / 6.0, (u + 1.0) * (u - 2.0) / 2.0
+    return np.asarray(-low * (u - 2.0) * a + high * (u - 1.0) * b - high * u * c + low * (u + 1.0) * d)
+
+
+def _convolved(seen: FloatArray, density: FloatArray) -> FloatArray:
+    """Sums (n, 2, 2) over k of seen[j - k] density[k], of ``seen`` (2n - 1, 2, 2) and ``density`` (n, 2, 2)."""
+    size = 4 * COUNT
+    one, other = np.fft.rfft(seen, size, axis=0), np.fft.rfft(density, size, axis=0)
+    product = np.fft.irfft(one @ other, size, axis=0)
+    return np.asarray(product[COUNT - 1 : 2 * COUNT - 1])
