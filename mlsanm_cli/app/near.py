@@ -131,7 +131,9 @@ def _first(clear: Clear) -> Near:
         away = np.cumsum(steps)
         parts.append(clear.nearest + sign * away[:-1] * room / away[-1])
     hats = _hats(np.unique(np.concatenate(parts)), clear)
-    return Near(clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, clear.corners, rough=True)
+    return Near(
+        clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, clear.corners, rough=True
+    )
 
 
 def _hats(nodes: FloatArray, clear: Clear) -> Hats:

@@ -152,9 +152,7 @@ Ends: TypeAlias = Mapping[str, tuple[Corner | None, Corner | None]]
 """The corners at the beginning and the end of the surfaces of slave and master, where fields know them."""
 
 
-def _corners(
-    pairing: Pairing, models: Mapping[str, BodyModel], held: Mapping[str, Collection[str]]
-) -> Ends:
+def _corners(pairing: Pairing, models: Mapping[str, BodyModel], held: Mapping[str, Collection[str]]) -> Ends:
     found: dict[str, tuple[Corner | None, Corner | None]] = {"slave": (None, None), "master": (None, None)}
     for role, body, surface in (
         ("slave", pairing.slave_body, pairing.slave),
@@ -190,9 +188,7 @@ def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Collection[s
         if model.cloud.holds(as_real(ahead)).any():
             return None
         spacing = float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
-        return Corner(
-            Wedge(model.kernel, *ways), tip, min(abs(along), abs(far - tip)), CLEAR * spacing
-        )
+        return Corner(Wedge(model.kernel, *ways), tip, min(abs(along), abs(far - tip)), CLEAR * spacing)
     return None
 
 

@@ -136,7 +136,9 @@ class Hats:
         """Second derivatives of the functions: strengths (m, 3) of the unit impulses at their three nodes,
         and (m, 3) of their first derivatives; of these only half a hat has one."""
         steps = self.steps.astype(np.longdouble)
-        left, right = (np.where(one > 0.0, 1.0 / np.where(one > 0.0, one, 1.0), 0.0) for one in (steps[:-1], steps[1:]))
+        left, right = (
+            np.where(one > 0.0, 1.0 / np.where(one > 0.0, one, 1.0), 0.0) for one in (steps[:-1], steps[1:])
+        )
         impulses = np.stack([left, -(left + right), right], axis=1)
         doublets = np.zeros_like(impulses)
         doublets[:, 1] = (steps[:-1] == 0.0).astype(float) - (steps[1:] == 0.0)

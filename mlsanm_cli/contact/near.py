@@ -28,6 +28,8 @@ STEP = 1e-4
 """Difference quotients along a contact are taken over this part of its range."""
 
 STRAIGHT = 1e-9
+NOTHING = 1e-14
+"""Components of directions that are none."""
 LEAST = 1e-12
 """Pressures are no nearer to a corner than this part of its faces."""
 
@@ -204,7 +206,9 @@ class Near:
         found = []
         for spread, direction in zip(self.spreads, self.directions, strict=True):
             parts = np.split(spread @ self.uneven(unit), 2)
-            found.append(np.concatenate([parts[0], [direction[0, 0] * share], parts[1], [direction[0, 1] * share]]))
+            found.append(
+                np.concatenate([parts[0], [direction[0, 0] * share], parts[1], [direction[0, 1] * share]])
+            )
         return found[0], found[1]
 
     @cached_property
@@ -245,11 +249,11 @@ class Near:
         points, integrals = hats.towards_ends
         place, normal = self.facing.side(points, slave)[0], self.facing.normal(points)
         directions = normal, np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+        present = [np.flatnonzero(np.abs(one).max(axis=0) > NOTHING).tolist() for one in directions]
         for corner in self.corners_of(slave):
-            x = corner.distance(place)
-            kernel = corner.wedge.compliance(*[np.maximum(x, LEAST * corner.length)] * 2)
-            for c, d in product((0, 1), (0, 1)):
-                right = kernel[:, :, c, d] @ (integrals * directions[by][:, d]).T.toarray()
+            x = np.maximum(corner.distance(place), LEAST * corner.length)
+            for c, d in product(present[which], present[by]):
+                right = corner.wedge.compliance(x, x, c, d) @ (integrals * directions[by][:, d]).T.toarray()
                 total += (integrals * directions[which][:, c]) @ right
         return total
 

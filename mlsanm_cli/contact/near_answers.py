@@ -105,7 +105,6 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
     means = 1.0 / near.hats.weight[:, None]
     own = near.directions[which]
 
-
     def by(other: int) -> FloatArray:
         total = near.hats.pairs(log, turn, own, near.directions[other])
         for _, slave, _ in pairing.sides:

@@ -44,7 +44,9 @@ class _Loads:
     traction: FloatArray
 
     @classmethod
-    def of(cls, near: Near, slave: bool, kernel: Kernel, pressure: FloatArray, traction: FloatArray) -> _Loads:
+    def of(
+        cls, near: Near, slave: bool, kernel: Kernel, pressure: FloatArray, traction: FloatArray
+    ) -> _Loads:
         """Those of nodal ``pressure`` and ``traction`` (m, c)."""
         first, last = near.hats.whole
         beyond = ((int(not first), int(not last)), (0, 0))
@@ -87,7 +89,10 @@ def fields_of(
     # From afar few samples of the range stand for all the pressures, as they do for the remainder.
     for some, sampled in ((away > 1.0, near), ((away <= 1.0) & (away > BEYOND), close)):
         if some.any():
-            forces, (normal, tangent) = replace(sampled, corners=((), ())).forces(kernel, slave), sampled.spreads
+            forces, (normal, tangent) = (
+                replace(sampled, corners=((), ())).forces(kernel, slave),
+                sampled.spreads,
+            )
             on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
             for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
                 total[some] = np.einsum("ekcd,kdm->ecm", field(z[some]), on, optimize=True)
@@ -98,9 +103,11 @@ def fields_of(
     for corner in near.corners_of(slave):
         hats = near.hats
         at, unit = corner.distance(near.facing.side(hats.points, slave)[0]), hats.integrals.T
-        force = normal[:, :, None] * (unit @ pressure)[:, None] + tangent[:, :, None] * (unit @ traction)[:, None]
-        moved, stressed = corner.fields(z, at, force)
-        displacement, stress = displacement + moved, stress + stressed
+        force = (
+            normal[:, :, None] * (unit @ pressure)[:, None] + tangent[:, :, None] * (unit @ traction)[:, None]
+        )
+        for line in corner.lines(at, force):
+            displacement, stress = displacement + line.displacement(z), stress + line.stress(z)
     return displacement, stress
 
 

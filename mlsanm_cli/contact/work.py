@@ -143,7 +143,9 @@ def _given_tractions(
                         beside = traction_beside(pairing.near, kernel, slave, surface, pressure, traction)
                         total[name] -= sign * beside
                     if pairing.near.covers:
-                        total[pairing.surface_of(slave).name] += sign * _mean(pairing.near, pressure, traction)
+                        total[pairing.surface_of(slave).name] += sign * _mean(
+                            pairing.near, pressure, traction
+                        )
         elif pairing.slave_body == body:
             total[pairing.slave.name] += _on_slave(pairing, pressure, traction)
     return total

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, traction
+from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, traction
 from mlsanm_cli.mechanics.wedge import Wedge, cubic, interpolated
 from mlsanm_cli.values import dataclass
 
-STEP = 0.05
+STEP = 0.1
 """Forces along the faces stand so far apart in the logarithm of their distance from the tip."""
-LOW, HIGH = 12.0, 16.0
+LOW, HIGH = 9.0, 16.0
 """They reach so far, in this logarithm, below the nearest source and beyond the farthest; those still nearer
-to the tip act at one place."""
+to the tip, or farther, act at one place."""
 ON = 1e-9
 BESIDE = 0.2
 """Seen under less than this angle forces along a face are no row of single ones any more, but integrated."""
-INNER = 0.2
-"""Between this and 1 in the logarithm of the distance the one goes over into the other."""
-POINTS = 24
+INNER, OUTER = 0.2, 1.6
+"""Between these in the logarithm of the distance the one goes over into the other."""
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 """Gauss's points of these integrals on either side of the closest place."""
 LEAST = 1e-6
 """Places on a face are looked at from this angle inside: on it fields jump."""
@@ -55,72 +57,93 @@ class Corner:
             found[on & (np.abs(normal + inward) <= ON)] = face
         return found
 
-    def images(self, source: FloatArray) -> tuple[tuple[SurfaceForces, FloatArray], ...]:
-        """Of each face the places of forces along it, and these (p, 2, k, 2), by unit forces at the distances
-        ``source`` (k,)."""
-        first, last = np.log(source.min()) - LOW, np.log(source.max()) + HIGH
-        logarithm, before = np.arange(first, last, STEP), np.arange(first - STEP, first - 2.0 * LOW, -STEP)
-        result = []
-        for face, (along, inward) in enumerate(zip(self.faces, self.wedge.inward, strict=True)):
-            table = self.wedge.densities[face]
-            force = STEP * interpolated(table, logarithm[:, None] - np.log(source))
-            force[0] += STEP * interpolated(table, before[:, None] - np.log(source)).sum(axis=0)
-            places = self.tip + np.exp(logarithm) * along
-            forces = SurfaceForces(self.wedge.kernel, places, np.full(len(places), inward))
-            result.append((forces, np.ascontiguousarray(force.transpose(0, 2, 1, 3))))
-        return tuple(result)
-
-    def fields(
-        self, z: ComplexArray, source: FloatArray, force: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Displacements (e, 2, c) and stresses (e, 3, c) at ``z`` (e,), however near, by what forces along
-        the faces there are for forces (k, 2, c) at the distances ``source`` (k,)."""
-        displacement = np.zeros((len(z), 2, force.shape[2]))
-        stress = np.zeros((len(z), 3, force.shape[2]))
+    def lines(self, source: FloatArray, force: FloatArray) -> tuple[Line, ...]:
+        """The forces along both faces that belong to forces (k, 2, c) at the distances ``source`` (k,); none
+        where there are no forces."""
         acting = (source > 0.0) & (force != 0.0).any(axis=(1, 2))
         if not acting.any():
-            return displacement, stress
-        for (forces, by), along, inward in zip(
-            self.images(source[acting]), self.faces, self.wedge.inward, strict=True
-        ):
-            density = np.einsum("pdkf,kfc->pdc", by, force[acting], optimize=True)
-            w = z - self.tip
-            x, deep = (w * np.conj(along)).real, (w * np.conj(inward)).real
-            near = np.flatnonzero((x > 0.0) & (deep < BESIDE * x))
-            single = np.ones((len(z), len(forces.place)))
-            apart = np.log(np.abs(forces.place - self.tip)) - np.log(x[near, None])
-            single[near] = 1.0 - _window(apart)
-            for kernel, total in ((forces.displacement, displacement), (forces.stress, stress)):
-                total += np.einsum("ep,epcd,pdm->ecm", single, kernel(z), density, optimize=True)
-            one, other = self._beside(x[near], np.maximum(deep[near] / x[near], LEAST), forces, density)
-            displacement[near] += one
-            stress[near] += other
-        return displacement, stress
+            return ()
+        source, force = source[acting], force[acting]
+        first, last = np.log(source.min()) - LOW, np.log(source.max()) + HIGH
+        logarithm = np.arange(first, last, STEP)
+        before, after = (
+            np.arange(first - STEP, first - LOW, -STEP),
+            np.arange(logarithm[-1] + STEP, last + LOW, STEP),
+        )
+        found = []
+        for face, (along, inward) in enumerate(zip(self.faces, self.wedge.inward, strict=True)):
+            table = self.wedge.densities[face]
+            by = interpolated(table, logarithm[:, None] - np.log(source))
+            for row, more in ((0, before), (-1, after)):
+                by[row] += interpolated(table, more[:, None] - np.log(source)).sum(axis=0)
+            density = np.einsum("pkdf,kfc->pdc", STEP * by, force, optimize=True)
+            found.append(Line(self.wedge.kernel, self.tip, along, inward, logarithm, density))
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class Line:
+    """Forces ``density`` (p, 2, c) at distances of even ``logarithm`` (p,) from a ``tip`` ``along`` a straight
+    face, which stand for ones that are spread over it."""
+
+    kernel: Kernel
+    tip: complex
+    along: complex
+    inward: complex
+    logarithm: FloatArray
+    density: FloatArray
+
+    def displacement(self, z: ComplexArray) -> FloatArray:
+        """Displacements (e, 2, c) at ``z`` (e,), however near."""
+        return self._field(z, SurfaceForces.displacement)
+
+    def stress(self, z: ComplexArray) -> FloatArray:
+        """Stresses (e, 3, c) at ``z`` (e,), however near; on the face those inside."""
+        return self._field(z, SurfaceForces.stress)
+
+    def _field(
+        self, z: ComplexArray, field: Callable[[SurfaceForces, ComplexArray], FloatArray]
+    ) -> FloatArray:
+        w = z - self.tip
+        x, deep = (w * np.conj(self.along)).real, (w * np.conj(self.inward)).real
+        near = np.flatnonzero((x > 0.0) & (deep < BESIDE * x))
+        apart = self.logarithm - np.log(x[near, None])
+        single = np.ones((len(z), len(self.logarithm)))
+        single[near] = 1.0 - _window(apart)
+        found = field(self._at(np.exp(self.logarithm)), z)
+        total = np.einsum("ep,epcd,pdm->ecm", single, found, self.density, optimize=True)
+        if len(near):
+            total[near] += self._beside(x[near], np.maximum(deep[near] / x[near], LEAST), field)
+        return np.asarray(total)
+
+    def _at(self, distance: FloatArray) -> SurfaceForces:
+        """Unit forces at distances (k,) from the tip."""
+        return SurfaceForces(
+            self.kernel, self.tip + distance * self.along, np.full(len(distance), self.inward)
+        )
 
     def _beside(
-        self, x: FloatArray, slope: FloatArray, forces: SurfaceForces, density: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """The same by the ``density`` (p, 2, c) of one face around distances ``x`` (e,) along it, ``slope``
-        (e,) times as far from the tip as from the face: integrals over ln(x) + slope sinh(v)."""
-        nearest = forces.place[0] - self.tip
-        along, inward = nearest / abs(nearest), forces.inward[0]
-        z = self.tip + x * along + slope * x * inward
-        end = np.arcsinh(1.0 / slope)
-        displacement, stress = np.zeros((len(x), 2, density.shape[2])), np.zeros((len(x), 3, density.shape[2]))
-        for place, weight in zip(*np.polynomial.legendre.leggauss(POINTS), strict=True):
-            for side in (-1.0, 1.0):
-                v = side * 0.5 * end * (1.0 + place)
-                away = slope * np.sinh(v)
-                size = 0.5 * weight * end * slope * np.cosh(v) / STEP * _window(away)
-                row = (np.log(x) + away - np.log(abs(nearest))) / STEP
-                inside = (row >= 0.0) & (row <= len(density) - 1.0)
-                force = np.where(inside, size, 0.0)[:, None, None] * cubic(density, row)
-                there = self.tip + x * np.exp(away) * along
-                one = SurfaceForces(forces.kernel, there, np.full(len(x), inward))
-                moved, stressed = one.at_each(z)
-                displacement += moved @ force
-                stress += stressed @ force
-        return displacement, stress
+        self,
+        x: FloatArray,
+        slope: FloatArray,
+        field: Callable[[SurfaceForces, ComplexArray], FloatArray],
+    ) -> FloatArray:
+        """What is around distances ``x`` (e,) along the face, seen from ``slope`` (e,) times as far from the
+        face: integrals over ln(x) + slope sinh(v)."""
+        end = np.arcsinh(OUTER / slope)[:, None]
+        v = np.concatenate([0.5 * side * end * (1.0 + NODES) for side in (-1.0, 1.0)], axis=1)
+        away = slope[:, None] * np.sinh(v)
+        size = 0.5 * np.tile(WEIGHTS, 2) * end * slope[:, None] * np.cosh(v) / STEP * _window(away)
+        row = (np.log(x)[:, None] + away - self.logarithm[0]) / STEP
+        inside = (row >= 0.0) & (row <= len(self.logarithm) - 1.0)
+        force = np.where(inside, size, 0.0)[..., None, None] * cubic(self.density, row)
+        seen = x * (self.along + slope * self.inward)
+        # Each place by itself: as if all were seen from one, on a line through it.
+        there = x[:, None] * np.exp(away)
+        w = seen[:, None] - there * self.along
+        found = field(SurfaceForces(self.kernel, np.zeros(1, complex), np.array([self.inward])), w.ravel())
+        found = found[:, 0].reshape(*w.shape, -1, 2)
+        return np.asarray(np.einsum("evcd,evdm->ecm", found, force, optimize=True))
 
 
 @dataclass(frozen=True)
@@ -136,21 +159,23 @@ class CorneredForces:
         """Places (k,) of the forces."""
         return self.own.place
 
-    def _of(self, corner: Corner, z: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Displacements (e, k, 2, 2) and stresses (e, k, 3, 2) at ``z`` (e,) by one corner."""
+    @cached_property
+    def _lines(self) -> tuple[tuple[Line, ...], ...]:
+        """Corner by corner the forces along its faces."""
         count = len(self.place)
         unit = np.eye(2 * count).reshape(count, 2, 2 * count)
-        both = corner.fields(z, corner.distance(self.place), unit)
-        displacement, stress = (
-            np.moveaxis(one.reshape(len(z), one.shape[1], count, 2), 2, 1) for one in both
-        )
-        return displacement, stress
+        return tuple(corner.lines(corner.distance(self.place), unit) for corner in self.corners)
+
+    def _parted(self, values: FloatArray) -> FloatArray:
+        """Values (e, c, 2k) of all forces as (e, k, c, 2)."""
+        return np.moveaxis(values.reshape(*values.shape[:2], len(self.place), 2), 2, 1)
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, k, 2, 2) at places ``z`` (e,), none of which is a force's."""
         total = self.own.displacement(z)
-        for corner in self.corners:
-            total = total + self._of(corner, z)[0]
+        for lines in self._lines:
+            for line in lines:
+                total = total + self._parted(line.displacement(z))
         return total
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
@@ -158,12 +183,12 @@ class CorneredForces:
         ``curvature`` (e,); none is left on the faces of a corner by the forces and this corner."""
         total = self.own.traction(z, normal, curvature)
         for corner in self.corners:
-            face = corner.face_of(z, normal)
-            total[face == 1] = 0.0
-        for corner in self.corners:
+            total[corner.face_of(z, normal) == 1] = 0.0
+        for corner, lines in zip(self.corners, self._lines, strict=True):
             off = corner.face_of(z, normal) < 0
             if off.any():
-                total[off] += traction(self._of(corner, z[off])[1], normal[off, None])
+                for line in lines:
+                    total[off] += traction(self._parted(line.stress(z[off])), normal[off, None])
         return total
 
 
@@ -173,5 +198,5 @@ Forces: TypeAlias = SurfaceForces | CorneredForces
 def _window(apart: FloatArray) -> FloatArray:
     """How much of forces (...) so far along a face, in the logarithm, is integrated as seen from nearby: a
     smooth step from 1 to 0."""
-    way = np.clip((np.abs(apart) - INNER) / (1.0 - INNER), 2e-2, 1.0 - 2e-2)
+    way = np.clip((np.abs(apart) - INNER) / (OUTER - INNER), 2e-2, 1.0 - 2e-2)
     return np.asarray(1.0 / (1.0 + np.exp(1.0 / (1.0 - way) - 1.0 / way)))

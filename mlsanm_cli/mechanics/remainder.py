@@ -7,6 +7,8 @@ and of both where springs pull.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import scipy.sparse as sparse
 
@@ -29,6 +31,10 @@ def remainder_sources(body: ElasticBody, forces: Forces) -> FloatArray:
     count = len(forces.place)
     source = np.zeros((body.rows, count, 2))
     loads = np.zeros((3 * pieces.count, count, 2))
+    sent: dict[str, FloatArray] = {}
+    if isinstance(forces, CorneredForces):
+        sent = {name: _tractions(one, forces, Halves.of(one, FINE)) for name, one in cloud.surfaces.items()}
+        loads += _balancing(body, forces, sent)
     for name, surface in cloud.surfaces.items():
         z, normal = as_complex(cloud.points[surface.index]), as_complex(surface.normal)
         values = -forces.traction(z, normal, surface.curve.curvature(surface.arc_length))
@@ -39,24 +45,24 @@ def remainder_sources(body: ElasticBody, forces: Forces) -> FloatArray:
             values = np.where(np.array(held)[:, None], -moved, values)
         for component in (0, 1):
             source[body.condition_rows(name, component)] = values[:, :, component]
-        loads += _on_pieces(body, name, surface, forces)
+        loads += _on_pieces(body, name, surface, forces, sent.get(name))
     first = 2 * (len(cloud.points) + sum(len(surface.index) for surface in cloud.surfaces.values()))
     for number, (node, component) in enumerate(body.held_nodes):
         moved = forces.displacement(as_complex(cloud.points[node : node + 1]))
         source[first + number] = -moved[0, :, component]
-    if isinstance(forces, CorneredForces):
-        loads += _balancing(body, forces)
     flat = source.reshape(body.rows, -1)
     lack = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
     flat[body.rows - len(lack) :] = lack
     return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
 
 
-def _on_pieces(body: ElasticBody, name: str, surface: Surface, forces: Forces) -> FloatArray:
+def _on_pieces(
+    body: ElasticBody, name: str, surface: Surface, forces: Forces, sent: FloatArray | None
+) -> FloatArray:
     """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface.
 
-    On a free surface they are exact, by what the fields send through each cell's part of the outline; with
-    corners' fields they are integrals.
+    On a free surface they are exact, by what the fields send through each cell's part of the outline; where
+    their tractions ``sent`` between the nodes (g, k, 2, 2) are told, they are integrals of these.
     """
     pieces, gripped = body.pieces, np.array(body.gripped.get(name, FREE))
     springs = np.array(body.soft_springs.get(name, NO_SPRING))
@@ -64,7 +70,8 @@ def _on_pieces(body: ElasticBody, name: str, surface: Surface, forces: Forces) -
     total = np.zeros((3 * pieces.count, count, 2))
     if gripped.all():
         return total
-    if not (gripped.any() or isinstance(forces, CorneredForces)):
+    along = gripped.any() or sent is not None
+    if not along:
         first, last, own = _parts(surface)
         ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
         through = forces.through(*ends)
@@ -75,13 +82,12 @@ def _on_pieces(body: ElasticBody, name: str, surface: Surface, forces: Forces) -
             if at_center is not None and forces.center is not None:
                 center = np.array([[forces.center.real, forces.center.imag]])
                 _add(body, total, owner, -np.repeat(at_center[:, None], count, axis=1), center)
-    if gripped.any() or springs.any() or isinstance(forces, CorneredForces):
+    if along or springs.any():
         halves = Halves.of(surface, FINE)
         points, z = surface.curve.points(halves.arc), as_complex(surface.curve.points(halves.arc))
         values = -springs[:, None] * forces.displacement(z) if springs.any() else 0.0
-        if gripped.any() or isinstance(forces, CorneredForces):
-            normal = as_complex(surface.curve.normals(halves.arc))
-            values = values - forces.traction(z, normal, surface.curve.curvature(halves.arc))
+        if along:
+            values = values - (_tractions(surface, forces, halves) if sent is None else sent)
         force = halves.length[:, None, None, None] * np.where(gripped[:, None], 0.0, values)
         for level in pieces.levels:
             owner = level[surface.index[halves.own]]
@@ -89,18 +95,16 @@ def _on_pieces(body: ElasticBody, name: str, surface: Surface, forces: Forces) -
     return total
 
 
-def _balancing(body: ElasticBody, forces: CorneredForces) -> FloatArray:
-    """Loads of the pieces (3p, k, 2) that make up for what integrals of corners' fields are off by, as
-    tractions linear along the surface of the forces."""
+def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, FloatArray]) -> FloatArray:
+    """Loads of the pieces (3p, k, 2) that make up for what integrals of the tractions ``sent`` by surface are
+    off by, as tractions linear along the surface of the forces."""
     lack = -_moment(as_real(forces.place), np.broadcast_to(np.eye(2), (len(forces.place), 2, 2)))
     inward, bearing = forces.own.inward[0], None
-    for surface in body.model.cloud.surfaces.values():
+    for name, surface in body.model.cloud.surfaces.items():
         halves = Halves.of(surface, FINE)
-        points = surface.curve.points(halves.arc)
-        z, normal = as_complex(points), as_complex(surface.curve.normals(halves.arc))
-        found = forces.traction(z, normal, surface.curve.curvature(halves.arc))
-        lack -= _total(points, halves.length[:, None, None, None] * found)
-        beside = ((z[0] - forces.place) * np.conj(inward)).real
+        points, normal = surface.curve.points(halves.arc), as_complex(surface.curve.normals(halves.arc))
+        lack -= _total(points, halves.length[:, None, None, None] * sent[name])
+        beside = ((as_complex(points[:1]) - forces.place) * np.conj(inward)).real
         if max(np.abs(normal + inward).max(), np.abs(beside).max() / surface.curve.length) < ALONG:
             bearing = surface, halves, points
     assert bearing is not None
@@ -117,6 +121,12 @@ def _balancing(body: ElasticBody, forces: CorneredForces) -> FloatArray:
     for level in body.pieces.levels:
         total += _gathered(body, level[surface.index[halves.own]], points, force)
     return total
+
+
+def _tractions(surface: Surface, forces: Forces, halves: Halves) -> FloatArray:
+    """The fields' tractions (g, k, 2, 2) between the nodes of a surface."""
+    z, normal = as_complex(surface.curve.points(halves.arc)), as_complex(surface.curve.normals(halves.arc))
+    return forces.traction(z, normal, surface.curve.curvature(halves.arc))
 
 
 def _parts(surface: Surface) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -157,17 +167,15 @@ def _gathered(body: ElasticBody, owner: IntArray, points: FloatArray, force: Flo
     return np.concatenate([(sums @ one.reshape(len(one), -1)).reshape(-1, shape[0], 2) for one in parts])
 
 
-def reaction_of(
-    body: ElasticBody, name: str, center: tuple[float, float], forces: Forces
-) -> FloatArray:
+def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], forces: Forces) -> FloatArray:
     """Force x, y and moment about a ``center`` (3, 2k) of a held surface on the body, by the fields of unit
     forces in x at all places, then in y."""
     surface, held = body.model.cloud.surfaces[name], np.array(body.gripped[name])
     halves = Halves.of(surface, FINE)
     points = surface.curve.points(halves.arc)
-    z, normal = as_complex(points), as_complex(surface.curve.normals(halves.arc))
-    found = forces.traction(z, normal, surface.curve.curvature(halves.arc))
-    force = halves.length[:, None, None, None] * np.where(held[:, None], found, 0.0)
+    force = halves.length[:, None, None, None] * np.where(
+        held[:, None], _tractions(surface, forces, halves), 0.0
+    )
     total = _total(points - np.array(center), force)
     if held.all() and not isinstance(forces, CorneredForces):
         first, last, _ = _parts(surface)

@@ -99,24 +99,25 @@ class Wedge:
         middle = interpolated(self.densities[0], self.grid + 0.5 * STEP)
         return total - STEP * np.log(2.0) * (self.logarithm @ middle)
 
-    def compliance(self, x: FloatArray, source: FloatArray) -> FloatArray:
-        """The same displacements (e, k, 2, 2) at distances ``x`` (e,) by unit forces at ``source`` (k,)."""
-        own = interpolated(self.moved, np.log(x[:, None] / source) - 0.5 * STEP)
+    def compliance(self, x: FloatArray, source: FloatArray, which: int, by: int) -> FloatArray:
+        """The same displacements in one component (e, k) at distances ``x`` (e,) by unit forces in another at
+        ``source`` (k,)."""
+        own = interpolated(self.moved[:, which, by], np.log(x)[:, None] - (np.log(source) + 0.5 * STEP))
         whole = STEP * (self.densities[0] + self.densities[1]).sum(axis=0)
-        return own + np.log(source)[:, None, None] * (self.logarithm @ whole)
+        return own + np.log(source) * (self.logarithm @ whole)[which, by]
 
 
 def interpolated(table: FloatArray, t: FloatArray) -> FloatArray:
-    """Cubic interpolation (..., 2, 2) of a ``table`` (n, 2, 2) over the grid at ``t`` (...), constant
+    """Cubic interpolation (..., rest) of a ``table`` (n, rest) over the grid at ``t`` (...), constant
     beyond."""
     return cubic(table, t / STEP + COUNT // 2)
 
 
 def cubic(table: FloatArray, at: FloatArray) -> FloatArray:
-    """Cubic interpolation (..., a, b) of the rows of a ``table`` (n, a, b) ``at`` numbers of rows (...)."""
+    """Cubic interpolation (..., rest) of the rows of a ``table`` (n, rest) ``at`` numbers of rows (...)."""
     at = np.clip(at, 1.0, len(table) - 3.0)
     first = np.minimum(at.astype(np.int64), len(table) - 4)
-    u = (at - first)[..., None, None]
+    u = (at - first).reshape(*at.shape, *[1] * (table.ndim - 1))
     a, b, c, d = (table[first + shift] for shift in (-1, 0, 1, 2))
     low, high = u * (u - 1.0) / 6.0, (u + 1.0) * (u - 2.0) / 2.0
     return np.asarray(-low * (u - 2.0) * a + high * (u - 1.0) * b - high * u * c + low * (u + 1.0) * d)
