@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.near import Facing
 from mlsanm_cli.contact.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel
-from mlsanm_cli.mechanics.corner import Corner
+from mlsanm_cli.mechanics.corner import Corner, Mirror
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.mechanics.wedge import Wedge
 from mlsanm_cli.values import dataclass
@@ -59,7 +59,7 @@ def clear_contacts(
     case: Case,
     models: Mapping[str, BodyModel],
     pairings: tuple[Pairing, ...],
-    held: Mapping[str, Collection[str]],
+    held: Mapping[str, Restraints],
 ) -> dict[str, Clear]:
     """The contacts that may have grids of their own, by name; not so on surfaces of bodies that are ``held``
     or have springs."""
@@ -86,7 +86,7 @@ def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, Clear]) -> tuple
 
 
 def _clear(
-    case: Case, models: Mapping[str, BodyModel], pairing: Pairing, held: Mapping[str, Collection[str]]
+    case: Case, models: Mapping[str, BodyModel], pairing: Pairing, held: Mapping[str, Restraints]
 ) -> Clear | None:
     if pairing.master_body == pairing.slave_body:
         return None
@@ -152,7 +152,11 @@ Ends: TypeAlias = Mapping[str, tuple[Corner | None, Corner | None]]
 """The corners at the beginning and the end of the surfaces of slave and master, where fields know them."""
 
 
-def _corners(pairing: Pairing, models: Mapping[str, BodyModel], held: Mapping[str, Collection[str]]) -> Ends:
+Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
+"""The surfaces of a body that are held, and which of their components; None where springs have a part."""
+
+
+def _corners(pairing: Pairing, models: Mapping[str, BodyModel], held: Mapping[str, Restraints]) -> Ends:
     found: dict[str, tuple[Corner | None, Corner | None]] = {"slave": (None, None), "master": (None, None)}
     for role, body, surface in (
         ("slave", pairing.slave_body, pairing.slave),
@@ -164,32 +168,49 @@ def _corners(pairing: Pairing, models: Mapping[str, BodyModel], held: Mapping[st
     return found
 
 
-def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Collection[str]) -> Corner | None:
-    """The corner at one end of a surface, if both its faces are straight, the other one is free, and it is
-    neither blunt nor very sharp."""
+def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
+    """The corner at one end of a surface, if both its faces are straight and the other one is free, or slides
+    along a wall at a right angle; and neither blunt nor very sharp."""
     face = _straight(surface)
     if face is None:
         return None
     tip, along = (face[1], face[0] - face[1]) if at_end else (face[0], face[1] - face[0])
     for name, beside in model.cloud.surfaces.items():
         line = _straight(beside)
-        if name == surface.name or name in held or line is None:
+        if name == surface.name or line is None:
             continue
-        far = max(line, key=lambda end: abs(end - tip))
         if min(abs(end - tip) for end in line) > ALIKE * abs(along):
             continue
+        far = max(line, key=lambda end: abs(end - tip))
         ways = along / abs(along), (far - tip) / abs(far - tip)
         angle = float(np.angle(ways[1] / ways[0]))
         inside = angle < 0.0 if at_end else angle > 0.0
         if not inside or not SHARPEST <= abs(angle) <= BLUNTEST:
             return None
+        length, spacing = (
+            min(abs(along), abs(far - tip)),
+            model.cloud.spacing[surface.index[-1 if at_end else 0]],
+        )
+        if name in held:
+            if not _slides(model, ways, held[name]):
+                return None
+            return Corner(Mirror(model.kernel, *ways), tip, length, CLEAR * float(spacing))
         # The wedge's forces go on where the faces end: not so into the body.
         ahead = np.concatenate([end + (end - tip) * BEYOND for end in (tip + along, far)])
         if model.cloud.holds(as_real(ahead)).any():
             return None
-        spacing = float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
-        return Corner(Wedge(model.kernel, *ways), tip, min(abs(along), abs(far - tip)), CLEAR * spacing)
+        return Corner(Wedge(model.kernel, *ways), tip, length, CLEAR * float(spacing))
     return None
+
+
+def _slides(model: BodyModel, ways: tuple[complex, complex], held: tuple[bool, bool] | None) -> bool:
+    """Whether a face is held along the other of two ways, x or y, alone, and the material the same on both
+    sides of a mirror there."""
+    stiffness = model.material.stiffness
+    across = [abs(ways[0].real) > 1.0 - ALIKE, abs(ways[0].imag) > 1.0 - ALIKE]
+    square = abs((ways[0] * np.conj(ways[1])).real) <= ALIKE
+    even = float(np.abs(stiffness[:2, 2]).max()) <= ALIKE * float(np.abs(stiffness).max())
+    return held is not None and square and even and list(held) == across
 
 
 def _straight(surface: Surface) -> tuple[complex, complex] | None:

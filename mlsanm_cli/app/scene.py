@@ -110,7 +110,7 @@ def prepare(
         for name, model in models.items()
     }
     free = movers(case, clouds, held, held_nodes, grips, loads.springs)
-    occupied = {name: {*sides, *loads.springs[name]} for name, sides in held.items()}
+    occupied = {name: {**sides, **dict.fromkeys(loads.springs[name], None)} for name, sides in held.items()}
     clear = clear_contacts(case, models, pairings, occupied) if grids else {}
     moving, notes = restrained(case, clouds, directed(pairings, clear), free, loads)
     probes = _probes(case, clouds)

@@ -121,11 +121,14 @@ class Near:
         """Arc lengths (k,) of the samples."""
         return chebyshev(self.first, self.last, self.count)
 
-    def forces(self, kernel: Kernel, slave: bool) -> Forces:
+    def own_forces(self, kernel: Kernel, slave: bool) -> SurfaceForces:
         """Unit forces at the samples on one of the two bodies."""
         place, inward = self.facing.side(self.samples, slave)
-        own = SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
-        corners = self.corners_of(slave)
+        return SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
+
+    def forces(self, kernel: Kernel, slave: bool) -> Forces:
+        """The same with what they need beside corners."""
+        own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
         return CorneredForces(own, corners) if corners else own
 
     def corners_of(self, slave: bool) -> tuple[Corner, ...]:

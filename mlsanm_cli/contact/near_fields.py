@@ -89,10 +89,7 @@ def fields_of(
     # From afar few samples of the range stand for all the pressures, as they do for the remainder.
     for some, sampled in ((away > 1.0, near), ((away <= 1.0) & (away > BEYOND), close)):
         if some.any():
-            forces, (normal, tangent) = (
-                replace(sampled, corners=((), ())).forces(kernel, slave),
-                sampled.spreads,
-            )
+            forces, (normal, tangent) = sampled.own_forces(kernel, slave), sampled.spreads
             on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
             for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
                 total[some] = np.einsum("ekcd,kdm->ecm", field(z[some]), on, optimize=True)

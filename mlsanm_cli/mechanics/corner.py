@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, traction
 from mlsanm_cli.mechanics.wedge import Wedge, cubic, interpolated
 from mlsanm_cli.values import dataclass
@@ -30,11 +30,60 @@ LEAST = 1e-6
 
 
 @dataclass(frozen=True)
-class Corner:
-    """A corner of a body at ``tip``, of a ``wedge`` of which the shorter face has a ``length``. Forces farther
-    from the tip than ``reach`` can do without it."""
+class Mirror:
+    """A right-angled corner whose ``other`` face slides along a straight wall without friction, like a plane
+    of symmetry: what keeps it on the wall are the images of all forces behind it."""
 
-    wedge: Wedge
+    kernel: Kernel
+    along: complex
+    other: complex
+
+    @property
+    def mirrored(self) -> FloatArray:
+        """The force (2, 2) that is the image of a force."""
+        along = np.array([self.along.real, self.along.imag])
+        return np.asarray(np.eye(2) - 2.0 * np.outer(along, along))
+
+    def lines(self, tip: complex, source: FloatArray, force: FloatArray) -> tuple[Images]:
+        """The images of forces (k, 2, c) at the distances ``source`` (k,) from the ``tip``."""
+        inward = np.full(len(source), self.other)
+        places = SurfaceForces(
+            self.kernel, np.asarray(tip - source * self.along, dtype=np.complex128), inward
+        )
+        return (Images(places, np.einsum("fd,kdc->kfc", self.mirrored, force)),)
+
+    def compliance(self, x: FloatArray, source: FloatArray, which: int, by: int) -> FloatArray:
+        """Displacements of the first face in one component (e, k) at distances ``x`` (e,) by the images of
+        unit forces in another at ``source`` (k,)."""
+        apart = x[:, None] + source
+        one = self.kernel.displacement(np.array([self.along, 2.0 * self.along]), np.array([self.other] * 2))
+        first, growth = (one[0] @ self.mirrored)[which, by], ((one[1] - one[0]) @ self.mirrored)[which, by]
+        return np.asarray(first + growth * np.log2(apart))
+
+
+@dataclass(frozen=True)
+class Images:
+    """Forces (k, 2, c) at places off the body."""
+
+    places: SurfaceForces
+    force: FloatArray
+
+    def displacement(self, z: ComplexArray) -> FloatArray:
+        """Displacements (e, 2, c) at ``z`` (e,)."""
+        return np.asarray(np.einsum("ekcd,kdm->ecm", self.places.displacement(z), self.force, optimize=True))
+
+    def stress(self, z: ComplexArray) -> FloatArray:
+        """Stresses (e, 3, c) at ``z`` (e,)."""
+        return np.asarray(np.einsum("ekcd,kdm->ecm", self.places.stress(z), self.force, optimize=True))
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A corner of a body at ``tip``, between the face that bears forces and one that is free, as of a wedge,
+    or slides along a wall, as of a mirror. The shorter one has a ``length``; forces farther from the tip than
+    ``reach`` can do without it."""
+
+    wedge: Wedge | Mirror
     tip: complex
     length: float
     reach: float
@@ -48,28 +97,29 @@ class Corner:
         """Distances (e,) of places on the first face from the tip."""
         return np.asarray(((z - self.tip) * np.conj(self.wedge.along)).real)
 
-    def face_of(self, z: ComplexArray, normal: ComplexArray) -> IntArray:
-        """Which of the two faces (e,) places with outward normals lie on, -1 for neither."""
-        found = np.full(len(z), -1)
-        for face, (along, inward) in enumerate(zip(self.faces, self.wedge.inward, strict=True)):
+    def cleared(self, z: ComplexArray, normal: ComplexArray) -> tuple[BoolArray, BoolArray]:
+        """Whether places (e,) with outward normals lie on the first face, and on another that the corner's
+        forces take all tractions off."""
+        found = []
+        for along in self.faces if isinstance(self.wedge, Wedge) else self.faces[:1]:
             w = (z - self.tip) * np.conj(along)
             on = (np.abs(w.imag) <= ON * self.length) & (w.real >= -ON * self.length)
-            found[on & (np.abs(normal + inward) <= ON)] = face
-        return found
+            found.append(on & (np.abs((normal * np.conj(along)).real) <= ON))
+        return found[0], found[-1] if len(found) > 1 else np.zeros(len(z), dtype=bool)
 
-    def lines(self, source: FloatArray, force: FloatArray) -> tuple[Line, ...]:
-        """The forces along both faces that belong to forces (k, 2, c) at the distances ``source`` (k,); none
-        where there are no forces."""
+    def lines(self, source: FloatArray, force: FloatArray) -> tuple[Line | Images, ...]:
+        """What acts besides forces (k, 2, c) at the distances ``source`` (k,); nothing where there are no
+        forces."""
         acting = (source > 0.0) & (force != 0.0).any(axis=(1, 2))
         if not acting.any():
             return ()
         source, force = source[acting], force[acting]
+        if isinstance(self.wedge, Mirror):
+            return self.wedge.lines(self.tip, source, force)
         first, last = np.log(source.min()) - LOW, np.log(source.max()) + HIGH
         logarithm = np.arange(first, last, STEP)
-        before, after = (
-            np.arange(first - STEP, first - LOW, -STEP),
-            np.arange(logarithm[-1] + STEP, last + LOW, STEP),
-        )
+        before = np.arange(first - STEP, first - LOW, -STEP)
+        after = np.arange(logarithm[-1] + STEP, last + LOW, STEP)
         found = []
         for face, (along, inward) in enumerate(zip(self.faces, self.wedge.inward, strict=True)):
             table = self.wedge.densities[face]
@@ -83,8 +133,8 @@ class Corner:
 
 @dataclass(frozen=True)
 class Line:
-    """Forces ``density`` (p, 2, c) at distances of even ``logarithm`` (p,) from a ``tip`` ``along`` a straight
-    face, which stand for ones that are spread over it."""
+    """Forces ``density`` (p, 2, c) at distances of even ``logarithm`` (p,) from a ``tip`` ``along`` a
+    straight face, which stand for ones that are spread over it."""
 
     kernel: Kernel
     tip: complex
@@ -119,7 +169,9 @@ class Line:
     def _at(self, distance: FloatArray) -> SurfaceForces:
         """Unit forces at distances (k,) from the tip."""
         return SurfaceForces(
-            self.kernel, self.tip + distance * self.along, np.full(len(distance), self.inward)
+            self.kernel,
+            np.asarray(self.tip + distance * self.along, dtype=np.complex128),
+            np.full(len(distance), self.inward),
         )
 
     def _beside(
@@ -160,7 +212,7 @@ class CorneredForces:
         return self.own.place
 
     @cached_property
-    def _lines(self) -> tuple[tuple[Line, ...], ...]:
+    def _lines(self) -> tuple[tuple[Line | Images, ...], ...]:
         """Corner by corner the forces along its faces."""
         count = len(self.place)
         unit = np.eye(2 * count).reshape(count, 2, 2 * count)
@@ -182,10 +234,11 @@ class CorneredForces:
         """Tractions (e, k, 2, 2) at places ``z`` (e,) of the surface with outward ``normal`` and
         ``curvature`` (e,); none is left on the faces of a corner by the forces and this corner."""
         total = self.own.traction(z, normal, curvature)
-        for corner in self.corners:
-            total[corner.face_of(z, normal) == 1] = 0.0
-        for corner, lines in zip(self.corners, self._lines, strict=True):
-            off = corner.face_of(z, normal) < 0
+        cleared = [corner.cleared(z, normal) for corner in self.corners]
+        for _, beside in cleared:
+            total[beside] = 0.0
+        for (own, beside), lines in zip(cleared, self._lines, strict=True):
+            off = ~(own | beside)
             if off.any():
                 for line in lines:
                     total[off] += traction(self._parted(line.stress(z[off])), normal[off, None])

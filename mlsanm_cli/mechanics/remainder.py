@@ -71,7 +71,7 @@ def _on_pieces(
     if gripped.all():
         return total
     along = gripped.any() or sent is not None
-    if not along:
+    if not (along or isinstance(forces, CorneredForces)):
         first, last, own = _parts(surface)
         ends = [as_complex(surface.curve.points(arc)) for arc in (first, last)]
         through = forces.through(*ends)

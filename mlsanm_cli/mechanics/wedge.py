@@ -14,8 +14,10 @@ are Hetenyi's images (Hetenyi 1960, doi:10.1115/1.3643978).
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, traction
@@ -45,7 +47,7 @@ class Wedge:
     @cached_property
     def grid(self) -> FloatArray:
         """ln(x / x') (n,)."""
-        return STEP * (np.arange(COUNT) - COUNT // 2)
+        return np.asarray(STEP * (np.arange(COUNT) - COUNT // 2), dtype=np.float64)
 
     @cached_property
     def densities(self) -> tuple[FloatArray, FloatArray]:
@@ -62,7 +64,7 @@ class Wedge:
         first = np.linalg.solve(np.eye(2) - b @ a, b @ a)
         second = -a @ (np.eye(2) + first)
 
-        def back(values: ComplexArray) -> FloatArray:
+        def back(values: NDArray[Any]) -> FloatArray:
             found = np.fft.fftshift(np.fft.ifft(values, axis=0), axes=0).real / STEP
             found[np.abs(self.grid) > REACH] = 0.0
             return np.asarray(found)
@@ -91,20 +93,20 @@ class Wedge:
         apart = STEP * (np.arange(-COUNT + 1, COUNT) + 0.5)
         for density, face, inward in zip(self.densities, (self.along, self.other), self.inward, strict=True):
             w = np.exp(np.minimum(apart, 600.0)) * self.along - face
-            seen = self.kernel.displacement(w, np.full(len(w), inward))
+            seen = self.kernel.displacement(np.asarray(w, dtype=np.complex128), np.full(len(w), inward))
             total += STEP * _convolved(seen, density)
             total += self.logarithm @ (STEP * (self.grid[:, None, None] * density)[kept].sum(axis=0))
         # A logarithm's singular point midway between places of a sum (Sidi and Israeli 1988,
         # doi:10.1007/BF01061258).
         middle = interpolated(self.densities[0], self.grid + 0.5 * STEP)
-        return total - STEP * np.log(2.0) * (self.logarithm @ middle)
+        return np.asarray(total - STEP * np.log(2.0) * (self.logarithm @ middle))
 
     def compliance(self, x: FloatArray, source: FloatArray, which: int, by: int) -> FloatArray:
         """The same displacements in one component (e, k) at distances ``x`` (e,) by unit forces in another at
         ``source`` (k,)."""
         own = interpolated(self.moved[:, which, by], np.log(x)[:, None] - (np.log(source) + 0.5 * STEP))
         whole = STEP * (self.densities[0] + self.densities[1]).sum(axis=0)
-        return own + np.log(source) * (self.logarithm @ whole)[which, by]
+        return np.asarray(own + np.log(source) * (self.logarithm @ whole)[which, by])
 
 
 def interpolated(table: FloatArray, t: FloatArray) -> FloatArray:
@@ -124,7 +126,7 @@ def cubic(table: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def _convolved(seen: FloatArray, density: FloatArray) -> FloatArray:
-    """Sums (n, 2, 2) over k of seen[j - k] density[k], of ``seen`` (2n - 1, 2, 2) and ``density`` (n, 2, 2)."""
+    """Sums (n, 2, 2) over k of seen[j - k] density[k], of (2n - 1, 2, 2) and (n, 2, 2)."""
     size = 4 * COUNT
     one, other = np.fft.rfft(seen, size, axis=0), np.fft.rfft(density, size, axis=0)
     product = np.fft.irfft(one @ other, size, axis=0)
