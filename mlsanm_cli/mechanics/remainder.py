@@ -23,6 +23,9 @@ from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 ALONG = 1e-6
 """Directions and places that differ by less are those of one straight surface."""
 
+CROWDED = 14
+"""Half a cell at a corner is halved towards it so many times."""
+
 
 def remainder_sources(body: ElasticBody, forces: Forces) -> FloatArray:
     """Right-hand sides (r, 2k) of the remainders of the body's answers to unit forces: those in x of all k
@@ -33,7 +36,7 @@ def remainder_sources(body: ElasticBody, forces: Forces) -> FloatArray:
     loads = np.zeros((3 * pieces.count, count, 2))
     sent: dict[str, FloatArray] = {}
     if isinstance(forces, CorneredForces):
-        sent = {name: _tractions(one, forces, Halves.of(one, FINE)) for name, one in cloud.surfaces.items()}
+        sent = {name: _tractions(one, forces, _halves(one, forces)) for name, one in cloud.surfaces.items()}
         loads += _balancing(body, forces, sent)
     for name, surface in cloud.surfaces.items():
         z, normal = as_complex(cloud.points[surface.index]), as_complex(surface.normal)
@@ -83,7 +86,7 @@ def _on_pieces(
                 center = np.array([[forces.center.real, forces.center.imag]])
                 _add(body, total, owner, -np.repeat(at_center[:, None], count, axis=1), center)
     if along or springs.any():
-        halves = Halves.of(surface, FINE)
+        halves = _halves(surface, forces)
         points, z = surface.curve.points(halves.arc), as_complex(surface.curve.points(halves.arc))
         values = -springs[:, None] * forces.displacement(z) if springs.any() else 0.0
         if along:
@@ -101,7 +104,7 @@ def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, Flo
     lack = -_moment(as_real(forces.place), np.broadcast_to(np.eye(2), (len(forces.place), 2, 2)))
     inward, bearing = forces.own.inward[0], None
     for name, surface in body.model.cloud.surfaces.items():
-        halves = Halves.of(surface, FINE)
+        halves = _halves(surface, forces)
         points, normal = surface.curve.points(halves.arc), as_complex(surface.curve.normals(halves.arc))
         lack -= _total(points, halves.length[:, None, None, None] * sent[name])
         beside = ((as_complex(points[:1]) - forces.place) * np.conj(inward)).real
@@ -121,6 +124,24 @@ def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, Flo
     for level in body.pieces.levels:
         total += _gathered(body, level[surface.index[halves.own]], points, force)
     return total
+
+
+def _halves(surface: Surface, forces: Forces) -> Halves:
+    """Points along a surface; they crowd towards corners, near which there are forces."""
+    halves = Halves.of(surface, FINE)
+    if not isinstance(forces, CorneredForces) or surface.curve.closed:
+        return halves
+    arc, last = surface.arc_length, len(surface.index) - 1
+    inner = (halves.own != 0) & (halves.own != last)
+    crowd = np.concatenate([[0.0], 0.5 ** np.arange(CROWDED, -1, -1)])
+    parts = [tuple(one[inner] for one in (halves.own, halves.other, halves.share, halves.arc, halves.length))]
+    for own, other in ((0, 1), (last, last - 1)):
+        way = 0.5 * (arc[other] - arc[own])
+        for x, weight in FINE:
+            at, size = crowd[:-1] + x * np.diff(crowd), weight * np.diff(crowd)
+            same = np.full(len(at), own), np.full(len(at), other)
+            parts.append((*same, 1.0 - 0.5 * at, arc[own] + at * way, size * abs(way)))
+    return Halves(*(np.concatenate(some) for some in zip(*parts, strict=True)))
 
 
 def _tractions(surface: Surface, forces: Forces, halves: Halves) -> FloatArray:
@@ -171,7 +192,7 @@ def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], force
     """Force x, y and moment about a ``center`` (3, 2k) of a held surface on the body, by the fields of unit
     forces in x at all places, then in y."""
     surface, held = body.model.cloud.surfaces[name], np.array(body.gripped[name])
-    halves = Halves.of(surface, FINE)
+    halves = _halves(surface, forces)
     points = surface.curve.points(halves.arc)
     force = halves.length[:, None, None, None] * np.where(
         held[:, None], _tractions(surface, forces, halves), 0.0

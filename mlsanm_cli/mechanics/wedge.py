@@ -92,8 +92,8 @@ class Wedge:
         # Half a step off the densities, so that none is at the place itself.
         apart = STEP * (np.arange(-COUNT + 1, COUNT) + 0.5)
         for density, face, inward in zip(self.densities, (self.along, self.other), self.inward, strict=True):
-            w = np.exp(np.minimum(apart, 600.0)) * self.along - face
-            seen = self.kernel.displacement(np.asarray(w, dtype=np.complex128), np.full(len(w), inward))
+            w = np.asarray(np.exp(np.minimum(apart, 600.0)) * self.along - face, dtype=np.complex128)
+            seen = self.kernel.displacement(w, np.full(len(w), inward))
             total += STEP * _convolved(seen, density)
             total += self.logarithm @ (STEP * (self.grid[:, None, None] * density)[kept].sum(axis=0))
         # A logarithm's singular point midway between places of a sum (Sidi and Israeli 1988,
