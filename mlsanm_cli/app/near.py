@@ -47,6 +47,9 @@ ROUNDS = 60
 MOST, SHORTEST = 2000, 1e-5
 """Grids of more intervals are not halved any more, nor intervals below this part of the range: pressures
 under corners of obstacles have no bound."""
+PLENTY = 300
+"""Grids of more intervals are refined to less, by the square of how many more: obstacles of many corners, or
+of many patches, would cost minutes otherwise."""
 SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 ACCURACY, RUBBING, SMOOTHED = 0.3, 2.0, 10.0
@@ -261,7 +264,8 @@ def _refined(
     result = dict(grids)
     for name, near in grids.items():
         errors = grid_errors(condensed, name, states, tractions)
-        total, aim = float(np.sqrt((errors**2).sum())), accuracy[name]
+        total = float(np.sqrt((errors**2).sum()))
+        aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 2
         if total <= aim or len(errors) >= MOST:
             continue
         share = max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))

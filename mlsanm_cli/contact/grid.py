@@ -203,8 +203,8 @@ class Hats:
             return total
         kernel, exact = kernels()
         for component in (0, 1):
-            right = kernel @ (self.integrals * turned[:, component]).T.toarray()
-            total += (self.integrals * one[:, component]) @ right
+            right = (self.integrals * turned[:, component]) @ kernel.T
+            total += (self.integrals * one[:, component]) @ right.T
         # What is lost of the near pairs by Gauss's points, for the directions at the peaks.
         first, second = self.near
         product = (middle[0][first] * middle[1][second]).sum(axis=1)
@@ -212,7 +212,7 @@ class Hats:
         return total
 
     def _rough(self, kernel: FloatArray) -> FloatArray:
-        return np.asarray(self.integrals @ (kernel @ self.integrals.T.toarray()))
+        return np.asarray(self.integrals @ (self.integrals @ kernel.T).T)
 
     def at_places(self, values: FloatArray) -> FloatArray:
         """Means (m, c) over the hats of ``values`` (g, c) at the points."""

@@ -256,8 +256,8 @@ class Near:
         for corner in self.corners_of(slave):
             x = np.maximum(corner.distance(place), LEAST * corner.length)
             for c, d in product(present[which], present[by]):
-                right = corner.wedge.compliance(x, x, c, d) @ (integrals * directions[by][:, d]).T.toarray()
-                total += (integrals * directions[which][:, c]) @ right
+                right = (integrals * directions[by][:, d]) @ corner.wedge.compliance(x, x, c, d).T
+                total += (integrals * directions[which][:, c]) @ right.T
         return total
 
     def singular(self, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:

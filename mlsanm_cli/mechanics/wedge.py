@@ -80,7 +80,7 @@ class Wedge:
     @cached_property
     def logarithm(self) -> FloatArray:
         """What displacements (2, 2) by a force change by with the logarithm of the unit of length."""
-        ahead = np.array([self.inward[0]])
+        ahead = np.array([self.inward[0]], dtype=np.complex128)
         one, other = (self.kernel.displacement(size * ahead, ahead)[0] for size in (1.0, 2.0))
         return np.asarray((other - one) / np.log(2.0))
 
