@@ -7,7 +7,7 @@ some along.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -53,10 +53,10 @@ def arc_zones(outline: Outline, far: float) -> Iterator[Zone]:
 
 
 def contact_zone(
-    outline: Outline, own: Curve, other: Curve | None, obstacle: Shape | None, far: float
+    rest: Iterable[Curve], own: Curve, other: Curve | None, obstacle: Shape | None, far: float
 ) -> Iterator[Zone]:
     """Finer nodes of a body where its boundary ``own`` comes nearest to the ``other`` surface, or to a rigid
-    ``obstacle``, if another of its boundaries is close to that place."""
+    ``obstacle``, if the ``rest`` of its outline or an end is close to that place."""
     if isinstance(own, Arc) and isinstance(other, Arc) and _conform(own, other):
         # Contact and bodies have one scale.
         yield Zone(own, own.radius / IN_EACH_OTHER, 0.0, GROWTH)
@@ -69,9 +69,7 @@ def contact_zone(
     apart = np.hypot(*(points - partner).T)
     nearest = np.flatnonzero(apart <= apart.min() + FLAT * own.length)
     place = points[nearest[len(nearest) // 2]]
-    distances = [
-        float(np.hypot(*(_along(curve) - place).T).min()) for curve in outline.curves if curve is not own
-    ]
+    distances = [float(np.hypot(*(_along(curve) - place).T).min()) for curve in rest]
     if not own.closed:
         distances += np.hypot(*(points[[0, -1]] - place).T).tolist()
     distance = min(distances, default=np.inf)

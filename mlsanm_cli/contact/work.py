@@ -117,8 +117,9 @@ def _prescribed(scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> Mapp
             value = motions[unknown] if motion.prescribed is None else motion.prescribed @ factors
             unknown += motion.prescribed is None
             if platen.body == body:
-                surface = cloud.surfaces[platen.surface]
-                total[platen.surface] += value * platen.pattern(surface, cloud.points, motion.component)
+                for name in platen.surfaces:
+                    surface = cloud.surfaces[name]
+                    total[name] += value * platen.pattern(surface, cloud.points, motion.component)
     return total
 
 
@@ -142,7 +143,9 @@ def _given_tractions(
                         beside = traction_beside(pairing.near, kernel, slave, surface, pressure, traction)
                         total[name] -= sign * beside
         elif pairing.slave_body == body:
-            total[pairing.slave.name] += _on_slave(pairing, pressure, traction)
+            given = _on_slave(pairing, pressure, traction)
+            for part, place in pairing.slave.members:
+                total[part.name] += given[place]
     return total
 
 
