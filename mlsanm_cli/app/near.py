@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.near_geometry import Clear
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.contact.active_set import ExactState
 from mlsanm_cli.contact.condensed import Answers, Condensed, condense
@@ -27,6 +27,8 @@ from mlsanm_cli.memo import Memo
 
 FIRST = 24
 """Intervals of an even grid over all that faces."""
+PER_PLACE = 10
+"""Intervals of even grids for each place where surfaces come close, or means over them would not see it."""
 FINEST, GROWTH = 1e-3, 1.3
 """The first grid has intervals so much finer where surfaces are nearest, growing by this factor: where bodies
 roll on each other, a few places alone cannot balance their loads."""
@@ -37,6 +39,8 @@ SMOOTH = 1e-4
 """Samples are doubled until the last coefficients of the answer are below this part of its variation."""
 LEAST = 8
 """Intervals in contact that tell where it is."""
+ENDING = 2e-3
+"""Intervals at the end of a range that something touches are halved down to this part of the range."""
 MARGIN = 0.3
 """The range goes on past the outermost contact by this part of the width between."""
 NARROWED = 0.6
@@ -122,7 +126,7 @@ def _same(one: Mapping[str, Near], other: Mapping[str, Near]) -> bool:
 
 def _first(clear: Clear) -> Near:
     """A coarse grid over all that faces, finer towards where the surfaces are nearest."""
-    widest = (clear.last - clear.first) / FIRST
+    widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)
     parts = [np.array([clear.first, clear.nearest, clear.last])]
     for sign, room in ((-1.0, clear.nearest - clear.first), (1.0, clear.last - clear.nearest)):
         steps = [FINEST * widest]
@@ -201,7 +205,11 @@ def _ranged(
         if len(beyond):
             low, high = min(low, float(beyond.min())), max(high, float(beyond.max()))
         if low <= room.first or high >= room.last:
-            return None
+            coarse = _coarse_ends(near, places)
+            if not coarse.any():
+                return None
+            result[name] = replace(near, hats=near.hats.halved(coarse))
+            continue
         first, last = max(room.first, low - MARGIN * width), min(room.last, high + MARGIN * width)
         if low <= near.first or high >= near.last or len(beyond):
             inner = nodes[(nodes > near.first) & (nodes < near.last)]
@@ -215,9 +223,20 @@ def _ranged(
             middle[max(places[0] - 1, 0) : places[-1] + 3] = True
             result[name] = replace(near, hats=near.hats.halved(middle))
         elif near.rough or last - first < NARROWED * (near.last - near.first):
-            even = Hats(np.linspace(first, last, FIRST + 1))
+            share = PER_PLACE * room.places * (last - first) / (room.last - room.first)
+            even = Hats(np.linspace(first, last, max(FIRST, round(share)) + 1))
             result[name] = replace(near, first=first, last=last, count=SAMPLES, hats=even, rough=False)
     return result
+
+
+def _coarse_ends(near: Near, places: IntArray) -> BoolArray:
+    """Which intervals (m + 1,) at an end of the range that closed ``places`` come to are too long to tell
+    whether they do."""
+    steps = near.hats.steps
+    ends = np.zeros(len(steps), dtype=bool)
+    ends[:2] |= places[0] == 0
+    ends[-2:] |= places[-1] == len(steps) - 2
+    return ends & (steps > ENDING * (near.last - near.first))
 
 
 def _sampled(scene: Scene, answers: Answers, grids: Mapping[str, Near]) -> dict[str, Near]:

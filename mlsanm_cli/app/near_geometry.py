@@ -11,6 +11,7 @@ from mlsanm_cli.app.contacts import shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.joined import corners_of, points_of
 from mlsanm_cli.contact.near import Facing
 from mlsanm_cli.contact.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel
@@ -24,7 +25,7 @@ ALIKE = 1e-9
 """Curvatures that differ by less are the same."""
 TOUCHING = 1e-6
 """Gaps that differ by less than this part of the range are the same: such surfaces touch all along."""
-LOOKED_AT = 800
+LOOKED_AT, LOOKS_PER_POINT = 800, 2
 RAYS = 17
 LOOKS = 8
 CHORDS = 200
@@ -33,13 +34,14 @@ CHORDS = 200
 @dataclass(frozen=True)
 class Clear:
     """A contact's range from ``first`` to ``last`` off all corners, the place ``nearest`` to the other
-    surface, and where fields end in hollows."""
+    surface, where fields end in hollows, and in how many ``places`` surfaces come close."""
 
     facing: Facing
     first: float
     last: float
     nearest: float
     centers: tuple[complex | None, complex | None]
+    places: int = 1
 
 
 def clear_contacts(
@@ -81,8 +83,8 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
     base = facing.base
     # Looked at along the base, so that roles do not tell which of several alike places is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
-    count = LOOKED_AT if base.closed else LOOKED_AT + 1
-    s = np.linspace(0.0, base.length, LOOKED_AT + 1)[:count]
+    looks = max(LOOKED_AT, LOOKS_PER_POINT * max(map(points_of, facing.curves)))
+    s = np.linspace(0.0, base.length, looks + 1)[: looks if base.closed else looks + 1]
     points, partner, normal = ahead.opposite(s)
     away, outward = points - partner, as_real(-ahead.side(s, True)[1])
     gap = (away * normal).sum(axis=1)
@@ -122,7 +124,9 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
     closest = _minimum(ahead, s[max(nearest - 1, 0)], s[min(nearest + 1, len(s) - 1)])
     first, last = sorted((sign * first, sign * last))
     both = centers[0], centers[1] if len(centers) > 1 else None
-    return Clear(facing, first, last, sign * closest, both)
+    there = gap[stretch[0] : stretch[1] + 1]
+    places = int(((there[1:-1] < there[:-2]) & (there[1:-1] <= there[2:])).sum())
+    return Clear(facing, first, last, sign * closest, both, max(places, 1))
 
 
 def _facing(case: Case, pairing: Pairing) -> Facing:
@@ -148,17 +152,24 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
 def _off_corners(
     pairing: Pairing, models: Mapping[str, BodyModel], facing: Facing, s: FloatArray
 ) -> BoolArray:
-    """Whether places (e,) are off the ends of both surfaces."""
+    """Whether places (e,) are off the ends and corners of both surfaces."""
     off = np.ones(len(s), dtype=bool)
     for body, surface, slave in (
         (pairing.slave_body, pairing.slave, True),
         (pairing.master_body, pairing.master, False),
     ):
-        if body is None or surface is None or surface.curve.closed:
+        if body is None or surface is None:
             continue
-        arc = surface.curve.closest(as_real(facing.side(s, slave)[0]))
-        first, last = CLEAR * models[body].cloud.spacing[surface.index[[0, -1]]]
-        off &= (arc >= first) & (arc <= surface.curve.length - last)
+        curve, spacing = surface.curve, models[body].cloud.spacing[surface.index]
+        arc = curve.closest(as_real(facing.side(s, slave)[0]))
+        corners = corners_of(curve)
+        if not curve.closed:
+            corners = np.concatenate([[0.0], corners, [curve.length]])
+        for corner, near in zip(corners, np.interp(corners, surface.arc_length, spacing), strict=True):
+            apart = np.abs(arc - corner)
+            if curve.closed:
+                apart = np.minimum(apart, curve.length - apart)
+            off &= apart >= CLEAR * near
     return off
 
 

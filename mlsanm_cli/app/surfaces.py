@@ -314,7 +314,7 @@ def refuse_conflicts(case: Case) -> None:
                 for other, name, label in others:
                     plates = kind.startswith("platen") and label != place.label
                     if plates or not may_meet(other, kind):
-                        message = f"{key} and {name} both act on {place.body}.{surface} in {'xy'[component]}"
+                        message = f"{key} and {name} both act on a part of {place.label} in {'xy'[component]}"
                         hint = "one condition per boundary and direction"
                         problems.append(CaseProblem(key, message, hint=hint))
                 others.append((kind, key, place.label))

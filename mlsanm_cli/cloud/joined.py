@@ -11,6 +11,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
+from mlsanm_cli.cloud.splines import SplinePart
 from mlsanm_cli.values import dataclass
 
 SMOOTH = math.radians(1.0)
@@ -133,6 +134,15 @@ def turn(before: Curve, after: Curve) -> float:
 def corners_of(curve: Curve) -> FloatArray:
     """Arc lengths (c,) of the corners within a curve."""
     return curve.corners if isinstance(curve, Joined) else np.zeros(0)
+
+
+def points_of(curve: Curve) -> int:
+    """How many points a curve is given by, as far as it is a curve through points."""
+    if isinstance(curve, Joined):
+        return sum(map(points_of, curve.pieces))
+    if isinstance(curve, Part):
+        return points_of(curve.whole)
+    return len(curve.node_arcs) if isinstance(curve, SplinePart) else 0
 
 
 def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
