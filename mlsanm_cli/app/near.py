@@ -58,7 +58,7 @@ ACCURACY, RUBBING, SMOOTHED = 0.3, 2.0, 10.0
 which costs next to nothing; with it, where every place that begins to slide is an event of the path; and
 where friction is smoothed, which is 0.6 % off partial slip whatever the grid."""
 FEW = 2
-"""More contacts without friction than these are refined to what is asked for only: unknowns of all are solved
+"""Contacts without friction in more places than these are refined to what is asked for only: unknowns of all are solved
 for together."""
 
 Search = Callable[[Condensed, Sequence[Sets], bool], tuple[ExactState, ...]]
@@ -76,9 +76,8 @@ def find_grids(
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """The scene condensed on grids that are wide and fine enough, and the exact states at the ends of its
     stages; None where a contact comes too close to a corner, or where it is does not settle."""
-    accuracy = {
-        contact.name: contact.accuracy * _effort(contact, len(case.contact)) for contact in case.contact
-    }
+    places = len(case.contact) + sum(one.places - 1 for one in clear.values())
+    accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
     grids = {name: _first(one) for name, one in clear.items()}
     answers: Answers | None = None
     starts: list[Sets] = []
@@ -113,7 +112,7 @@ def find_grids(
 
 
 def _effort(contact: Contact, count: int) -> float:
-    """How many times a contact's accuracy its grid is refined to, one of so many contacts."""
+    """How many times a contact's accuracy its grid is refined to, where surfaces touch in so many places."""
     if not contact.friction:
         return ACCURACY if count <= FEW else 1.0
     law = contact.regularization
