@@ -58,8 +58,8 @@ ACCURACY, RUBBING, SMOOTHED = 0.3, 2.0, 10.0
 which costs next to nothing; with it, where every place that begins to slide is an event of the path; and
 where friction is smoothed, which is 0.6 % off partial slip whatever the grid."""
 FEW = 2
-"""Contacts without friction in more places than these are refined to what is asked for only: unknowns of all are solved
-for together."""
+"""Contacts without friction in more places than these are refined to what is asked for only: unknowns of all
+are solved for together."""
 
 Search = Callable[[Condensed, Sequence[Sets], bool], tuple[ExactState, ...]]
 """The exact states of a condensed scene, searched from sets if there are any: all that count, or only those

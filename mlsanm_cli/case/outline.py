@@ -143,7 +143,9 @@ def outer_loop(sides: tuple[OutlineSide, ...]) -> tuple[Piece, ...]:
         if side.points is not None:
             points = side.points
             if count == 1:
-                chain.append(Smooth(name, (*points[:-1], points[0]), closed=True))
+                # As disks do, so that a mirror finds nodes where it crosses the curve.
+                top = max(range(len(points) - 1), key=lambda k: points[k][1])
+                chain.append(Smooth(name, (*points[top:-1], *points[: top + 1]), closed=True))
                 continue
             # Where two curves meet within round-off, they meet in one point.
             end = first_point(after)
