@@ -22,7 +22,7 @@ from mlsanm_cli.app.symmetry import even_scene
 from mlsanm_cli.case import Case, Displacement, Place, Platen
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.mirror import Line
-from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
@@ -134,7 +134,8 @@ def _touching(prepared: Prepared) -> dict[str, tuple[str, ...]]:
     for pairing in prepared.pairings:
         if pairing.name in prepared.clear:
             continue
-        found[pairing.slave_body].update(part.name for part, _ in pairing.slave.members)
+        parts = facing_parts(pairing.slave, pairing.position, pairing.normal)
+        found[pairing.slave_body].update(part.name for part, own, _ in parts if len(own))
         if pairing.master is not None and pairing.master_body is not None:
             found[pairing.master_body].update(part.name for part, _ in pairing.master.members)
     return {name: tuple(sorted(names)) for name, names in found.items()}

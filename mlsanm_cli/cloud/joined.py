@@ -136,6 +136,21 @@ def corners_of(curve: Curve) -> FloatArray:
     return curve.corners if isinstance(curve, Joined) else np.zeros(0)
 
 
+def normals_towards(curve: Curve, s: FloatArray, other: FloatArray) -> FloatArray:
+    """Outward normals (n, 2) at arc lengths ``s`` (n,), at corners within the curve those of the side that is
+    more opposed to the vectors ``other`` (n, 2)."""
+    normals = curve.normals(s)
+    small = SAME * curve.length
+    for corner in corners_of(curve):
+        at = np.flatnonzero(np.abs(s - corner) <= small)
+        ways = (corner + small, corner - small if corner > 0.0 else curve.length - small)
+        for way in ways if len(at) else ():
+            side = curve.normals(np.array([way]))[0]
+            better = other[at] @ side < (other[at] * normals[at]).sum(axis=1)
+            normals[at[better]] = side
+    return normals
+
+
 def points_of(curve: Curve) -> int:
     """How many points a curve is given by, as far as it is a curve through points."""
     if isinstance(curve, Joined):

@@ -43,6 +43,15 @@ class Surface:
         return tuple(found)
 
     @cached_property
+    def end_normals(self) -> FloatArray:
+        """Normals (k, 2, 2) at both ends of the k stretches between neighbouring nodes: at a corner between
+        two parts that of the stretch's own."""
+        if self.parts:
+            return np.concatenate([part.end_normals for part in self.parts])
+        after = np.roll(self.normal, -1, axis=0)
+        return np.stack([self.normal, after], axis=1)[: len(self.index) - (not self.curve.closed)]
+
+    @cached_property
     def content(self) -> str:
         """A digest of the nodes; of the curve behind them they need to know no more."""
         return digest(

@@ -9,7 +9,16 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.linear_map import Columns
-from mlsanm_cli.contact.pairing import OPPOSED, Pairing, feet, transfer, turned
+from mlsanm_cli.contact.pairing import (
+    OPPOSED,
+    Pairing,
+    facing_parts,
+    feet,
+    opposed,
+    slave_normals,
+    transfer,
+    turned,
+)
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.pieces import turned_along
 from mlsanm_cli.mechanics.remainder import remainder_sources
@@ -87,24 +96,13 @@ def _on_slave(body: ElasticBody, pairing: Pairing, direction: FloatArray) -> spa
     chosen = np.flatnonzero(pairing.candidate)
     columns = np.arange(len(chosen))
     source = sparse.csc_array((body.rows, len(chosen)))
-    for part, place in pairing.slave.members:
-        own = _numbers(pairing.slave, place)[pairing.position[chosen]]
-        # At a corner between two parts only those receive pressures that face the master.
-        taken = own >= 0
-        taken[taken] = (part.normal[own[taken]] * pairing.normal[chosen[taken]]).sum(axis=1) < OPPOSED
+    parts = facing_parts(pairing.slave, pairing.position[chosen], pairing.normal[chosen])
+    for part, own, on in parts:
         for component in (0, 1):
-            rows = body.condition_rows(part.name, component)[own[taken]]
-            values = direction[chosen[taken], component]
-            source = source + sparse.csc_array((values, (rows, columns[taken])), shape=source.shape)
+            rows = body.condition_rows(part.name, component)[own]
+            values = direction[chosen[on], component]
+            source = source + sparse.csc_array((values, (rows, columns[on])), shape=source.shape)
     return source
-
-
-def _numbers(surface: Surface, place: IntArray) -> IntArray:
-    """Which node (b,) of a part of a surface each of the surface's nodes is, -1 where none, by the ``place``
-    of the part's nodes among them."""
-    numbers = np.full(len(surface.index), -1, dtype=np.int64)
-    numbers[place] = np.arange(len(place))
-    return numbers
 
 
 def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential: bool) -> sparse.csc_array:
@@ -113,8 +111,13 @@ def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential:
     direction = pairing.tangent if tangential else pairing.normal
     shares = transfer(pairing, body.model.cloud)
     source = sparse.csc_array((body.rows, shares.shape[1]))
+    # At a corner between two parts only those that face the slave receive its pressures.
+    towards = slave_normals(pairing, feet(pairing, master, master.arc_length)[0]) if master.parts else None
     for part, place in master.members:
-        some = shares[place].tocoo()
+        faces = np.ones(len(place), dtype=bool)
+        if towards is not None:
+            faces = (part.normal * towards[place]).sum(axis=1) < OPPOSED
+        some = (sparse.diags_array(faces.astype(float)) @ shares[place]).tocoo()
         rows, columns = some.coords
         # The reaction to p n is -p n, whose n the master's own normal stands for; likewise the tangent.
         own = turned(part.normal) if tangential else part.normal
@@ -158,9 +161,10 @@ def _on_pieces(
             master.curve.points(master.curve.closest(slave.curve.points(s))),
         )
         share = (s - ends[first]) / (ends[first + 1] - ends[first])
-        for who, part in ((first, 1.0 - share), ((first + 1) % len(nodes), share)):
-            on = np.flatnonzero(place[who] >= 0)
-            turn = turned_along(slave.normal[who[on]], normal[on])
+        faces = opposed(pairing, s)
+        for end, who, part in ((0, first, 1.0 - share), (1, (first + 1) % len(nodes), share)):
+            on = np.flatnonzero((place[who] >= 0) & faces)
+            turn = turned_along(slave.end_normals[first[on], end], normal[on])
             along = (turn @ direction[chosen[place[who[on]]], :, None])[:, :, 0]
             force = -(weight * np.diff(cuts) * part)[on, None] * along
             for level in pieces.levels:

@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.near_fields import traction_beside
-from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.pairing import Pairing, facing_parts, opposed
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
@@ -143,9 +143,11 @@ def _given_tractions(
                         beside = traction_beside(pairing.near, kernel, slave, surface, pressure, traction)
                         total[name] -= sign * beside
         elif pairing.slave_body == body:
-            given = _on_slave(pairing, pressure, traction)
-            for part, place in pairing.slave.members:
-                total[part.name] += given[place]
+            given, chosen = _on_slave(pairing, pressure, traction), pairing.candidate
+            position = pairing.position[chosen]
+            parts = facing_parts(pairing.slave, position, pairing.normal[chosen])
+            for part, numbers, on in parts:
+                total[part.name][numbers] += given[position[on]]
     return total
 
 
@@ -163,7 +165,8 @@ def _on_master(
         given, slave = _on_slave(pairing, pressure, traction), pairing.slave
         halves = Halves.of(slave, FINE)
         share = halves.share[:, None]
-        force = halves.length[:, None] * (share * given[halves.own] + (1.0 - share) * given[halves.other])
+        length = halves.length * opposed(pairing, halves.arc)
+        force = length[:, None] * (share * given[halves.own] + (1.0 - share) * given[halves.other])
         arc = master.curve.closest(slave.curve.points(halves.arc))
         around = master.curve.length if master.curve.closed else None
         moved = [np.interp(arc, master.arc_length, one, period=around) for one in path[master.index].T]
