@@ -11,6 +11,9 @@ from mlsanm_cli.case.outline import OutlineShape, join_problems, side_name
 from mlsanm_cli.case.polygon import Hole, Polygon, circles
 from mlsanm_cli.case.report import Report
 
+MOST_POINTS = 4000
+"""Most points of an outline's sides: whether they cross takes seconds."""
+
 
 def check_polygon(shape: Polygon, path: KeyPath, report: Report) -> None:
     """Adds every problem of a polygon's geometry; later ones only where the earlier make sense."""
@@ -43,7 +46,9 @@ def check_outline(shape: OutlineShape, path: KeyPath, report: Report) -> None:
     if not problems:
         outer, small = shape.loops[0], SMALL * shape.size
         ways = [a for _, a, _ in chords(outer)]
-        if abs(signed_area(ways)) <= small * shape.size:
+        if len(ways) > MOST_POINTS:
+            problems = [(("sides",), f"have {len(ways)} points", f"{MOST_POINTS} at most")]
+        elif abs(signed_area(ways)) <= small * shape.size:
             problems = [(("sides",), "the points lie on a line", "")]
         else:
             problems = [*_crossing_problems(outer, small, ("sides",))]

@@ -16,7 +16,7 @@ from mlsanm_cli.values import dataclass
 
 SMOOTH = math.radians(1.0)
 """Curves that meet under a smaller angle go on smoothly: what a kink does to stresses goes with its angle."""
-CHORDS = 64
+CHORDS, BEND = 64, 0.2
 SAME = 1e-9
 """Differences below this part of a curve's size are round-off."""
 
@@ -54,13 +54,21 @@ class Part:
         nearer = np.where(away[:, 1] < away[:, 0], self.length, 0.0)
         return np.asarray(np.where((s >= 0.0) & (s <= self.length), s, nearer))
 
-    def zones(self) -> tuple[tuple[float, ...], ...]:
+    @cached_property
+    def _chords(self) -> tuple[tuple[float, ...], ...]:
         return chords(self)
+
+    def zones(self) -> tuple[tuple[float, ...], ...]:
+        return self._chords
 
 
 def chords(curve: Curve) -> tuple[tuple[float, ...], ...]:
-    """Lines that are near enough to a curve for a node spacing."""
-    ends = curve.points(np.linspace(0.0, curve.length, CHORDS + 1)).tolist()
+    """Lines that are near enough to a curve for a node spacing: each turns by ``BEND`` at most, as far as
+    ``CHORDS`` of them do."""
+    x, y = curve.normals(np.linspace(0.0, curve.length, CHORDS + 1)).T
+    whole = float(np.abs(np.diff(np.unwrap(np.arctan2(y, x)))).sum())
+    count = min(math.ceil(whole / BEND) or 1, CHORDS)
+    ends = curve.points(np.linspace(0.0, curve.length, count + 1)).tolist()
     return tuple(row for a, b in pairwise(ends) for row in Segment((a[0], a[1]), (b[0], b[1])).zones())
 
 
