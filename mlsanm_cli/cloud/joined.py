@@ -164,7 +164,7 @@ def points_of(curve: Curve) -> int:
     if isinstance(curve, Joined):
         return sum(map(points_of, curve.pieces))
     if isinstance(curve, Part):
-        return points_of(curve.whole)
+        return math.ceil(points_of(curve.whole) * curve.length / curve.whole.length)
     return len(curve.node_arcs) if isinstance(curve, SplinePart) else 0
 
 
