@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.contacts import shape_of
+from mlsanm_cli.app.usual_spacing import valleys
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
@@ -124,9 +125,8 @@ def _clear(case: Case, models: Mapping[str, BodyModel], pairing: Pairing) -> Cle
     closest = _minimum(ahead, s[max(nearest - 1, 0)], s[min(nearest + 1, len(s) - 1)])
     first, last = sorted((sign * first, sign * last))
     both = centers[0], centers[1] if len(centers) > 1 else None
-    there = gap[stretch[0] : stretch[1] + 1]
-    places = int(((there[1:-1] < there[:-2]) & (there[1:-1] <= there[2:])).sum())
-    return Clear(facing, first, last, sign * closest, both, max(places, 1))
+    places = len(valleys(gap[stretch[0] : stretch[1] + 1], TOUCHING * base.length))
+    return Clear(facing, first, last, sign * closest, both, places)
 
 
 def _facing(case: Case, pairing: Pairing) -> Facing:

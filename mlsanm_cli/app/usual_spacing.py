@@ -141,16 +141,34 @@ def contact_zone(
 def _end_zones(points: FloatArray, apart: FloatArray, far: float) -> Iterator[Zone]:
     """Finer nodes at the ends of a surface that comes close to another one, by ``apart`` (s,) at ``points``
     (s, 2), in several places, of which the outermost is near the end."""
-    least = np.flatnonzero((apart[1:-1] < apart[:-2]) & (apart[1:-1] <= apart[2:])) + 1
+    least = np.array(valleys(apart, FLAT * len(apart) * float(np.hypot(*(points[1] - points[0])))), dtype=int)
     for end in (0, -1):
         away = np.hypot(*(points[least] - points[end]).T)
         close = apart[least] <= apart.min() + CLOSE * away
         if close.sum() < 2:
             continue
         distance = float(away[close].min())
-        if distance < AT_ENDS * far:
+        if 0.0 < distance < AT_ENDS * far:
             x, y = points[end].tolist()
             yield Zone.around((x, y), distance / AT_ENDS, distance, GROWTH)
+
+
+def valleys(values: FloatArray, slack: float) -> list[int]:
+    """Where ``values`` (n,) in a row are lowest between rises and falls by more than ``slack``: what flat
+    surfaces differ by in their last bits is none."""
+    found, falling, lowest, highest = list[int](), True, 0, 0
+    row = values.tolist()
+    for k, value in enumerate(row):
+        if falling:
+            lowest = k if value < row[lowest] else lowest
+            if value > row[lowest] + slack:
+                found.append(lowest)
+                falling, highest = False, k
+        else:
+            highest = k if value > row[highest] else highest
+            if value < row[highest] - slack:
+                falling, lowest = True, k
+    return [*found, lowest] if falling else found
 
 
 def _conform(one: Arc, other: Arc) -> bool:

@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.app.foreign import load_with_files
 from mlsanm_cli.app.surfaces import drawn, outline_of
-from mlsanm_cli.app.usual_spacing import arc_zones
+from mlsanm_cli.app.usual_spacing import arc_zones, valleys
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case.chains import Smooth
 from mlsanm_cli.case.outline import OutlineShape
@@ -200,6 +200,14 @@ def test_shallow_waves_need_no_fine_nodes_and_tight_turns_do() -> None:
     x, y = -0.5 * np.cos(angle), -0.5 * np.sin(angle)
     assert 0.06 <= finest(x, y, 0.5) <= 0.1
     assert 0.03 <= finest(x[::-1], y[::-1], 0.5) <= 0.05
+
+
+def test_last_bits_of_flat_surfaces_are_no_places_of_contact() -> None:
+    noise = 1e-16 * np.random.default_rng(1).normal(size=200)
+    assert len(valleys(noise, 1e-9)) == 1
+    x = np.linspace(0.0, 5.0, 401)
+    found = valleys(-1e-3 * np.cos(2.0 * np.pi * (x - 0.5)) + noise[0], 1e-9)
+    assert x[found] == pytest.approx([0.5, 1.5, 2.5, 3.5, 4.5], abs=0.02)
 
 
 def test_flanks_of_gears_from_points(tmp_path: Path) -> None:
