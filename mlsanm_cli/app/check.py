@@ -124,7 +124,7 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
             row[axis] = ", ".join(filter(None, (row[axis], text)))
 
     for support in case.support:
-        place = support.boundary or f"{support.body} near {support.near}"
+        place = f"{support.body} near {support.near}" if support.place is None else support.place.label
         springs = [f"spring {k:g}" if k else "" for k in support.spring or (0.0, 0.0)]
         held = ["" if value is None else "held" for value in (support.ux, support.uy)]
         add(place, *(", ".join(filter(None, both)) for both in zip(held, springs, strict=True)))
@@ -132,12 +132,11 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
         if isinstance(load, ObstacleMotion):
             place = f"obstacle of {load.obstacle}"
         else:
-            place = load.owner if isinstance(load, BodyForce | Temperature) else load.boundary
+            place = load.owner if isinstance(load, BodyForce | Temperature) else load.place.label
         add(place, *(f"{text} ({load.name})" if text else "" for text in _described(load)))
     for contact in case.contact:
-        add(contact.slave, *[f"slave of {contact.name}"] * 2)
-        if contact.master is not None:
-            add(contact.master, *[f"master of {contact.name}"] * 2)
+        for role, label in zip(("slave", "master"), contact.names, strict=False):
+            add(label, *[f"{role} of {contact.name}"] * 2)
     return {where: {axis: text or "free" for axis, text in row.items()} for where, row in found.items()}
 
 

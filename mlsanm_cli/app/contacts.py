@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle, split_boundary
+from mlsanm_cli.app.surfaces import surface_at
+from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.pairing import Pairing, pair_obstacle, pair_surfaces
@@ -26,10 +27,10 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
     """
     pairings, problems = [], []
     for contact in case.contact:
-        pairing, key = _facing(contact, clouds), f"contact.{contact.name}"
+        pairing, key = _facing(case, contact, clouds), f"contact.{contact.name}"
         if not len(pairing.position):
-            other = contact.master or "the obstacle"
-            problems.append(CaseProblem(key, f"no node of {contact.slave} faces {other}"))
+            slave, other = (*contact.names, "the obstacle")[:2]
+            problems.append(CaseProblem(key, f"no node of {slave} faces {other}"))
             continue
         if contact.interference is not None:
             try:
@@ -52,15 +53,15 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
     return pairings
 
 
-def _facing(contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
-    body, name = split_boundary(contact.slave)
-    slave = clouds[body].surfaces[name]
+def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
+    places = contact.sides
+    body = places[0].body
+    slave = surface_at(case, clouds[body], places[0], f"contact.{contact.name}.slave")
     if contact.obstacle is not None:
         shape = shape_of(contact.obstacle)
         return pair_obstacle(contact.name, body, clouds[body], slave, shape, contact.friction)
-    assert contact.master is not None
-    other, other_name = split_boundary(contact.master)
-    master = clouds[other].surfaces[other_name]
+    other = places[1].body
+    master = surface_at(case, clouds[other], places[1], f"contact.{contact.name}.master")
     return pair_surfaces(
         contact.name, body, clouds[body], slave, other, clouds[other], master, contact.friction
     )

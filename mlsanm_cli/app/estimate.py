@@ -7,9 +7,10 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from mlsanm_cli.app.clouds import outline_of, spacing_of
+from mlsanm_cli.app.clouds import spacing_of
 from mlsanm_cli.app.foreign import foreign
 from mlsanm_cli.app.scene import mls_settings
+from mlsanm_cli.app.surfaces import outline_of
 from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing
@@ -73,7 +74,7 @@ def _levels(nodes: float, without: float) -> float:
 def _nodes(case: Case, body: Body) -> float:
     if isinstance(body.shape, Mesh | Points) and body.shape.brings_nodes:
         return float(len(foreign(body.shape).points))
-    return estimate_nodes(outline_of(body), spacing_of(case, body), COUNT_LIMIT)
+    return estimate_nodes(outline_of(case, body), spacing_of(case, body), COUNT_LIMIT)
 
 
 def available_memory_mb() -> float:
@@ -107,7 +108,7 @@ def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
             f"{sum(unknowns.values())} unknowns of contact need about {memory_mb / 1024:.3g} GB of memory, "
             f"the machine has {room / 1024:.3g} GB"
         )
-        hint = f"use larger spacings along {next(c.slave for c in case.contact if c.name == name)}"
+        hint = f"use larger spacings along {next(c.names[0] for c in case.contact if c.name == name)}"
         raise CaseError((CaseProblem(f"contact.{name}", message, hint=hint),))
 
 
@@ -124,7 +125,7 @@ def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
     if body.brings_nodes:
         return f"body.{body.name}.shape.file", "use a coarser mesh"
     hint = "use larger spacings, smaller refinement radii or a larger growth"
-    even = estimate_nodes(outline_of(body), Spacing(spacing_of(case, body).far), COUNT_LIMIT)
+    even = estimate_nodes(outline_of(case, body), Spacing(spacing_of(case, body).far), COUNT_LIMIT)
     if even >= 0.5 * size.nodes[body.name] or not body.refine:
         return f"body.{body.name}.spacing", hint
     finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)

@@ -12,7 +12,8 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.app.clouds import outline_of, spacing_of
+from mlsanm_cli.app.clouds import spacing_of
+from mlsanm_cli.app.surfaces import outline_of
 from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
@@ -61,7 +62,7 @@ def fine_views(
         zones = tuple(_zones(condensed, ends, model))
         if zones:
             spacing = spacing_of(case, body).with_zones(zones)
-            views[body.name] = View(model, build_cloud(outline_of(body), spacing, body.seed))
+            views[body.name] = View(model, build_cloud(outline_of(case, body), spacing, body.seed))
     return views
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mlsanm_cli.app.surfaces import SurfacePart, parts_at, surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     BodyForce,
@@ -17,12 +18,10 @@ from mlsanm_cli.case import (
     Pressure,
     Temperature,
     Traction,
-    split_boundary,
     value_at,
 )
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.values import dataclass
@@ -66,12 +65,14 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
             elif isinstance(load, Temperature):
                 heatings.append(mechanics.Heating(number, load.body, load.temperature))
             else:
-                name = split_boundary(load.boundary)[1]
-                surface, held = cloud.surfaces[name], isinstance(load, Displacement)
-                values = _on_surface(load, surface, surface.arc_length, cloud.points[surface.index])
-                arc = Halves.of(surface, FINE).arc
-                between = None if held else _on_surface(load, surface, arc, surface.curve.points(arc))
-                surface_loads.append(mechanics.SurfaceLoad(number, load.owner, name, values, held, between))
+                held = isinstance(load, Displacement)
+                for part in parts_at(case, cloud, load.place):
+                    surface = part.surface
+                    values = _on_surface(load, part, surface.arc_length, cloud.points[surface.index])
+                    arc = Halves.of(surface, FINE).arc
+                    between = None if held else _on_surface(load, part, arc, surface.curve.points(arc))
+                    own = mechanics.SurfaceLoad(number, load.owner, surface.name, values, held, between)
+                    surface_loads.append(own)
         except ExpressionError as error:
             problems.append(CaseProblem(key, str(error)))
         except _BadTableError as error:
@@ -82,19 +83,20 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
 
 
 def _on_surface(
-    load: Traction | Pressure | Displacement, surface: Surface, arc: FloatArray, points: FloatArray
+    load: Traction | Pressure | Displacement, part: SurfacePart, arc: FloatArray, points: FloatArray
 ) -> FloatArray:
-    """Values (e, 2) at ``points`` (e, 2) of the surface, at ``arc`` (e,) along it; a direction that is left
-    free is 0."""
+    """Values (e, 2) at ``points`` (e, 2) of a part of where the load acts, at ``arc`` (e,) along it; a
+    direction that is left free is 0."""
+    surface = part.surface
     if isinstance(load, Displacement):
         return _at([0.0 if part is None else part for part in load.components], points)
     if isinstance(load, Traction):
         if load.table is not None:
-            return _from_table(load.table, surface, arc)
+            return _from_table(load.table, part, arc)
         assert load.traction is not None
         return _at(load.traction, points)
     if load.table is not None:
-        return -_from_table(load.table, surface, arc) * surface.curve.normals(arc)
+        return -_from_table(load.table, part, arc) * surface.curve.normals(arc)
     assert load.pressure is not None
     return -_at([load.pressure], points) * surface.curve.normals(arc)
 
@@ -110,22 +112,23 @@ def _at(amounts: Sequence[float | str], points: FloatArray) -> FloatArray:
     return np.stack(columns, axis=1)
 
 
-def _from_table(rows: Sequence[tuple[float, ...]], surface: Surface, arc: FloatArray) -> FloatArray:
+def _from_table(rows: Sequence[tuple[float, ...]], part: SurfacePart, arc: FloatArray) -> FloatArray:
     """Values (e, c) at ``arc`` (e,), interpolated linearly between rows of arc length and c values."""
     table = np.array(rows)
-    length = surface.curve.length
+    length = part.total
     first, last = float(table[0, 0]), float(table[-1, 0])
     if first > COVERED * length or last < (1.0 - COVERED) * length:
         raise _BadTableError(f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}")
-    columns = [np.interp(arc, table[:, 0], column) for column in table[:, 1:].T]
+    columns = [np.interp(arc + part.first, table[:, 0], column) for column in table[:, 1:].T]
     return np.stack(columns, axis=1)
 
 
 def _springs(case: Case) -> dict[str, dict[str, tuple[float, float]]]:
     found: dict[str, dict[str, tuple[float, float]]] = {body.name: {} for body in case.body}
     for support in case.support:
-        if support.boundary is not None and support.spring is not None:
-            body, surface = split_boundary(support.boundary)
-            x, y = found[body].get(surface, (0.0, 0.0))
-            found[body][surface] = (x + support.spring[0], y + support.spring[1])
+        if support.place is not None and support.spring is not None:
+            own = found[support.place.body]
+            for surface in surfaces_at(case, support.place):
+                x, y = own.get(surface, (0.0, 0.0))
+                own[surface] = (x + support.spring[0], y + support.spring[1])
     return found

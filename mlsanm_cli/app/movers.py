@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from mlsanm_cli.case import Case, ObstacleMotion, Platen, split_boundary
+from mlsanm_cli.app.surfaces import surfaces_at
+from mlsanm_cli.case import Case, ObstacleMotion, Platen
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
@@ -54,23 +55,26 @@ def _platens(
     groups: dict[str, list[tuple[int, Platen]]] = {}
     for number, load in enumerate(case.load):
         if isinstance(load, Platen):
-            groups.setdefault(load.boundary, []).append((number, load))
-    for boundary, loads in groups.items():
-        body, surface_name = split_boundary(boundary)
-        surface = clouds[body].surfaces[surface_name]
-        points = clouds[body].points[surface.index]
-        center = (surface.weight[:, None] * points).sum(axis=0) / surface.weight.sum()
+            groups.setdefault(load.place.label, []).append((number, load))
+    for label, loads in groups.items():
+        place = loads[0][1].place
+        body, names = place.body, surfaces_at(case, place)
+        surfaces = [clouds[body].surfaces[name] for name in names]
+        points = np.concatenate([clouds[body].points[surface.index] for surface in surfaces])
+        weight = np.concatenate([surface.weight for surface in surfaces])
+        center = (weight[:, None] * points).sum(axis=0) / weight.sum()
         motions = []
         for component, controls in _controls(loads).items():
             elsewhere = components(held_nodes[body])[component] or any(
-                sides[component] for name, sides in held[body].items() if name != surface_name
+                sides[component] for name, sides in held[body].items() if name not in names
             )
             motions.append(_motion(len(case.moved), component, controls, alone=not elsewhere))
         if loads[0][1].rotation == "free":
-            alone = len(held[body]) == 1 and not held_nodes[body]
+            alone = set(held[body]) == set(names) and not held_nodes[body]
             motions.append(mechanics.RigidMotion(ROTATION, None, np.zeros(len(case.moved)), alone))
         at = (float(center[0]), float(center[1]))
-        yield mechanics.Platen(body, surface_name, at, tuple(motions), tuple(number for number, _ in loads))
+        numbers = tuple(number for number, _ in loads)
+        yield mechanics.Platen(body, names, at, tuple(motions), numbers, label)
 
 
 def _obstacles(case: Case) -> Iterator[mechanics.Obstacle]:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.near_geometry import Clear
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.contact.active_set import ExactState
 from mlsanm_cli.contact.condensed import Answers, Condensed, condense
@@ -27,6 +27,8 @@ from mlsanm_cli.memo import Memo
 
 FIRST = 24
 """Intervals of an even grid over all that faces."""
+PER_PLACE = 10
+"""Intervals of even grids for each place where surfaces come close, or means over them would not see it."""
 FINEST, GROWTH = 1e-3, 1.3
 """The first grid has intervals so much finer where surfaces are nearest, growing by this factor: where bodies
 roll on each other, a few places alone cannot balance their loads."""
@@ -37,6 +39,8 @@ SMOOTH = 1e-4
 """Samples are doubled until the last coefficients of the answer are below this part of its variation."""
 LEAST = 8
 """Intervals in contact that tell where it is."""
+ENDING = 2e-3
+"""Intervals at the end of a range that something touches are halved down to this part of the range."""
 MARGIN = 0.3
 """The range goes on past the outermost contact by this part of the width between."""
 NARROWED = 0.6
@@ -57,8 +61,8 @@ ACCURACY, RUBBING, SMOOTHED = 0.3, 2.0, 10.0
 which costs next to nothing; with it, where every place that begins to slide is an event of the path; and
 where friction is smoothed, which is 0.6 % off partial slip whatever the grid."""
 FEW = 2
-"""More contacts without friction than these are refined to what is asked for only: unknowns of all are solved
-for together."""
+"""Contacts without friction in more places than these are refined to what is asked for only: unknowns of all
+are solved for together."""
 
 Search = Callable[[Condensed, Sequence[Sets], bool], tuple[ExactState, ...]]
 """The exact states of a condensed scene, searched from sets if there are any: all that count, or only those
@@ -75,9 +79,8 @@ def find_grids(
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """The scene condensed on grids that are wide and fine enough, and the exact states at the ends of its
     stages; None where a contact comes too close to a corner, or where it is does not settle."""
-    accuracy = {
-        contact.name: contact.accuracy * _effort(contact, len(case.contact)) for contact in case.contact
-    }
+    places = len(case.contact) + sum(one.places - 1 for one in clear.values())
+    accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
     grids = {name: _first(one) for name, one in clear.items()}
     answers: Answers | None = None
     starts: list[Sets] = []
@@ -112,7 +115,7 @@ def find_grids(
 
 
 def _effort(contact: Contact, count: int) -> float:
-    """How many times a contact's accuracy its grid is refined to, one of so many contacts."""
+    """How many times a contact's accuracy its grid is refined to, where surfaces touch in so many places."""
     if not contact.friction:
         return ACCURACY if count <= FEW else 1.0
     law = contact.regularization
@@ -125,7 +128,7 @@ def _same(one: Mapping[str, Near], other: Mapping[str, Near]) -> bool:
 
 def _first(clear: Clear) -> Near:
     """A coarse grid over all that faces, finer towards where the surfaces are nearest."""
-    widest = (clear.last - clear.first) / FIRST
+    widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)
     parts = [np.array([clear.first, clear.nearest, clear.last])]
     for sign, room in ((-1.0, clear.nearest - clear.first), (1.0, clear.last - clear.nearest)):
         steps = [FINEST * widest]
@@ -211,8 +214,13 @@ def _ranged(
         width = high - low
         if len(beyond):
             low, high = min(low, float(beyond.min())), max(high, float(beyond.max()))
-        if (low <= room.first and not room.whole[0]) or (high >= room.last and not room.whole[1]):
-            return None
+        short = low <= room.first and not room.whole[0], high >= room.last and not room.whole[1]
+        if any(short):
+            coarse = _coarse_ends(near, places)
+            if not coarse.any():
+                return None
+            result[name] = replace(near, hats=near.hats.halved(coarse))
+            continue
         first, last = max(room.first, low - MARGIN * width), min(room.last, high + MARGIN * width)
         outgrown = room.first < near.first >= low or room.last > near.last <= high
         if outgrown or len(beyond):
@@ -227,9 +235,20 @@ def _ranged(
             middle[max(places[0] - 1, 0) : places[-1] + 3] = True
             result[name] = replace(near, hats=near.hats.halved(middle))
         elif near.rough or last - first < NARROWED * (near.last - near.first):
-            even = _hats(np.linspace(first, last, FIRST + 1), room)
+            share = PER_PLACE * room.places * (last - first) / (room.last - room.first)
+            even = _hats(np.linspace(first, last, max(FIRST, round(share)) + 1), room)
             result[name] = replace(near, first=first, last=last, count=SAMPLES, hats=even, rough=False)
     return result
+
+
+def _coarse_ends(near: Near, places: IntArray) -> BoolArray:
+    """Which intervals (m + 1,) at an end of the range that closed ``places`` come to are too long to tell
+    whether they do."""
+    steps = near.hats.steps
+    ends = np.zeros(len(steps), dtype=bool)
+    ends[:2] |= places[0] == 0
+    ends[-2:] |= places[-1] == len(steps) - 2
+    return ends & (steps > ENDING * (near.last - near.first))
 
 
 def _sampled(scene: Scene, answers: Answers, grids: Mapping[str, Near]) -> dict[str, Near]:

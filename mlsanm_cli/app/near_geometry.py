@@ -9,9 +9,11 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.app.contacts import shape_of
+from mlsanm_cli.app.usual_spacing import valleys
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.joined import corners_of, points_of
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.near import Facing
 from mlsanm_cli.contact.pairing import OPPOSED, Pairing
@@ -34,7 +36,7 @@ BEYOND = np.geomspace(1e-3, 1e2, 200)
 """How far, in their lengths, the lines of a corner's faces are followed outside the body."""
 SNAP = 1.5
 """Ends of a range are ends of a surface that are no more looks away."""
-LOOKED_AT = 800
+LOOKED_AT, LOOKS_PER_POINT = 800, 2
 RAYS = 17
 LOOKS = 8
 CHORDS = 200
@@ -43,8 +45,9 @@ CHORDS = 200
 @dataclass(frozen=True)
 class Clear:
     """A contact's range from ``first`` to ``last``, the place ``nearest`` to the other surface, where fields
-    end in hollows, and the ``corners`` of both bodies that pressures may come near. Ends that are ``whole``
-    are where one of the surfaces ends, so that there may be pressures right up to it."""
+    end in hollows, the ``corners`` of both bodies that pressures may come near, and in how many ``places``
+    surfaces come close. Ends that are ``whole`` are where one of the surfaces ends, so that there may be
+    pressures right up to it."""
 
     facing: Facing
     first: float
@@ -53,6 +56,7 @@ class Clear:
     centers: tuple[complex | None, complex | None]
     corners: tuple[tuple[Corner, ...], tuple[Corner, ...]]
     whole: tuple[bool, bool]
+    places: int = 1
 
 
 def clear_contacts(
@@ -96,8 +100,8 @@ def _clear(
     base = facing.base
     # Looked at along the base, so that roles do not tell which of several alike places is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
-    count = LOOKED_AT if base.closed else LOOKED_AT + 1
-    s = np.linspace(0.0, base.length, LOOKED_AT + 1)[:count]
+    looks = max(LOOKED_AT, LOOKS_PER_POINT * max(map(points_of, facing.curves)))
+    s = np.linspace(0.0, base.length, looks + 1)[: looks if base.closed else looks + 1]
     points, partner, normal = ahead.opposite(s)
     away, outward = points - partner, as_real(-ahead.side(s, True)[1])
     gap = (away * normal).sum(axis=1)
@@ -145,7 +149,8 @@ def _clear(
         first, last, whole = -last, -first, whole[::-1]
     both = centers[0], centers[1] if len(centers) > 1 else None
     of_bodies = tuple(one for one in corners["slave"] if one), tuple(one for one in corners["master"] if one)
-    return Clear(facing, first, last, sign * closest, both, of_bodies, whole)
+    places = len(valleys(gap[stretch[0] : stretch[1] + 1], TOUCHING * base.length))
+    return Clear(facing, first, last, sign * closest, both, of_bodies, whole, places)
 
 
 Ends: TypeAlias = Mapping[str, tuple[Corner | None, Corner | None]]
@@ -216,7 +221,7 @@ def _slides(model: BodyModel, ways: tuple[complex, complex], held: tuple[bool, b
 def _straight(surface: Surface) -> tuple[complex, complex] | None:
     """Both ends of a straight surface; None if it is none."""
     curve = surface.curve
-    if curve.closed:
+    if curve.closed or surface.parts:
         return None
     first, last = as_complex(curve.points(np.array([0.0, curve.length])))
     straight = abs(abs(last - first) - curve.length) <= ALIKE * curve.length
@@ -265,22 +270,26 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
 
 
 def _off_corners(
-    pairing: Pairing, models: Mapping[str, BodyModel], facing: Facing, s: FloatArray, corners: Ends
+    pairing: Pairing, models: Mapping[str, BodyModel], facing: Facing, s: FloatArray, known_ends: Ends
 ) -> BoolArray:
     """Whether places (e,) are off those ends of both surfaces that fields do not know."""
     off = np.ones(len(s), dtype=bool)
     for body, surface, slave, known in (
-        (pairing.slave_body, pairing.slave, True, corners["slave"]),
-        (pairing.master_body, pairing.master, False, corners["master"]),
+        (pairing.slave_body, pairing.slave, True, known_ends["slave"]),
+        (pairing.master_body, pairing.master, False, known_ends["master"]),
     ):
-        if body is None or surface is None or surface.curve.closed:
+        if body is None or surface is None:
             continue
-        arc = surface.curve.closest(as_real(facing.side(s, slave)[0]))
-        first, last = CLEAR * models[body].cloud.spacing[surface.index[[0, -1]]]
-        if known[0] is None:
-            off &= arc >= first
-        if known[1] is None:
-            off &= arc <= surface.curve.length - last
+        curve, spacing = surface.curve, models[body].cloud.spacing[surface.index]
+        arc = curve.closest(as_real(facing.side(s, slave)[0]))
+        corners = list(corners_of(curve))
+        if not curve.closed:
+            corners += [end for end, one in zip((0.0, curve.length), known, strict=True) if one is None]
+        for corner, near in zip(corners, np.interp(corners, surface.arc_length, spacing), strict=True):
+            apart = np.abs(arc - corner)
+            if curve.closed:
+                apart = np.minimum(apart, curve.length - apart)
+            off &= apart >= CLEAR * near
     return off
 
 

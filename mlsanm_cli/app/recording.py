@@ -295,8 +295,10 @@ def vtu_states(
 
 
 def boundary_tags(cloud: Cloud) -> IntArray:
-    """0 inside, k on the k-th boundary; a corner node counts to the later one."""
+    """0 inside, k on the k-th boundary, whose pieces have one number; a corner node counts to the later
+    one."""
     tags = np.zeros(len(cloud.points), dtype=np.int64)
-    for number, surface in enumerate(cloud.surfaces.values(), start=1):
-        tags[surface.index] = number
+    numbers: dict[str, int] = {}
+    for surface in cloud.surfaces.values():
+        tags[surface.index] = numbers.setdefault(surface.name.partition("/")[0], len(numbers) + 1)
     return tags

@@ -13,16 +13,16 @@ from mlsanm_cli.app.states import State
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     Case,
+    Chained,
     Contact,
     DiskObstacle,
     DrawnShape,
     LoadedCase,
     Mesh,
     Points,
-    Polygon,
     split_boundary,
 )
-from mlsanm_cli.case.chains import Round
+from mlsanm_cli.case.chains import Round, Smooth
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.reference.hertz import HertzLine
@@ -56,9 +56,9 @@ def check_reference(loaded: LoadedCase) -> None:
     solution = case.reference.solution
     problems = [] if case.contact else ["needs a [[contact]]"]
     for contact in case.contact:
-        unknown = [b for b in contact.boundaries if _in_file(case, b)]
+        unknown = [b for b in contact.boundaries if _without_radius(case, b)]
         if unknown:
-            problems.append(f"needs radii that the case states, and {unknown[0]} comes from a file")
+            problems.append(f"needs radii that the case states, as it does not of {unknown[0]}")
             continue
         curved = _relative(case, contact) > 0.0
         if curved != (solution == "hertz-line"):
@@ -133,9 +133,14 @@ def _middle(
     return (centers[0] if centers else 0.5 * (points[0] + points[-1])), axis
 
 
-def _in_file(case: Case, boundary: str) -> bool:
-    body, _ = split_boundary(boundary)
-    return any(b.name == body and isinstance(b.shape, Mesh | Points) for b in case.body)
+def _without_radius(case: Case, boundary: str) -> bool:
+    body, edge = split_boundary(boundary)
+    shape = next(b.shape for b in case.body if b.name == body)
+    if isinstance(shape, Chained):
+        # Of curves and of boundaries of several pieces the case states none either.
+        piece = shape.piece(edge)
+        return piece is None or isinstance(piece, Smooth)
+    return isinstance(shape, Mesh | Points)
 
 
 def _shape(case: Case, boundary: str) -> DrawnShape:
@@ -148,7 +153,7 @@ def _shape(case: Case, boundary: str) -> DrawnShape:
 def _center(case: Case, boundary: str) -> tuple[float, float]:
     """Centre of a curved boundary."""
     shape = _shape(case, boundary)
-    if isinstance(shape, Polygon):
+    if isinstance(shape, Chained):
         piece = shape.piece(split_boundary(boundary)[1])
         assert isinstance(piece, Round)
         return piece.center

@@ -222,7 +222,7 @@ def _note(one: _Unknown) -> str:
 
 def _owner(one: _Unknown) -> str:
     if isinstance(one.mover, Platen):
-        return f"platen on {one.mover.body}.{one.mover.surface}"
+        return f"platen on {one.mover.name}"
     if isinstance(one.mover, Obstacle):
         return f"the obstacle of contact {one.mover.contact}"
     return f"body {one.mover.body}"

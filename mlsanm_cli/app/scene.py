@@ -17,11 +17,12 @@ from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.movers import components, movers
 from mlsanm_cli.app.near_geometry import Clear, clear_contacts, directed
 from mlsanm_cli.app.restraints import restrained
+from mlsanm_cli.app.surfaces import refuse_conflicts, surfaces_at
 from mlsanm_cli.app.symmetry import even_scene
-from mlsanm_cli.case import Case, Displacement, Platen, split_boundary
+from mlsanm_cli.case import Case, Displacement, Place, Platen
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.mirror import Line
-from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
@@ -85,6 +86,7 @@ def prepare(
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
     value at some node, and for probes outside their body.
     """
+    refuse_conflicts(case)
     stiffness = materials(case)
     loads = acting(case, clouds)
     settings = mls_settings(case)
@@ -132,9 +134,10 @@ def _touching(prepared: Prepared) -> dict[str, tuple[str, ...]]:
     for pairing in prepared.pairings:
         if pairing.name in prepared.clear:
             continue
-        found[pairing.slave_body].add(pairing.slave.name)
+        parts = facing_parts(pairing.slave, pairing.position, pairing.normal)
+        found[pairing.slave_body].update(part.name for part, own, _ in parts if len(own))
         if pairing.master is not None and pairing.master_body is not None:
-            found[pairing.master_body].add(pairing.master.name)
+            found[pairing.master_body].update(part.name for part, _ in pairing.master.members)
     return {name: tuple(sorted(names)) for name, names in found.items()}
 
 
@@ -176,7 +179,11 @@ def equip(
             partial(assemble, model, held, held_nodes, solver, springs, halved=halved, touching=touching),
         )
         bodies[name] = replace(body, timed=timed)
-    supports = {s.boundary: split_boundary(s.boundary) for s in case.support if s.boundary is not None}
+    places = {s.place.label: s.place for s in case.support if s.place is not None}
+    supports = {
+        label: tuple((place.body, name) for name in surfaces_at(case, place))
+        for label, place in places.items()
+    }
     return mechanics.Scene(
         bodies=bodies,
         loads=case.moved,
@@ -195,21 +202,21 @@ def equip(
 def _held_surfaces(case: Case, body: str) -> dict[str, tuple[bool, bool]]:
     held: dict[str, tuple[bool, bool]] = {}
 
-    def hold(boundary: str, x: bool, y: bool) -> None:
-        owner, surface = split_boundary(boundary)
-        if owner == body and (x or y):
-            before = held.get(surface, (False, False))
-            held[surface] = (before[0] or x, before[1] or y)
+    def hold(place: Place, x: bool, y: bool) -> None:
+        if place.body == body and (x or y):
+            for surface in surfaces_at(case, place):
+                before = held.get(surface, (False, False))
+                held[surface] = (before[0] or x, before[1] or y)
 
     for support in case.support:
-        if support.boundary is not None:
-            hold(support.boundary, support.ux is not None, support.uy is not None)
+        if support.place is not None:
+            hold(support.place, support.ux is not None, support.uy is not None)
     for load in case.load:
         if isinstance(load, Displacement):
             x, y = load.components
-            hold(load.boundary, x is not None, y is not None)
+            hold(load.place, x is not None, y is not None)
         elif isinstance(load, Platen):
-            hold(load.boundary, "x" in load.control, "y" in load.control)
+            hold(load.place, "x" in load.control, "y" in load.control)
     return held
 
 

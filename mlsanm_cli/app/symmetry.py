@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.clouds import outline_of, spacing_of
+from mlsanm_cli.app.clouds import spacing_of
 from mlsanm_cli.app.loads import Acting
 from mlsanm_cli.app.stages import stage_factors
+from mlsanm_cli.app.surfaces import outline_of
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case, Mesh, Points
 from mlsanm_cli.cloud.curves import Outline
@@ -40,7 +41,7 @@ def line_of(case: Case) -> Line | None:
         return None
     if any(isinstance(body.shape, Mesh | Points) for body in case.body):
         return None
-    boxes = np.array([_box(outline_of(body)) for body in case.body])
+    boxes = np.array([_box(outline_of(case, body)) for body in case.body])
     size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
     middle = boxes.mean(axis=1)
     for axis in (0, 1):
@@ -122,8 +123,10 @@ def _alike(mirror: Mirror, conditions: Mapping[str, tuple[float, float]]) -> boo
 
 def _even_mover(mover: Mover, line: Line, mirrors: Mapping[str, Mirror], stages: FloatArray) -> bool:
     """Whether a mover is its own image, and nothing drives it but along the line."""
-    if isinstance(mover, Platen) and mirrors[mover.body].surfaces[mover.surface][0] != mover.surface:
-        return False
+    if isinstance(mover, Platen):
+        images = {mirrors[mover.body].surfaces[name][0] for name in mover.surfaces}
+        if images != set(mover.surfaces):
+            return False
     return not any(
         (stages @ (motion.force if motion.prescribed is None else motion.prescribed)).any()
         for motion in mover.motions
@@ -189,12 +192,9 @@ def _even_sum(
 def _images(pairing: Pairing, mirrors: Mapping[str, Mirror]) -> IntArray | None:
     """Where (w,) the image of every paired node stands among them; None where a contact is not its own."""
     mirror = mirrors[pairing.slave_body]
-    name, places = mirror.surfaces[pairing.slave.name]
-    if name != pairing.slave.name:
-        return None
-    where = np.full(len(pairing.slave.index), -1)
-    where[pairing.position] = np.arange(len(pairing.position))
-    image = where[places[pairing.position]]
+    where = np.full(len(mirror.image), -1)
+    where[pairing.node] = np.arange(len(pairing.position))
+    image = where[mirror.image[pairing.node]]
     if (image < 0).any():
         return None
     slack = EVEN * pairing.spacing

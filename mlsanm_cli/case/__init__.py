@@ -39,7 +39,8 @@ from mlsanm_cli.case.obstacles import (
     PlaneObstacle,
     PolylineObstacle,
 )
-from mlsanm_cli.case.polygon import Polygon
+from mlsanm_cli.case.places import Place, label_of
+from mlsanm_cli.case.polygon import Chained, Polygon
 from mlsanm_cli.case.reading import (
     LoadedCase,
     case_hash,
@@ -60,6 +61,7 @@ __all__ = [
     "Body",
     "BodyForce",
     "Case",
+    "Chained",
     "Contact",
     "Disk",
     "DiskObstacle",
@@ -77,6 +79,7 @@ __all__ = [
     "Obstacle",
     "ObstacleMotion",
     "Output",
+    "Place",
     "PlaneObstacle",
     "Platen",
     "Points",
@@ -97,6 +100,7 @@ __all__ = [
     "Temperature",
     "Traction",
     "case_hash",
+    "label_of",
     "load_case",
     "parse_case",
     "resolved_mapping",

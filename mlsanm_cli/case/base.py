@@ -73,12 +73,6 @@ def _name(value: Any) -> str:
     return value
 
 
-def _boundary(value: Any) -> str:
-    if not isinstance(value, str) or BOUNDARY_PATTERN.fullmatch(value) is None:
-        raise PydanticCustomError("boundary", 'expected "<body>.<boundary>", as in "block.top"')
-    return value
-
-
 def _auto_or_count(value: Any) -> int | Literal["auto"]:
     if value == "auto":
         return "auto"
@@ -135,13 +129,6 @@ Name = Annotated[
     WithJsonSchema({"type": "string", "pattern": f"^{NAME_PATTERN.pattern}$", "maxLength": LONGEST_NAME}),
 ]
 """The name of a body, load, contact or material."""
-
-BoundaryName = Annotated[
-    str,
-    PlainValidator(_boundary),
-    WithJsonSchema({"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}),
-]
-"""A boundary of a body: ``"<body>.<boundary>"``."""
 
 AutoCount = Annotated[
     int | Literal["auto"],

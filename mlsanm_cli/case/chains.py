@@ -36,7 +36,17 @@ class Round:
     sweep: float
 
 
-Piece = Side | Round
+@dataclass(frozen=True)
+class Smooth:
+    """A boundary that is a smooth curve through ``points``, the material on its left; a ``closed`` one names
+    its first point again at the end."""
+
+    name: str
+    points: tuple[Point, ...]
+    closed: bool = False
+
+
+Piece = Side | Round | Smooth
 
 
 @dataclass(frozen=True)
@@ -76,15 +86,24 @@ def corners(points: tuple[Point, ...], rounding: tuple[float, ...]) -> tuple[Cor
 
 @lru_cache(maxsize=64)
 def pieces(
-    points: tuple[Point, ...], names: tuple[str, ...], rounding: tuple[float, ...]
+    points: tuple[Point, ...],
+    names: tuple[str, ...],
+    rounding: tuple[float, ...],
+    arcs: tuple[str, ...] = (),
 ) -> tuple[Piece, ...]:
-    """Sides and arcs counter-clockwise; ``names[k]`` is the side from point k to the next one in the file.
+    """Sides and arcs counter-clockwise; ``names[k]`` is the side from point k to the next one in the file,
+    ``arcs[k]`` the arc at point k.
 
-    A side that its arcs use up is left out.
+    A side that its arcs use up is left out. An arc without a name between two sides of one name has theirs.
     """
     vertices = corners(points, rounding)
     backwards = signed_area(points) < 0.0
     smallest = SMALL * extent(points)
+    count = len(points)
+
+    def side_name(number: int) -> str:
+        return names[number] if number < len(names) else f"side{number + 1}"
+
     chain: list[Piece] = []
     for place, corner in enumerate(vertices):
         following = vertices[(place + 1) % len(vertices)]
@@ -99,12 +118,16 @@ def pieces(
             center = _ahead(start, (-direction[1], direction[0]), sign * corner.radius)
             # The arc ends where this side starts, at the angle of the side's normal, or of its opposite.
             last = math.atan2(-sign * direction[0], sign * direction[1])
-            name = f"corner{corner.number + 1}"
+            before, after = (
+                side_name(corner.number - 1 if corner.number else count - 1),
+                side_name(corner.number),
+            )
+            given = arcs[corner.number] if corner.number < len(arcs) else ""
+            name = given or (before if before == after else f"corner{corner.number + 1}")
             chain.append(Round(name, center, corner.radius, last - corner.turn, corner.turn))
         if length - corner.cut - following.cut > smallest:
             number = following.number if backwards else corner.number
-            name = names[number] if number < len(names) else f"side{number + 1}"
-            chain.append(Side(name, start, _ahead(following.point, direction, -following.cut)))
+            chain.append(Side(side_name(number), start, _ahead(following.point, direction, -following.cut)))
     return tuple(chain)
 
 
@@ -129,11 +152,14 @@ def on_round(arc: Round, fraction: float) -> Point:
 
 
 def chords(chain: Sequence[Piece]) -> list[tuple[str, Point, Point]]:
-    """Straight parts of a chain with their boundaries' names, arcs in ``CHORDS`` parts each."""
+    """Straight parts of a chain with their boundaries' names: ``CHORDS`` of each arc, of curves those from
+    point to point."""
     parts = []
     for piece in chain:
         if isinstance(piece, Side):
             parts.append((piece.name, piece.start, piece.end))
+        elif isinstance(piece, Smooth):
+            parts += [(piece.name, a, b) for a, b in pairwise(piece.points)]
         else:
             ends = [on_round(piece, k / CHORDS) for k in range(CHORDS + 1)]
             parts += [(piece.name, a, b) for a, b in pairwise(ends)]
@@ -170,9 +196,11 @@ def inside(chain: Sequence[Piece], point: Point) -> bool:
 
 
 def distance(piece: Piece, point: Point) -> float:
-    """Distance of a point to a side or an arc."""
+    """Distance of a point to a side, an arc, or the points of a curve joined by lines."""
     if isinstance(piece, Side):
         return _to_segment(point, piece.start, piece.end)
+    if isinstance(piece, Smooth):
+        return min(_to_segment(point, a, b) for a, b in pairwise(piece.points))
     x, y = _minus(point, piece.center)
     angle = math.copysign(1.0, piece.sweep) * (math.atan2(y, x) - piece.start)
     if angle % (2.0 * math.pi) <= abs(piece.sweep):

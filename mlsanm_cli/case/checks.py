@@ -18,8 +18,9 @@ from mlsanm_cli.case.load_checks import check_loads
 from mlsanm_cli.case.materials import check_material
 from mlsanm_cli.case.model import Body, Contact
 from mlsanm_cli.case.obstacles import check_obstacle
+from mlsanm_cli.case.outline import OutlineShape
 from mlsanm_cli.case.polygon import Polygon
-from mlsanm_cli.case.polygons import check_polygon
+from mlsanm_cli.case.polygons import check_outline, check_polygon
 from mlsanm_cli.case.report import Report, suggestion
 from mlsanm_cli.case.round_shapes import Annulus, Sector
 from mlsanm_cli.case.shapes import AnyShape, Rectangle
@@ -89,6 +90,8 @@ def _check_shape(shape: AnyShape, path: KeyPath, report: Report) -> None:
         report.add((*path, "angles"), "must rise by less than 360 degrees", "as in [0.0, 90.0]")
     if isinstance(shape, Polygon):
         check_polygon(shape, path, report)
+    if isinstance(shape, OutlineShape):
+        check_outline(shape, path, report)
 
 
 def _check_spacing(body: Body, index: int, report: Report) -> None:
@@ -144,9 +147,9 @@ def _check_references(draft: Draft, report: Report) -> None:
         ("contact", "slave"),
         ("contact", "master"),
     ):
-        for index, boundary in draft.texts(section, key):
+        for path, boundary in draft.boundaries(section, key):
             if BOUNDARY_PATTERN.fullmatch(boundary):
-                _check_boundary(draft, report, (section, index, key), boundary)
+                _check_boundary(draft, report, path, boundary)
 
 
 def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) -> None:
@@ -161,7 +164,7 @@ def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) 
         options = [f"{name}.{valid}" for valid in shape.boundaries]
         hint = suggestion(boundary, options, "boundaries")
         report.add(
-            path, f'{"an" if shape.kind == "annulus" else "a"} {shape.kind} has no boundary "{edge}"', hint
+            path, f'{"an" if shape.kind[0] in "ao" else "a"} {shape.kind} has no boundary "{edge}"', hint
         )
 
 
@@ -177,8 +180,13 @@ def _check_contacts(draft: Draft, report: Report) -> None:
             check_obstacle(contact.obstacle, (*path, "obstacle"), report)
         if contact.master is None:
             continue
-        if contact.slave == contact.master:
-            report.add((*path, "master"), "slave and master are the same boundary")
+        both = set(contact.sides[0].boundaries) & set(contact.sides[1].boundaries)
+        if both:
+            single = len(contact.boundaries) == 2
+            message = (
+                "slave and master are the same boundary" if single else f"{both.pop()} is in the slave too"
+            )
+            report.add((*path, "master"), message)
             continue
         bodies = {split_boundary(boundary)[0] for boundary in contact.boundaries}
         if len(bodies) == 1:

@@ -1,4 +1,5 @@
-"""Overlapping conditions: a component of a boundary is held, loaded or in contact, never two of these."""
+"""Overlapping conditions: a component of a boundary is held or loaded, never both, and
+no surface in contact is held."""
 
 from __future__ import annotations
 
@@ -17,6 +18,7 @@ from mlsanm_cli.case.loads import (
     Temperature,
     Traction,
 )
+from mlsanm_cli.case.model import Support
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.values import dataclass
 
@@ -28,13 +30,15 @@ _ADDING: frozenset[Kind] = frozenset({"displacement", "traction", "platen force"
 
 @dataclass(frozen=True)
 class Claim:
-    """A condition on one component (0: x, 1: y) of a boundary."""
+    """A condition on one component (0: x, 1: y) of a boundary, or of a part of it only: where these lie, the
+    bodies' outlines tell."""
 
     boundary: str
     component: int
     kind: Kind
     path: KeyPath
     label: str
+    partial: bool = False
 
 
 def check_conditions(draft: Draft, report: Report) -> None:
@@ -44,7 +48,8 @@ def check_conditions(draft: Draft, report: Report) -> None:
     told: set[tuple[KeyPath, KeyPath]] = set()
     for claim in claims:
         earlier = taken.setdefault((claim.boundary, claim.component), [])
-        other = next((one for one in earlier if not _may_meet(one.kind, claim.kind)), None)
+        others = (one for one in earlier if not (claim.partial or one.partial))
+        other = next((one for one in others if not may_meet(one.kind, claim.kind)), None)
         earlier.append(claim)
         if other is not None and (other.path, claim.path) not in told:
             told.add((other.path, claim.path))
@@ -57,34 +62,50 @@ def check_conditions(draft: Draft, report: Report) -> None:
     _check_contact_surfaces(draft, report, claims)
 
 
-def _may_meet(one: Kind, other: Kind) -> bool:
+def may_meet(one: Kind, other: Kind) -> bool:
     """Springs give way under tractions; what is of one kind adds up."""
     return (one == other and one in _ADDING) or {one, other} == {"spring", "traction"}
 
 
 def _support_claims(draft: Draft) -> Iterator[Claim]:
     for index, support in draft.supports.items():
-        if support.boundary is not None:
-            for component, value in enumerate((support.ux, support.uy)):
-                if value is not None:
-                    yield Claim(support.boundary, component, "support", ("support", index), "a support")
-            for component, spring in enumerate(support.spring or ()):
-                if spring:
-                    yield Claim(support.boundary, component, "spring", ("support", index), "a spring")
+        if support.place is None:
+            continue
+        for boundary in support.place.boundaries:
+            for component, kind in support_components(support):
+                label, part = f"a {kind}", support.ends is not None
+                yield Claim(boundary, component, kind, ("support", index), label, part)
+
+
+def support_components(support: Support) -> Iterator[tuple[int, Kind]]:
+    """The components that a support holds or has springs in."""
+    for component, value in enumerate((support.ux, support.uy)):
+        if value is not None:
+            yield component, "support"
+    for component, spring in enumerate(support.spring or ()):
+        if spring:
+            yield component, "spring"
 
 
 def _load_claims(draft: Draft) -> Iterator[Claim]:
     for index, load in draft.loads.items():
         if isinstance(load, BodyForce | Temperature | ObstacleMotion):
             continue
-        for component, kind in _components(draft, load):
-            label = f'load "{load.name}" ({kind})'
-            yield Claim(load.boundary, component, kind, ("load", index), label)
+        for boundary in load.place.boundaries:
+            # On a straight boundary along an axis a pressure leaves the other direction alone.
+            name, edge = split_boundary(boundary)
+            shape = draft.geometry(name)
+            normal = shape.normal(edge) if shape is not None and edge in shape.boundaries else None
+            for component, kind in load_components(load, normal):
+                label, part = f'load "{load.name}" ({kind})', load.ends is not None
+                yield Claim(boundary, component, kind, ("load", index), label, part)
 
 
-def _components(
-    draft: Draft, load: Traction | Pressure | Displacement | Platen
+def load_components(
+    load: Traction | Pressure | Displacement | Platen, normal: tuple[float, float] | None
 ) -> Iterator[tuple[int, Kind]]:
+    """The components that a load on a boundary prescribes, of which the ``normal`` is known if it is
+    straight."""
     if isinstance(load, Platen):
         for direction, (control, _) in load.control.items():
             yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
@@ -93,10 +114,6 @@ def _components(
             if value is not None:
                 yield component, "displacement"
     elif isinstance(load, Pressure):
-        # On a straight boundary along an axis a pressure leaves the other direction alone.
-        name, edge = split_boundary(load.boundary)
-        shape = draft.geometry(name)
-        normal = shape.normal(edge) if shape is not None and edge in shape.boundaries else None
         for component in (0, 1):
             if normal is None or normal[component] != 0.0:
                 yield component, "traction"
@@ -126,7 +143,7 @@ def _check_rotations(draft: Draft, report: Report) -> None:
     for index, load in draft.loads.items():
         if not isinstance(load, Platen):
             continue
-        other = first.setdefault(load.boundary, load)
+        other = first.setdefault(load.place.label, load)
         if other.rotation != load.rotation:
             message = f'"{load.rotation}", but load "{other.name}" on the same platen says "{other.rotation}"'
             report.add(("load", index, "rotation"), message, "loads on one boundary move one platen")
@@ -146,10 +163,12 @@ def _check_obstacle_motions(draft: Draft, report: Report) -> None:
 
 def _check_contact_surfaces(draft: Draft, report: Report, claims: list[Claim]) -> None:
     for index, contact in draft.contacts.items():
-        for side, boundary in zip(("slave", "master"), contact.boundaries, strict=False):
-            path: KeyPath = ("contact", index, side)
+        for key, side in zip(("slave", "master"), contact.sides, strict=False):
+            path: KeyPath = ("contact", index, key)
             for claim in claims:
-                if claim.boundary == boundary:
-                    message = f"{claim.label} acts on the contact surface {boundary}"
-                    report.add(path, message, "a surface is in contact or carries a condition, not both")
+                # Given tractions and those of the contact add up.
+                if claim.boundary in side.boundaries and claim.kind != "traction":
+                    message = f"{claim.label} acts on the contact surface {claim.boundary}"
+                    hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
+                    report.add(path, message, hint)
                     break

@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from mlsanm_cli.case.files import Geometry, Mesh, Points, Survey
+from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.loads import AnyLoad, Load
 from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.model import Adapt, Body, Case, Contact, Mls, Model, Output, Solver, Support
@@ -80,6 +81,17 @@ class Draft:
         rows = items if isinstance(items, tuple) else ()
         values = [row.get(key) if isinstance(row, Mapping) else None for row in rows]
         return [(index, value) for index, value in enumerate(values) if isinstance(value, str)]
+
+    def boundaries(self, section: str, key: str) -> list[tuple[KeyPath, str]]:
+        """Key paths and names of a key that names one boundary or several, in every item of a list."""
+        found: list[tuple[KeyPath, str]] = [((section, i, key), name) for i, name in self.texts(section, key)]
+        items = self.data.get(section)
+        for index, row in enumerate(items if isinstance(items, tuple) else ()):
+            several = row.get(key) if isinstance(row, Mapping) else None
+            if isinstance(several, tuple):
+                names = enumerate(several)
+                found += [((section, index, key, k), name) for k, name in names if isinstance(name, str)]
+        return found
 
     def count(self, section: str) -> int:
         """Items of a list in the file, broken ones included."""

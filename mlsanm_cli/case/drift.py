@@ -13,6 +13,7 @@ from mlsanm_cli.case.base import split_boundary
 from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.files import Geometry
 from mlsanm_cli.case.loads import Displacement, Platen
+from mlsanm_cli.case.places import Place
 from mlsanm_cli.case.report import Report
 
 Row = tuple[float, float, float]
@@ -67,19 +68,24 @@ def held_rows(draft: Draft, body: str, shape: Geometry) -> Iterator[Row]:
         held = support.holds
         if support.body == body and support.near is not None:
             yield from _rows(shape, support.near, held)
-        elif support.boundary is not None and split_boundary(support.boundary)[0] == body:
-            for point in shape.samples(split_boundary(support.boundary)[1]):
+        elif support.place is not None and support.place.body == body:
+            for point in _samples(shape, support.place):
                 yield from _rows(shape, point, held)
     for load in draft.loads.values():
         if load.owner != body or not isinstance(load, Displacement | Platen):
             continue
-        points = shape.samples(split_boundary(load.boundary)[1])
+        points = _samples(shape, load.place)
         if isinstance(load, Displacement):
             held = (load.components[0] is not None, load.components[1] is not None)
             for point in points:
                 yield from _rows(shape, point, held)
         else:
             yield from _platen_rows(shape, points, load)
+
+
+def _samples(shape: Geometry, place: Place) -> tuple[tuple[float, float], ...]:
+    """Points that span where something acts."""
+    return place.ends or tuple(point for edge in place.edges for point in shape.samples(edge))
 
 
 def _platen_rows(shape: Geometry, points: tuple[tuple[float, float], ...], load: Platen) -> Iterator[Row]:

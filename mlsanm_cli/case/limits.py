@@ -17,6 +17,7 @@ MOST: Mapping[str, int] = {
     "body": 500,
     "refine": 500,
     "holes": 500,
+    "sides": 2000,
     "support": 500,
     "load": 500,
     "contact": 500,

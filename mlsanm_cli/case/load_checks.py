@@ -5,6 +5,7 @@ from __future__ import annotations
 from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.loads import Displacement, ObstacleMotion, Platen, Pressure, Temperature, Traction
+from mlsanm_cli.case.places import Stretch
 from mlsanm_cli.case.report import Report, suggestion
 
 
@@ -14,6 +15,8 @@ def check_loads(draft: Draft, report: Report) -> None:
         _check_support(draft, report, index)
     for index, load in draft.loads.items():
         path: KeyPath = ("load", index)
+        if isinstance(load, Stretch):
+            _check_ends(load, path, report)
         if isinstance(load, Platen | ObstacleMotion):
             _check_moving(load, path, report)
         elif isinstance(load, Traction | Pressure):
@@ -25,8 +28,20 @@ def check_loads(draft: Draft, report: Report) -> None:
     _check_obstacle_names(draft, report)
 
 
+def _check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
+    """Both ends of a part are given, or none."""
+    if (part.start is None) != (part.to is None):
+        key, other = ("from", "to") if part.to is None else ("to", "from")
+        report.add((*path, key), f'needs "{other}" too', "both ends of the part of the boundary")
+    elif part.start is not None and part.start == part.to:
+        report.add((*path, "to"), "is the same point", "the two ends of the part of the boundary")
+
+
 def _check_support(draft: Draft, report: Report, index: int) -> None:
     support, path = draft.supports[index], ("support", index)
+    _check_ends(support, path, report)
+    if support.boundary is None and (support.start is not None or support.to is not None):
+        report.add(path, '"from" and "to" are the ends of a part of a boundary', 'give "boundary"')
     if support.boundary is not None and (support.body is not None or support.near is not None):
         report.add(path, 'give either "boundary", or "body" and "near"')
     elif support.boundary is None and (support.body is None or support.near is None):

@@ -15,12 +15,11 @@ from mlsanm_cli.case.base import (
     TEMPERATURE,
     Amount,
     AmountVector,
-    BoundaryName,
     Name,
     Section,
     Vector,
-    split_boundary,
 )
+from mlsanm_cli.case.places import Boundaries, Place, Stretch, listed
 from mlsanm_cli.case.tables import row_problem
 
 Control = Literal["force", "displacement"]
@@ -34,16 +33,21 @@ def _sound(rows: Rows) -> Rows:
     return rows
 
 
-class _OnBoundary(Section):
+class _OnBoundary(Stretch):
     name: Name
     """Name of the load; stages call it by this name."""
-    boundary: BoundaryName
-    """The boundary it acts on."""
+    boundary: Boundaries
+    """The boundary it acts on, or a list of several that are one."""
+
+    @property
+    def place(self) -> Place:
+        """Where it acts."""
+        return Place(listed(self.boundary), self.ends)
 
     @property
     def owner(self) -> str:
         """The body it acts on."""
-        return split_boundary(self.boundary)[0]
+        return self.place.body
 
 
 class _InBody(Section):

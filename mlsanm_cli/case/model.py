@@ -16,7 +16,6 @@ from mlsanm_cli.case.base import (
     NUMBER,
     AutoCount,
     AutoLength,
-    BoundaryName,
     Name,
     Positive,
     Section,
@@ -27,6 +26,7 @@ from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.loads import Load
 from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.obstacles import Obstacle
+from mlsanm_cli.case.places import Boundaries, Place, Stretch, label_of, listed
 from mlsanm_cli.case.shapes import Shape
 
 
@@ -77,12 +77,12 @@ class Body(Section):
         return isinstance(self.shape, Mesh | Points) and self.shape.brings_nodes
 
 
-class Support(Section):
+class Support(Stretch):
     """Holds displacements at zero, of a boundary or of the node of a body nearest to a point; or springs on
     a boundary."""
 
-    boundary: BoundaryName | None = None
-    """The whole boundary that is held; either this, or `body` and `near`."""
+    boundary: Boundaries | None = None
+    """The boundary that is held, or a list of several; either this, or `body` and `near`."""
     body: str | None = None
     """The body of which one node is held."""
     near: Annotated[Vector, LENGTH] | None = None
@@ -93,6 +93,11 @@ class Support(Section):
     """Displacement in y; a direction that is not named is free."""
     spring: Annotated[Vector, FOUNDATION] | None = None
     """Springs on the boundary: traction per displacement, x and y."""
+
+    @property
+    def place(self) -> Place | None:
+        """The boundaries it acts on; None if it holds a single node."""
+        return None if self.boundary is None else Place(listed(self.boundary), self.ends)
 
     @property
     def holds(self) -> tuple[bool, bool]:
@@ -122,10 +127,11 @@ class Contact(Section):
 
     name: Name
     """Name of the contact."""
-    slave: BoundaryName
-    """The boundary whose nodes carry the pressures: the one with the finer nodes or the smaller radius."""
-    master: BoundaryName | None = None
-    """The boundary it may touch."""
+    slave: Boundaries
+    """The boundary whose nodes carry the pressures: the one with the finer nodes or the smaller radius; or a
+    list of boundaries that join end to end."""
+    master: Boundaries | None = None
+    """The boundary it may touch, or a list of boundaries that join end to end."""
     obstacle: Obstacle | None = None
     """The rigid obstacle it may touch instead."""
     interference: Annotated[Positive, LENGTH] | None = None
@@ -140,8 +146,18 @@ class Contact(Section):
 
     @property
     def boundaries(self) -> tuple[str, ...]:
-        """The boundaries of elastic bodies in it: slave and, if there is one, master."""
-        return (self.slave,) if self.master is None else (self.slave, self.master)
+        """The boundaries of elastic bodies in it: the slave's and, if there is one, the master's."""
+        return tuple(name for side in self.sides for name in side.boundaries)
+
+    @property
+    def sides(self) -> tuple[Place, ...]:
+        """The slave and, if there is one, the master."""
+        return tuple(Place(listed(side)) for side in (self.slave, self.master) if side is not None)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the sides are called."""
+        return tuple(label_of(side.boundaries) for side in self.sides)
 
 
 class Probe(Section):

@@ -27,6 +27,7 @@ from mlsanm_cli.case.model import (
     Support,
 )
 from mlsanm_cli.case.obstacles import OBSTACLES
+from mlsanm_cli.case.outline import OutlineSide
 from mlsanm_cli.case.polygon import Hole
 from mlsanm_cli.case.report import Report, suggestion
 from mlsanm_cli.case.shapes import SHAPES
@@ -38,6 +39,7 @@ _TABLES: dict[tuple[str, ...], type[Any]] = {
     ("body", "*"): Body,
     ("body", "*", "refine", "*"): Refine,
     ("body", "*", "shape", "holes", "*"): Hole,
+    ("body", "*", "shape", "sides", "*"): OutlineSide,
     ("support", "*"): Support,
     ("contact", "*"): Contact,
     ("contact", "*", "regularization"): Regularization,
@@ -54,7 +56,7 @@ _KINDS: dict[tuple[str, ...], Mapping[str, type[Any]]] = {
     ("load", "*"): LOADS,
     ("contact", "*", "obstacle"): OBSTACLES,
 }
-_LISTS = {"body", "support", "load", "contact", "stage", "refine", "holes", "probe"}
+_LISTS = {"body", "support", "load", "contact", "stage", "refine", "holes", "sides", "probe"}
 _WORDS = {
     "float_type": "expected a number",
     "int_type": "expected a whole number",

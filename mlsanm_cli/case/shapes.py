@@ -12,6 +12,7 @@ from pydantic import Field
 from mlsanm_cli.case.base import LENGTH, Section, Vector
 from mlsanm_cli.case.chains import Point
 from mlsanm_cli.case.files import Mesh, Points
+from mlsanm_cli.case.outline import OutlineShape
 from mlsanm_cli.case.polygon import Polygon
 from mlsanm_cli.case.round_shapes import Annulus, Disk, HalfDisk, Sector
 
@@ -62,7 +63,7 @@ class Rectangle(Section):
         return 0.0
 
 
-DrawnShape = Rectangle | Disk | HalfDisk | Sector | Annulus | Polygon
+DrawnShape = Rectangle | Disk | HalfDisk | Sector | Annulus | Polygon | OutlineShape
 """Shapes whose geometry stands in the case file."""
 AnyShape = DrawnShape | Mesh | Points
 Shape = Annotated[AnyShape, Field(discriminator="kind")]
@@ -73,6 +74,7 @@ SHAPES: dict[str, type[Section]] = {
     "sector": Sector,
     "annulus": Annulus,
     "polygon": Polygon,
+    "outline": OutlineShape,
     "mesh": Mesh,
     "points": Points,
 }

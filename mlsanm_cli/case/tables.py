@@ -1,4 +1,5 @@
-"""Tables of loads along a boundary: read from CSV files into the case, so that it stands for itself."""
+"""Tables of loads along a boundary and of points of curves: read from CSV files into the case, so that it
+stands for itself."""
 
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ from mlsanm_cli.inputs import MB, read_input
 
 HEADERS = {"pressure": ("s", "pressure"), "traction": ("s", "tx", "ty")}
 """Columns of the table of every kind of load that may have one; s is the arc length."""
-MOST_ROWS = 100_000
+POINTS = ("x", "y")
+"""Columns of the table of a curve."""
+MOST_ROWS, MOST_POINTS = 100_000, 2000
 LARGEST = 16 * MB
 """Largest table, in bytes."""
 
@@ -46,11 +49,35 @@ def inline_tables(data: Mapping[str, Any], base: Path) -> tuple[dict[str, Any], 
                     problems.append((("load", index, "table"), str(error)))
             changed.append(load)
         content["load"] = tuple(changed)
+    bodies = data.get("body")
+    if isinstance(bodies, tuple):
+        content["body"] = tuple(_with_points(k, body, base, problems) for k, body in enumerate(bodies))
     return content, problems
 
 
-def read_table(path: Path, header: tuple[str, ...] | None) -> tuple[tuple[float, ...], ...]:
-    """Rows of a CSV file whose first line is ``header``. Raises TableError."""
+def _with_points(index: int, body: Any, base: Path, problems: list[tuple[KeyPath, str]]) -> Any:
+    """A body with the points of its curves in place of their files' names."""
+    shape = body.get("shape") if isinstance(body, Mapping) else None
+    sides = shape.get("sides") if isinstance(shape, Mapping) else None
+    if not isinstance(sides, tuple) or not isinstance(shape, Mapping):
+        return body
+    changed = []
+    for number, side in enumerate(sides):
+        file = side.get("file") if isinstance(side, Mapping) else None
+        if isinstance(file, str) and file and "points" not in side and "to" not in side:
+            try:
+                points = read_table(base / file, POINTS, MOST_POINTS)
+                side = {**{key: value for key, value in side.items() if key != "file"}, "points": points}
+            except TableError as error:
+                problems.append((("body", index, "shape", "sides", number, "file"), str(error)))
+        changed.append(side)
+    return {**body, "shape": {**shape, "sides": tuple(changed)}}
+
+
+def read_table(
+    path: Path, header: tuple[str, ...] | None, most: int = MOST_ROWS
+) -> tuple[tuple[float, ...], ...]:
+    """Rows, ``most`` of them at most, of a CSV file whose first line is ``header``. Raises TableError."""
     if header is None:
         raise TableError("loads of this kind have no table")
     try:
@@ -63,8 +90,8 @@ def read_table(path: Path, header: tuple[str, ...] | None) -> tuple[tuple[float,
     found = tuple(cell.strip() for cell in lines[0][1]) if lines else ()
     if found != header:
         raise TableError(f"{path} must begin with the line {','.join(header)}")
-    if len(lines) > MOST_ROWS:
-        raise TableError(f"{path} has more than {MOST_ROWS} rows")
+    if len(lines) > most + 1:
+        raise TableError(f"{path} has more than {most} rows")
     return tuple(_numbers(path, number, row, len(header)) for number, row in lines[1:])
 
 

@@ -13,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.values import dataclass
 
@@ -29,6 +30,7 @@ GAUSS: dict[int, Rule] = {count: _gauss(count) for count in range(1, 5)}
 """Gauss's rules by their number of points."""
 FINE = GAUSS[4]
 """That for functions of place that may be anything."""
+MOST_TIMES = 16
 CLOSED = 1e-4
 """What the normals of a closed cell may leave, as a part of the lengths: Gauss's rule on curves."""
 
@@ -109,7 +111,9 @@ class Halves:
 
     @classmethod
     def of(cls, surface: Surface, rule: Rule = GAUSS[2]) -> Halves:
-        """Those of a surface, by the places and weights of a quadrature ``rule``."""
+        """Those of a surface, by the places and weights of a quadrature ``rule``, several times on each half
+        if the curve is known by more points than there are nodes: cells must close along its waves."""
+        rule = _repeated(rule, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MOST_TIMES))
         arc, count = surface.arc_length, len(surface.index)
         first, second = np.arange(count), np.arange(1, count + 1)
         if surface.curve.closed:
@@ -123,6 +127,13 @@ class Halves:
                 (second, first, 0.5 + 0.5 * x + 0.0 * step, arc[:-1] + 0.5 * (1.0 + x) * step, length)
             )
         return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _repeated(rule: Rule, times: int) -> Rule:
+    """The rule on each of so many equal parts."""
+    if times <= 1:
+        return rule
+    return tuple(((k + x) / times, weight / times) for k in range(times) for x, weight in rule)
 
 
 def dual_faces(points: FloatArray, triangles: IntArray, surfaces: Mapping[str, Surface]) -> Faces:

@@ -115,8 +115,18 @@ class SplinePart:
         """Arc lengths of the nodes, both ends included."""
         return np.asarray(self.spline.arcs[self.first : self.last + 1] - self._start)
 
+    @cached_property
+    def _asked(self) -> list[tuple[FloatArray, FloatArray]]:
+        """The arc lengths asked for last, and their parameters."""
+        return []
+
     def _parameter(self, s: FloatArray) -> FloatArray:
-        return self.spline.parameter_of(np.clip(s, 0.0, self.length) + self._start)
+        # Points, normals and curvatures are asked for one after the other.
+        if self._asked and np.array_equal(self._asked[0][0], s):
+            return self._asked[0][1]
+        t = self.spline.parameter_of(np.clip(s, 0.0, self.length) + self._start)
+        self._asked[:] = [(np.array(s), t)]
+        return t
 
     def points(self, s: FloatArray) -> FloatArray:
         return self.spline.derivative(self._parameter(s), 0)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.joined import joined
 from mlsanm_cli.memo import digest
 from mlsanm_cli.values import dataclass
 
@@ -18,7 +20,8 @@ class Surface:
 
     ``index`` (b,) into the body's points, ``arc_length`` (b,), ``normal`` (b, 2) of this boundary alone: a
     corner node belongs to both boundaries that meet there, with each one's own normal. ``weight`` (b,) is the
-    length of surface a node stands for (trapezoid rule).
+    length of surface a node stands for (trapezoid rule). A surface joined of several has these for its
+    ``parts``; conditions are theirs, and at a corner between two its normal is in between.
     """
 
     name: str
@@ -26,6 +29,27 @@ class Surface:
     index: IntArray
     arc_length: FloatArray
     normal: FloatArray
+    parts: tuple[Surface, ...] = ()
+
+    @property
+    def members(self) -> tuple[tuple[Surface, IntArray], ...]:
+        """The body's own surfaces that it is made of, and the numbers of their nodes among its own."""
+        if not self.parts:
+            return ((self, np.arange(len(self.index))),)
+        found, first = [], 0
+        for part in self.parts:
+            found.append((part, (first + np.arange(len(part.index))) % len(self.index)))
+            first += len(part.index) - 1
+        return tuple(found)
+
+    @cached_property
+    def end_normals(self) -> FloatArray:
+        """Normals (k, 2, 2) at both ends of the k stretches between neighbouring nodes: at a corner between
+        two parts that of the stretch's own."""
+        if self.parts:
+            return np.concatenate([part.end_normals for part in self.parts])
+        after = np.roll(self.normal, -1, axis=0)
+        return np.stack([self.normal, after], axis=1)[: len(self.index) - (not self.curve.closed)]
 
     @cached_property
     def content(self) -> str:
@@ -45,3 +69,29 @@ class Surface:
             steps = np.diff(s)
             both = np.append(steps, 0.0) + np.append(0.0, steps)
         return np.asarray(0.5 * both)
+
+
+def joined_surface(name: str, parts: Sequence[Surface], around: bool) -> Surface:
+    """Surfaces one after the other as one, ``around`` if the last one ends where the first begins."""
+    if len(parts) == 1:
+        return parts[0]
+    curve = joined([part.curve for part in parts], around)
+    ends = np.cumsum([part.curve.length for part in parts])
+    arc = [np.zeros(1)]
+    index, normal = [parts[0].index[:1]], [parts[0].normal[:1].copy()]
+    for part, end in zip(parts, ends, strict=True):
+        arc.append(part.arc_length[1:] + end - part.curve.length)
+        index.append(part.index[1:])
+        normal[-1][-1:] = _between(normal[-1][-1:], part.normal[:1])
+        normal.append(part.normal[1:].copy())
+    places, nodes, normals = np.concatenate(arc), np.concatenate(index), np.concatenate(normal)
+    if around:
+        normals[:1] = _between(normals[-1:], normals[:1])
+        places, nodes, normals = places[:-1], nodes[:-1], normals[:-1]
+    return Surface(name, curve, nodes, places, normals, tuple(parts))
+
+
+def _between(one: FloatArray, other: FloatArray) -> FloatArray:
+    """The unit vector (1, 2) halfway between two."""
+    mean = one + other
+    return np.asarray(mean / np.hypot(*mean.T)[:, None])

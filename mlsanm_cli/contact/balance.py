@@ -95,7 +95,8 @@ class Forces:
             return self.contact(pairing, pairing.slave_body, mover.center).take(row)
         if isinstance(mover, LooseBody) or motion.alone:
             return -self.others(mover).take(row)
-        return self.measured[mover.body, mover.surface].take(row)
+        parts = [self.measured[mover.body, surface].take(row) for surface in mover.surfaces]
+        return sum(parts[1:], parts[0])
 
 
 def balance_of_movers(forces: Forces) -> LinearMap:
@@ -112,7 +113,7 @@ def balance_of_movers(forces: Forces) -> LinearMap:
 def reported_forces(forces: Forces) -> dict[str, LinearMap]:
     """Force x, y (2 rows) that each load and each support exerts on its body, by name."""
     scene, columns = forces.scene, forces.columns
-    report = {}
+    report: dict[str, LinearMap] = {}
     for load in scene.surface_loads:
         if load.held:
             total = forces.measured[load.body, load.surface]
@@ -120,7 +121,9 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
             body, sums = scene.bodies[load.body], np.zeros((3, columns.loads))
             sums[:, load.number] = body.resultants() @ load.source(body)
             total = columns.of_loads(sums)
-        report[scene.loads[load.number]] = total.take(slice(0, 2))
+        name, told = scene.loads[load.number], total.take(slice(0, 2))
+        # A load on several surfaces acts on one after the other.
+        report[name] = report[name] + told if name in report else told
     for mover in scene.movers:
         for number in mover.loads:
             rows = [columns.zeros(1), columns.zeros(1)]
@@ -141,12 +144,13 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
         report[scene.loads[force.number]] = columns.of_loads(sums)
     for heating in scene.heatings:
         report[scene.loads[heating.number]] = columns.zeros(2)
-    for name, where in scene.supports.items():
+    for name, places in scene.supports.items():
         total = columns.zeros(3)
-        if where in forces.measured:
-            total = total + forces.measured[where]
-        if where in forces.springs:
-            total = total + forces.springs[where]
+        for where in places:
+            if where in forces.measured:
+                total = total + forces.measured[where]
+            if where in forces.springs:
+                total = total + forces.springs[where]
         report[name] = total.take(slice(0, 2))
     return report
 

@@ -221,11 +221,14 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
 
     for platen, motion in scene.unknown_motions:
         assert isinstance(platen, Platen), "checked with the case"
-        body, held = scene.bodies[platen.body], (platen.body, platen.surface)
+        body = scene.bodies[platen.body]
         for surface in body.soft_springs:
             springs[platen.body, surface] = told(platen.body, spring_rows(body, surface))
-        if not motion.alone and held not in measured:
-            rows = reaction_rows(body, platen.surface, platen.center)
+        for surface in platen.surfaces:
+            held = platen.body, surface
+            if motion.alone or held in measured:
+                continue
+            rows = reaction_rows(body, surface, platen.center)
             measured[held] = told(platen.body, rows)
             # Stresses come from the displacements beyond those of free expansion.
             expansion = rows @ body.model.free_expansion.ravel()

@@ -49,6 +49,11 @@ class Facing:
     obstacle: Shape | None = None
     slave_first: bool = True
 
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """The base and, if it is no obstacle, the other surface."""
+        return (self.base,) if self.other is None else (self.base, self.other)
+
     def _arc(self, s: FloatArray) -> FloatArray:
         arc = s if self.slave_first else -s
         return np.mod(arc, self.base.length) if self.base.closed else arc

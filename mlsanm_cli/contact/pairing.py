@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.obstacles import Shape
@@ -125,6 +126,43 @@ class Pairing:
         return float(max(self.gap[fine].max(), self.gap.min()))
 
 
+def facing_parts(
+    slave: Surface, position: IntArray, normal: FloatArray
+) -> Iterator[tuple[Surface, IntArray, IntArray]]:
+    """The body's own surfaces that a slave is made of; the numbers (k,) of those of its nodes at ``position``
+    (m,) that lie there and face the master's ``normal`` (m, 2); and which (k,) of the m these are.
+
+    At a corner between two of them a node lies on both, and may face the master with one only.
+    """
+    for part, place in slave.members:
+        numbers = np.full(len(slave.index), -1, dtype=np.int64)
+        numbers[place] = np.arange(len(place))
+        own = numbers[position]
+        on = np.flatnonzero(own >= 0)
+        if slave.parts:
+            on = on[(part.normal[own[on]] * normal[on]).sum(axis=1) < OPPOSED]
+        yield part, own[on], on
+
+
+def opposed(pairing: Pairing, s: FloatArray) -> BoolArray:
+    """Whether places (e,) along a slave of several parts face the master there; those of a single surface
+    do."""
+    slave, master = pairing.slave.curve, pairing.master
+    if not pairing.slave.parts or master is None:
+        return np.ones(len(s), dtype=bool)
+    there = master.curve.closest(slave.points(s))
+    return np.asarray((slave.normals(s) * master.curve.normals(there)).sum(axis=1) < OPPOSED)
+
+
+def _weights(slave: Surface, position: IntArray, normal: FloatArray) -> FloatArray:
+    """The lengths (m,) of a slave's surface that nodes at ``position`` (m,) stand for, where it faces the
+    master."""
+    weight = np.zeros(len(position))
+    for part, own, on in facing_parts(slave, position, normal):
+        weight[on] += part.weight[own]
+    return weight
+
+
 def on_grid(pairing: Pairing, near: Near) -> Pairing:
     """The contact of nodes ``pairing`` with pressures on a contact grid; its nodes beyond are watched."""
     hats, facing = near.hats, near.facing
@@ -173,7 +211,7 @@ def pair_surfaces(
     A node whose closest point is an end of the master, seen at an angle, has no partner.
     """
     s = master.curve.closest(slave_cloud.points[slave.index])
-    partner, normal = master.curve.points(s), master.curve.normals(s)
+    partner, normal = master.curve.points(s), normals_towards(master.curve, s, slave.normal)
     return _paired(name, slave_body, slave_cloud, slave, (master_body, master), partner, normal, friction)
 
 
@@ -215,7 +253,7 @@ def _paired(
         position=position,
         points=points[position],
         arc=arc + slave.curve.length * (arc < arc[:1]),
-        weight=slave.weight[position],
+        weight=_weights(slave, position, normal[position]),
         partner=partner[position],
         normal=normal[position],
         gap=gap[position],
@@ -272,7 +310,7 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     arc, _, spacing = _unrolled(pairing)
     s, beside, stretch = feet(pairing, master, master.arc_length)
     slack = 1e-6 * float(pairing.spacing.min())
-    facing = (pairing.slave.curve.normals(s) * master.normal).sum(axis=1) < OPPOSED
+    facing = (slave_normals(pairing, s) * master.normal).sum(axis=1) < OPPOSED
     if pairing.slave.curve.closed:
         s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
     rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (beside <= slack))
@@ -292,14 +330,15 @@ def feet(pairing: Pairing, master: Surface, arc: FloatArray) -> tuple[FloatArray
     There the closest point of the master is the place, found by Newton's method from the place's own closest
     point.
     """
-    slave, points, normal = pairing.slave.curve, master.curve.points(arc), master.curve.normals(arc)
+    slave, points = pairing.slave.curve, master.curve.points(arc)
     s = slave.closest(points)
+    normal = normals_towards(master.curve, arc, slave.normals(s))
     curvature = master.curve.curvature(arc)
     for _ in range(NEWTON):
         off = master.curve.closest(slave.points(s)) - arc
         if master.curve.closed:
             off -= master.curve.length * np.round(off / master.curve.length)
-        cosine = -(slave.normals(s) * normal).sum(axis=1)
+        cosine = -(slave_normals(pairing, s) * normal).sum(axis=1)
         gap = ((slave.points(s) - points) * normal).sum(axis=1)
         # Where surfaces do not face each other nothing is carried over, whatever their stretch.
         stretch = (1.0 + curvature * gap) / np.maximum(cosine, -OPPOSED)
@@ -307,6 +346,18 @@ def feet(pairing: Pairing, master: Surface, arc: FloatArray) -> tuple[FloatArray
         moved = s + stretch * off
         s = np.mod(moved, slave.length) if slave.closed else np.clip(moved, 0.0, slave.length)
     return s, np.abs(off), stretch
+
+
+def slave_normals(pairing: Pairing, s: FloatArray) -> FloatArray:
+    """Normals (b, 2) of the slave at arc lengths ``s`` (b,); where candidates end at a corner, those of the
+    side that they are on."""
+    curve = pairing.slave.curve
+    if pairing.slave.parts and pairing.candidate.any():
+        first, last = pairing.arc[pairing.candidate][[0, -1]]
+        small = SLACK * float(pairing.spacing.min())
+        s = np.where(np.abs(s - first) <= small, first + small, s)
+        s = np.where(np.abs(s - last) <= small, last - small, s)
+    return curve.normals(np.mod(s, curve.length) if curve.closed else s)
 
 
 def candidates_fit(pairing: Pairing, s: FloatArray, reach: FloatArray) -> sparse.csr_array:

@@ -9,7 +9,16 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.linear_map import Columns
-from mlsanm_cli.contact.pairing import Pairing, feet, transfer, turned
+from mlsanm_cli.contact.pairing import (
+    OPPOSED,
+    Pairing,
+    facing_parts,
+    feet,
+    opposed,
+    slave_normals,
+    transfer,
+    turned,
+)
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.pieces import turned_along
 from mlsanm_cli.mechanics.remainder import remainder_sources
@@ -36,8 +45,10 @@ def body_sources(
     for platen in scene.platens:
         for motion in platen.motions:
             if platen.body == name:
-                pattern = platen.pattern(cloud.surfaces[platen.surface], cloud.points, motion.component)
-                source = body.source(platen.surface, pattern, held=True)
+                source = np.zeros(body.rows)
+                for surface in platen.surfaces:
+                    pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion.component)
+                    source += body.source(surface, pattern, held=True)
                 if motion.prescribed is None:
                     few[:, unknown] = source
                 else:
@@ -93,26 +104,35 @@ def _on_slave(body: ElasticBody, pairing: Pairing, direction: FloatArray) -> spa
     chosen = np.flatnonzero(pairing.candidate)
     columns = np.arange(len(chosen))
     source = sparse.csc_array((body.rows, len(chosen)))
-    for component in (0, 1):
-        rows = body.condition_rows(pairing.slave.name, component)[pairing.position[chosen]]
-        values = direction[chosen, component]
-        source = source + sparse.csc_array((values, (rows, columns)), shape=source.shape)
+    parts = facing_parts(pairing.slave, pairing.position[chosen], pairing.normal[chosen])
+    for part, own, on in parts:
+        for component in (0, 1):
+            rows = body.condition_rows(part.name, component)[own]
+            values = direction[chosen[on], component]
+            source = source + sparse.csc_array((values, (rows, columns[on])), shape=source.shape)
     return source
 
 
 def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential: bool) -> sparse.csc_array:
     """What unit tractions on the slave, along its normals or tangents, do to the master: tractions of its own
     nodes, carried over along the slave, and on its pieces the very opposite of what the slave's receive."""
-    direction, own = pairing.normal, master.normal
-    # The reaction to p n is -p n, whose n the master's own normal stands for; likewise the tangent.
-    direction, own = (pairing.tangent, turned(own)) if tangential else (direction, own)
-    shares = transfer(pairing, body.model.cloud).tocoo()
-    rows, columns = shares.coords
+    direction = pairing.tangent if tangential else pairing.normal
+    shares = transfer(pairing, body.model.cloud)
     source = sparse.csc_array((body.rows, shares.shape[1]))
-    for component in (0, 1):
-        lines = body.condition_rows(master.name, component)[rows]
-        values = -shares.data * own[rows, component]
-        source = source + sparse.csc_array((values, (lines, columns)), shape=source.shape)
+    # At a corner between two parts only those that face the slave receive its pressures.
+    towards = slave_normals(pairing, feet(pairing, master, master.arc_length)[0]) if master.parts else None
+    for part, place in master.members:
+        faces = np.ones(len(place), dtype=bool)
+        if towards is not None:
+            faces = (part.normal * towards[place]).sum(axis=1) < OPPOSED
+        some = (sparse.diags_array(faces.astype(float)) @ shares[place]).tocoo()
+        rows, columns = some.coords
+        # The reaction to p n is -p n, whose n the master's own normal stands for; likewise the tangent.
+        own = turned(part.normal) if tangential else part.normal
+        for component in (0, 1):
+            lines = body.condition_rows(part.name, component)[rows]
+            values = -some.data * own[rows, component]
+            source = source + sparse.csc_array((values, (lines, columns)), shape=source.shape)
     lack = _on_pieces(body, pairing, master, direction) - body.loads @ source
     nodal = sparse.csc_array((body.rows - lack.shape[0], lack.shape[1]))
     return sparse.csc_array(source + sparse.vstack([nodal, lack], format="csc"))
@@ -149,9 +169,10 @@ def _on_pieces(
             master.curve.points(master.curve.closest(slave.curve.points(s))),
         )
         share = (s - ends[first]) / (ends[first + 1] - ends[first])
-        for who, part in ((first, 1.0 - share), ((first + 1) % len(nodes), share)):
-            on = np.flatnonzero(place[who] >= 0)
-            turn = turned_along(slave.normal[who[on]], normal[on])
+        faces = opposed(pairing, s)
+        for end, who, part in ((0, first, 1.0 - share), (1, (first + 1) % len(nodes), share)):
+            on = np.flatnonzero((place[who] >= 0) & faces)
+            turn = turned_along(slave.end_normals[first[on], end], normal[on])
             along = (turn @ direction[chosen[place[who[on]]], :, None])[:, :, 0]
             force = -(weight * np.diff(cuts) * part)[on, None] * along
             for level in pieces.levels:

@@ -14,7 +14,7 @@ from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.near_fields import traction_beside
-from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.contact.pairing import Pairing, facing_parts, opposed
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
@@ -118,8 +118,9 @@ def _prescribed(scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> Mapp
             value = motions[unknown] if motion.prescribed is None else motion.prescribed @ factors
             unknown += motion.prescribed is None
             if platen.body == body:
-                surface = cloud.surfaces[platen.surface]
-                total[platen.surface] += value * platen.pattern(surface, cloud.points, motion.component)
+                for name in platen.surfaces:
+                    surface = cloud.surfaces[name]
+                    total[name] += value * platen.pattern(surface, cloud.points, motion.component)
     return total
 
 
@@ -147,7 +148,11 @@ def _given_tractions(
                             pairing.near, pressure, traction
                         )
         elif pairing.slave_body == body:
-            total[pairing.slave.name] += _on_slave(pairing, pressure, traction)
+            given, chosen = _on_slave(pairing, pressure, traction), pairing.candidate
+            position = pairing.position[chosen]
+            parts = facing_parts(pairing.slave, position, pairing.normal[chosen])
+            for part, numbers, on in parts:
+                total[part.name][numbers] += given[position[on]]
     return total
 
 
@@ -165,7 +170,8 @@ def _on_master(
         given, slave = _on_slave(pairing, pressure, traction), pairing.slave
         halves = Halves.of(slave, FINE)
         share = halves.share[:, None]
-        force = halves.length[:, None] * (share * given[halves.own] + (1.0 - share) * given[halves.other])
+        length = halves.length * opposed(pairing, halves.arc)
+        force = length[:, None] * (share * given[halves.own] + (1.0 - share) * given[halves.other])
         arc = master.curve.closest(slave.curve.points(halves.arc))
         around = master.curve.length if master.curve.closed else None
         moved = [np.interp(arc, master.arc_length, one, period=around) for one in path[master.index].T]

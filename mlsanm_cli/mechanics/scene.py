@@ -72,16 +72,18 @@ class RigidMotion:
 
 @dataclass(frozen=True)
 class Platen:
-    """A rigid platen bonded to a surface; a component without a motion is free of traction there.
+    """A rigid platen bonded to ``surfaces`` of a body; a component without a motion is free of traction
+    there.
 
-    ``loads`` are the numbers of the loads that move it.
+    ``loads`` are the numbers of the loads that move it, ``name`` what messages call its place.
     """
 
     body: str
-    surface: str
+    surfaces: tuple[str, ...]
     center: tuple[float, float]
     motions: tuple[RigidMotion, ...]
     loads: tuple[int, ...]
+    name: str = ""
 
     def pattern(self, surface: Surface, points: FloatArray, component: int) -> FloatArray:
         """Displacements (b, 2) of the surface's nodes under a unit motion."""
@@ -121,7 +123,7 @@ Mover = Platen | Obstacle | LooseBody
 class Scene:
     """Factorised bodies with all that acts on them, contact apart.
 
-    ``supports`` maps a support's name to its body and surface; ``held_nodes`` tells for each body whether
+    ``supports`` maps a support's name to its body and surfaces; ``held_nodes`` tells for each body whether
     single nodes hold it in x and y (their forces cannot be told from the stress field).
     """
 
@@ -129,7 +131,7 @@ class Scene:
     loads: tuple[str, ...]
     surface_loads: tuple[SurfaceLoad, ...]
     platens: tuple[Platen, ...]
-    supports: Mapping[str, tuple[str, str]]
+    supports: Mapping[str, tuple[tuple[str, str], ...]]
     held_nodes: Mapping[str, tuple[bool, bool]]
     body_forces: tuple[BodyForce, ...] = ()
     heatings: tuple[Heating, ...] = ()
@@ -150,7 +152,7 @@ class Scene:
     def center(self, body: str, surface: str) -> tuple[float, float]:
         """The point that moments of a held surface are taken about: its platen's centre, else the origin."""
         for platen in self.platens:
-            if (platen.body, platen.surface) == (body, surface):
+            if platen.body == body and surface in platen.surfaces:
                 return platen.center
         return (0.0, 0.0)
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.clouds import outline_of
+from mlsanm_cli.app.surfaces import drawn
 from mlsanm_cli.case import Annulus, Polygon
 from mlsanm_cli.case.chains import Round, Side, pieces, signed_area
 from tests.case.scenes import only, parse, problems
@@ -74,11 +74,7 @@ def test_sides_and_arcs_join_smoothly_in_either_direction(backwards: bool) -> No
     rounding = (0.3, 0.2, 0.0, 0.4, 0.3, 0.5)
     chain = pieces(points, (), rounding)
     assert signed_area([p.start for p in chain if isinstance(p, Side)]) > 0.0
-    outline = outline_of(
-        parse(PLATE)
-        .case.body[0]
-        .model_copy(update={"shape": Polygon(kind="polygon", points=points, rounding=rounding)})
-    )
+    outline = drawn(Polygon(kind="polygon", points=points, rounding=rounding))
     assert outline.names == tuple(piece.name for piece in chain)
 
     ends = [
@@ -133,7 +129,8 @@ def test_ring() -> None:
         ("rounding=[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]", "rounding.2", "at least 0"),
         ("rounding=[0.0, 0.0, 0.0, 2.5, 0.0, 0.0]", "rounding.3", "at most 2"),
         ("rounding=[0.0, 0.0, 1.2, 1.0, 0.0, 0.0]", "rounding.2", "has 1 left"),
-        ("names=['left', 'tip', 'a', 'b', 'c', 'left']", "names.0", "two boundaries"),
+        ("names=['bolt', 'tip', 'a', 'b', 'c', 'bolt']", "names.0", "two boundaries"),
+        ("corners=['', '']", "corners", "2 items for 6 points"),
         ("names=['x', 'tip', 'corner3', 'b', 'c', 'left']", "names.2", "two boundaries"),
         ("holes.bolt.name='left'", "names.5", "two boundaries"),
         ("holes.bolt.radius=1.1", "holes.bolt.radius", "cuts the boundary"),

@@ -1,0 +1,422 @@
+"""Surfaces as users think of them: faces with rounded corners, profiles, parts of sides, pressures in
+contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.foreign import load_with_files
+from mlsanm_cli.app.surfaces import drawn, outline_of
+from mlsanm_cli.app.usual_spacing import arc_zones, valleys
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case.chains import Smooth
+from mlsanm_cli.case.outline import OutlineShape
+from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.errors import CaseError
+from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.reference.hertz import HertzLine
+from tests.app.scenes import Quiet, solve
+from tests.app.test_foreign import PULLED, polar_plate, write_gmsh
+from tests.case.scenes import parse
+
+HEAD = """format = 1
+[model]
+plane = "strain"
+[material.steel]
+E = 1000.0
+nu = 0.3
+"""
+PAD = (
+    HEAD
+    + """
+[[body]]
+name = "pad"
+material = "steel"
+[body.shape]
+kind = "polygon"
+points = [[-1.0, 0.0], [1.0, 0.0], [1.0, 1.5], [-1.0, 1.5]]
+names = ["bottom", "right", "top", "left"]
+rounding = [{radius}, {radius}, 0.0, 0.0]
+[[body]]
+name = "block"
+material = "steel"
+shape = {{ kind = "rectangle", x = [-3.0, 3.0], y = [-3.0, 0.0] }}
+[[support]]
+boundary = "block.bottom"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+boundary = "pad.top"
+kind = "platen"
+ux = 0.0
+fy = -5.0
+[[contact]]
+name = "foot"
+slave = {slave}
+master = {master}
+accuracy = 0.02
+regularization = {{ law = "exact" }}
+"""
+)
+FOOT = '["pad.corner2", "pad.bottom", "pad.corner1"]'
+
+
+def contact(directory: Path, name: str) -> tuple[FloatArray, FloatArray]:
+    """Points and final pressures of a contact."""
+    found = read_run(directory).contacts[name]
+    return found.points, found.pressure[-1]
+
+
+def test_a_pad_touches_with_its_face_and_its_rounded_corners(tmp_path: Path) -> None:
+    pad = PAD.format(radius=0.3, slave=FOOT, master='"block.top"')
+    found = solve(pad, tmp_path / "pad")["contacts"]["foot"]
+    swapped = solve(PAD.format(radius=0.3, slave='"block.top"', master=FOOT), tmp_path / "swapped")
+    named = pad.replace(FOOT, '"pad.foot"').replace('"bottom"', '"foot"')
+    named = named.replace(
+        '\n[[body]]\nname = "block"', '\ncorners = ["foot", "foot", "", ""]\n[[body]]\nname = "block"'
+    )
+    one = solve(named, tmp_path / "named")["contacts"]["foot"]
+    spacings = "body.pad.spacing=0.06", "body.block.spacing=0.15"
+    fine = solve(pad, tmp_path / "fine", *spacings)["contacts"]["foot"]
+    # The face ends at 0.7: contact goes on into the arcs, a little.
+    assert 0.7 < found["half_width"] < 0.73
+    assert found["force"] == pytest.approx([0.0, 5.0], abs=2e-3)
+    assert one["peak_pressure"] == pytest.approx(found["peak_pressure"], rel=1e-9)
+    assert swapped["contacts"]["foot"]["peak_pressure"] == pytest.approx(found["peak_pressure"], rel=1e-6)
+    assert fine["peak_pressure"] == pytest.approx(found["peak_pressure"], rel=5e-3)
+    points, pressure = contact(tmp_path / "pad", "foot")
+    even = np.interp(-points[:, 0], points[:, 0], pressure)
+    assert np.abs(even - pressure).max() < 0.02 * pressure.max()
+
+
+def test_sides_that_face_nobody_change_nothing(tmp_path: Path) -> None:
+    """At a corner only the side that faces the other body receives pressures, on slaves and on masters."""
+    sides = '["pad.left", "pad.bottom", "pad.right"]'
+    spacing = ("body.pad.spacing=0.2", "body.block.spacing=0.2")
+    for side in ("slave", "master"):
+        names = {"slave": '"block.top"', "master": '"block.top"'}
+        alone = solve(
+            PAD.format(radius=0.0, **{**names, side: '"pad.bottom"'}), tmp_path / f"{side}1", *spacing
+        )
+        joined = solve(PAD.format(radius=0.0, **{**names, side: sides}), tmp_path / f"{side}2", *spacing)
+        assert joined["force_balance"] < 1e-9
+        one, other = (found["contacts"]["foot"] for found in (alone, joined))
+        assert other["force"] == pytest.approx(one["force"], abs=1e-9)
+        assert other["peak_pressure"] == pytest.approx(
+            one["peak_pressure"], rel=1e-9 if side == "slave" else 0.01
+        )
+
+
+def test_pieces_that_do_not_join_are_told_by_name(tmp_path: Path) -> None:
+    with pytest.raises(CaseError) as caught:
+        solve(
+            PAD.format(radius=0.3, slave='["pad.left", "pad.bottom"]', master='"block.top"'), tmp_path / "pad"
+        )
+    (problem,) = caught.value.problems
+    assert problem.key == "contact.foot.slave"
+    assert '"bottom" and "left" do not join' in problem.message
+
+
+def wavy(waves: int, height: float, mean: float, folder: Path) -> tuple[str, float]:
+    """A block with waves of length 1 between rollers under a rigid plane, and Westergaard's largest pressure.
+
+    Johnson, Contact Mechanics, 1985, section 13.2.
+    """
+    x = np.linspace(0.0, waves, 16 * waves + 1)
+    rows = [
+        f"{a!r},{b!r}" for a, b in zip(x.tolist(), (-height * np.cos(2.0 * np.pi * x)).tolist(), strict=True)
+    ]
+    (folder / "profile.csv").write_text("\n".join(["x,y", *rows]))
+    full = np.pi * 1000.0 / 0.91 * height
+    text = (
+        HEAD
+        + f"""
+[[body]]
+name = "block"
+material = "steel"
+[body.shape]
+kind = "outline"
+sides = [
+  {{ name = "top", file = "profile.csv" }},
+  {{ name = "right", to = [{waves}.0, -1.5] }},
+  {{ name = "bottom", to = [0.0, -1.5] }},
+  {{ name = "left" }},
+]
+[[support]]
+boundary = "block.bottom"
+uy = 0.0
+[[support]]
+boundary = ["block.left", "block.right"]
+ux = 0.0
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "lid"
+fy = {-mean * full * waves!r}
+[[contact]]
+name = "lid"
+slave = "block.top"
+accuracy = 0.01
+regularization = {{ law = "exact" }}
+[contact.obstacle]
+kind = "plane"
+point = [0.0, {height!r}]
+normal = [0.0, -1.0]
+"""
+    )
+    return text, 2.0 * full * float(np.sqrt(mean))
+
+
+def test_a_wavy_surface_has_westergaards_pressures(tmp_path: Path) -> None:
+    text, peak = wavy(3, 1e-3, 0.2, tmp_path)
+    found = solve(text, tmp_path / "wavy")
+    assert found["nodes"] < 500
+    points, pressure = contact(tmp_path / "wavy", "lid")
+    for wave in range(3):
+        here = (points[:, 0] >= wave) & (points[:, 0] < wave + 1)
+        assert pressure[here].max() == pytest.approx(peak, rel=0.01)
+        half = np.arcsin(np.sqrt(0.2)) / np.pi
+        away = np.abs(points[here, 0] - wave - 0.5)
+        assert away[pressure[here] > 0.0].max() == pytest.approx(half, rel=0.05)
+
+
+def test_shallow_waves_need_no_fine_nodes_and_tight_turns_do() -> None:
+    def finest(x: FloatArray, y: FloatArray, far: float) -> float:
+        spline = SplinePart(NodeSpline(np.stack([x, y], axis=1), False), 0, len(x) - 1)
+        return min([far, *(zone.spacing for zone in arc_zones(Outline(("a",), (spline,)), far))])
+
+    x = np.linspace(0.0, 20.0, 801)
+    assert finest(x, 0.01 * np.cos(2.0 * np.pi * x), 1.0) == 1.0
+    assert finest(x, 0.1 * np.cos(2.0 * np.pi * x), 1.0) < 0.2
+    angle = np.linspace(0.0, np.pi, 41)
+    # As along arcs: a fifth of the radius, in hollows a tenth.
+    x, y = -0.5 * np.cos(angle), -0.5 * np.sin(angle)
+    assert 0.06 <= finest(x, y, 0.5) <= 0.1
+    assert 0.03 <= finest(x[::-1], y[::-1], 0.5) <= 0.05
+
+
+def test_last_bits_of_flat_surfaces_are_no_places_of_contact() -> None:
+    noise = 1e-16 * np.random.default_rng(1).normal(size=200)
+    assert len(valleys(noise, 1e-9)) == 1
+    x = np.linspace(0.0, 5.0, 401)
+    found = valleys(-1e-3 * np.cos(2.0 * np.pi * (x - 0.5)) + noise[0], 1e-9)
+    assert x[found] == pytest.approx([0.5, 1.5, 2.5, 3.5, 4.5], abs=0.02)
+
+
+def test_flanks_of_gears_from_points(tmp_path: Path) -> None:
+    """Two involutes touch as circles of their radii of curvature do."""
+
+    def flank(base: float, radius: float, sign: float) -> list[list[float]]:
+        a = np.linspace(-0.3, 0.25, 21)
+        ahead, across = np.stack([np.cos(a), np.sin(a)], axis=1), np.stack([-np.sin(a), np.cos(a)], axis=1)
+        points = np.array([-base, -radius]) + base * ahead + (radius - base * a)[:, None] * across
+        return [[float(sign * x), float(sign * y)] for x, y in points]
+
+    text, force = HEAD, 0.3
+    for name, sign, points in (("one", 1.0, flank(3.0, 1.0, 1.0)), ("two", -1.0, flank(4.0, 1.5, -1.0))):
+        text += f"""
+[[body]]
+name = "{name}"
+material = "steel"
+[body.shape]
+kind = "outline"
+sides = [
+  {{ name = "flank", points = {points} }},
+  {{ to = [{points[-1][0]!r}, {-sign}] }},
+  {{ name = "base", to = [{points[0][0]!r}, {-sign}] }},
+  {{}},
+]
+"""
+    text += f"""
+[[support]]
+boundary = "one.base"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+boundary = "two.base"
+kind = "platen"
+ux = 0.0
+fy = {-force}
+[[contact]]
+name = "mesh"
+slave = "two.flank"
+master = "one.flank"
+regularization = {{ law = "exact" }}
+"""
+    found = solve(text, tmp_path / "gears")["contacts"]["mesh"]
+    hertz = HertzLine(force, 1.0 / (1.0 + 1.0 / 1.5), 0.5 * 1000.0 / 0.91)
+    assert found["peak_pressure"] == pytest.approx(hertz.peak_pressure, rel=5e-3)
+
+
+PARTS = (
+    HEAD
+    + """
+[[body]]
+name = "block"
+material = "steel"
+spacing = 0.2
+shape = { kind = "rectangle", x = [-2.0, 2.0], y = [-2.0, 0.0] }
+[[support]]
+boundary = "block.bottom"
+from = [-1.0, -2.0]
+to = [1.0, -2.0]
+ux = 0.0
+uy = 0.0
+[[support]]
+boundary = "block.bottom"
+from = [2.0, -2.0]
+to = [1.0, -2.0]
+spring = [0.0, 10.0]
+[[load]]
+name = "patch"
+boundary = "block.top"
+from = [0.33, 0.0]
+to = [-0.51, 0.01]
+kind = "pressure"
+table = [[0.0, 0.0], [0.84, 10.0]]
+[[load]]
+name = "plate"
+boundary = ["block.top", "block.right"]
+from = [1.2, 0.0]
+to = [2.0, -0.4]
+kind = "platen"
+ux = 0.0
+fy = -2.0
+"""
+)
+
+
+def test_parts_of_sides_are_held_loaded_and_pressed(tmp_path: Path) -> None:
+    console = Quiet()
+    found = solve(PARTS, tmp_path / "parts", console=console)
+    forces: Mapping[str, Any] = found["forces"]
+    # The table runs from the part's start with the material on the left: here from right to left.
+    assert forces["patch"] == pytest.approx([0.0, -4.2])
+    assert forces["plate"][1] == pytest.approx(-2.0)
+    held, sprung = (f"block.bottom from ({a}, -2) to (1, -2)" for a in (-1, 2))
+    assert forces[sprung][0] == 0.0
+    assert 0.0 < forces[sprung][1] < 1.0
+    assert forces[held][1] + forces[sprung][1] == pytest.approx(6.2)
+    assert found["force_balance"] < 1e-9
+    assert not any("both act" in text for text in console.warnings)
+
+
+@pytest.mark.parametrize(
+    ("setting", "key", "words"),
+    [
+        ("load.patch.to=[5.0, 0.0]", "load.patch.to", "is 3 away from the boundary"),
+        ("load.patch.from=[1.5, 0.0]", "load.plate", "both act on a part"),
+        ("load.patch.to=[0.33, 0.2]", "load.patch.to", "has no length"),
+    ],
+)
+def test_parts_without_sense(tmp_path: Path, setting: str, key: str, words: str) -> None:
+    with pytest.raises(CaseError) as caught:
+        solve(PARTS, tmp_path / "parts", setting)
+    assert any(problem.key == key and words in problem.message for problem in caught.value.problems)
+
+
+def test_a_part_of_a_circle_runs_with_the_material_on_its_left(tmp_path: Path) -> None:
+    text = (
+        HEAD
+        + """
+[[body]]
+name = "disk"
+material = "steel"
+shape = { kind = "disk", center = [0.0, 0.0], radius = 1.0 }
+[[support]]
+boundary = "disk.arc"
+from = [-0.2, -1.0]
+to = [0.2, -1.0]
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "patch"
+boundary = "disk.arc"
+from = [0.6, 0.8]
+to = [-0.6, 0.8]
+kind = "pressure"
+pressure = 10.0
+"""
+    )
+    assert solve(text, tmp_path / "disk")["forces"]["patch"] == pytest.approx([0.0, -12.0])
+
+
+def test_a_part_of_a_mesh_ends_at_nodes(tmp_path: Path) -> None:
+    write_gmsh(tmp_path / "plate.msh", *polar_plate(48, 5.0))
+    load = "traction = [100.0, 0.0]"
+    text = PULLED.replace(load, f"{load}\nfrom = [5.0, -2.0]\nto = [5.0, 2.0]")
+    (tmp_path / "case.toml").write_text(text)
+    loaded = load_with_files(tmp_path / "case.toml")
+    outline = outline_of(loaded.case, loaded.case.body[0])
+    assert {"right/1", "right/2", "right/3"} <= set(outline.names)
+    middle = outline.curves[outline.names.index("right/2")]
+    found = solve(text, tmp_path / "part")
+    assert found["forces"]["pull"][0] == pytest.approx(100.0 * middle.length)
+    assert 3.0 < middle.length < 5.0
+
+
+def test_a_pressure_and_a_contact_share_a_surface(tmp_path: Path) -> None:
+    """What presses from above is shared by the contact and the pressure."""
+    text = (
+        HEAD
+        + """
+[[body]]
+name = "pad"
+material = "steel"
+spacing = 0.25
+shape = { kind = "rectangle", x = [-1.0, 1.0], y = [0.0, 1.0] }
+[[load]]
+name = "top"
+boundary = "pad.top"
+kind = "pressure"
+pressure = 10.0
+[[load]]
+name = "fluid"
+boundary = "pad.bottom"
+kind = "pressure"
+pressure = 4.0
+[[support]]
+body = "pad"
+near = [0.0, 1.0]
+ux = 0.0
+[[contact]]
+name = "foot"
+slave = "pad.bottom"
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+"""
+    )
+    found = solve(text, tmp_path / "pad")
+    assert contact(tmp_path / "pad", "foot")[1] == pytest.approx(6.0)
+    assert found["forces"]["fluid"] == pytest.approx([0.0, 8.0])
+    with pytest.raises(CaseError, match="acts on the contact surface"):
+        solve(
+            text.replace("near = [0.0, 1.0]", "").replace('body = "pad"', 'boundary = "pad.bottom"'),
+            tmp_path / "no",
+        )
+
+
+@pytest.mark.parametrize("start", [0.0, 0.5 * np.pi])
+def test_a_closed_curve_begins_at_its_top_wherever_its_points_do(start: float) -> None:
+    """Without a node there the mirror image of a ring between plates was none, and the ring rolled away."""
+    angle = start + np.linspace(0.0, 2.0 * np.pi, 25)
+    points = [[float(x), float(y)] for x, y in zip(np.cos(angle), np.sin(angle), strict=True)]
+    text = PARTS[: PARTS.index("[[support]]")].replace(
+        'kind = "rectangle", x = [-2.0, 2.0], y = [-2.0, 0.0]',
+        f'kind = "outline", sides = [{{ name = "skin", points = {points} }}]',
+    )
+    text += '[[support]]\nboundary = "block.skin"\nux = 0.0\nuy = 0.0\n'
+    text += '[[load]]\nname = "own"\nbody = "block"\nkind = "body-force"\nbody-force = [0.0, -1.0]\n'
+    shape = parse(text).case.body[0].shape
+    assert isinstance(shape, OutlineShape)
+    (piece,) = shape.loops[0]
+    assert isinstance(piece, Smooth)
+    assert piece.points[0] == pytest.approx((0.0, 1.0))
+    assert drawn(shape).curves[0].closed
