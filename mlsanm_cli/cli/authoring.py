@@ -14,6 +14,7 @@ import click
 
 from mlsanm_cli.cli.options import FILE, common, print_result
 from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.streams import say
 from mlsanm_cli.cli.text import BOLD, paint, table
 from mlsanm_cli.errors import RunError
 
@@ -58,7 +59,7 @@ def schema(settings: Settings) -> int:
     """Print the JSON Schema of case files, for editors."""
     from mlsanm_cli.case.schema import json_schema
 
-    click.echo(json.dumps(json_schema(), indent=2))
+    say(settings, json.dumps(json_schema(), indent=2))
     return 0
 
 

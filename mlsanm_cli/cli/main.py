@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import errno
 import io
-import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import TextIO
 
 import click
 
 from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.streams import open_closed_streams, silence
 from mlsanm_cli.cli.text import RED, YELLOW, paint, printable
 from mlsanm_cli.errors import CaseError, MlsanmError
 
 USAGE, BUG, STOPPED = 2, 70, 75
+LOST = (errno.EPIPE, errno.EBADF, errno.EFBIG, errno.EIO, errno.ENOSPC)
+"""What writing to a stream fails with: nobody reads it, or the disk is full."""
 SHOWN = 200
 """Problems of a case that are printed; of more nobody reads."""
 
@@ -29,7 +31,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0 done, 2 bad usage or bad case, 3 numerical failure, 70 bug, 75 stopped by a signal.
     """
+    open_closed_streams()
     settings = Settings()
+    try:
+        code = _run(arguments, settings)
+        if settings.unsaid is not None and not isinstance(settings.unsaid, BrokenPipeError):
+            _print("error", f"cannot write to stdout: {settings.unsaid.strerror}", settings)
+            code = code or USAGE
+        return code
+    finally:
+        try:
+            sys.stderr.flush()
+        except OSError:
+            # Python would fail at it once more when it ends, and change the exit code.
+            silence(sys.stderr)
+
+
+def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
+    """Runs a command, reports its error if it has one, and returns its exit code."""
+    stdout, stderr = sys.stdout, sys.stderr
     try:
         with _terminate_like_interrupt():
             code = cli.main(
@@ -40,24 +60,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
             sys.stdout.flush()
         return code if isinstance(code, int) else 0
-    except BaseException as error:
-        # click makes an exit with code 1 of a broken pipe, its only exit in this mode.
-        if isinstance(error, BrokenPipeError) or (isinstance(error, SystemExit) and error.code == 1):
-            # The reader left, as `mlsanm info DIR | head` does. Python would complain again when it ends.
-            _silence(sys.stdout)
+    except SystemExit as error:
+        # click ends completion in the shell so; and, with wrapped streams and code 1, what it wrote itself,
+        # as help, to a reader that left.
+        if sys.stdout is not stdout:
+            sys.stdout, sys.stderr = stdout, stderr
+            silence(stdout)
             return 0
+        return error.code if isinstance(error.code, int) else 0
+    except OSError as error:
+        if error.filename is not None or error.errno not in LOST:
+            return _report(error, settings)
+        # A stream: files have names. click writes help, version and completion itself.
+        settings.unsaid = error
+        silence(sys.stdout)
+        return 0
+    except BaseException as error:
         return _report(error, settings)
-    finally:
-        try:
-            sys.stderr.flush()
-        except OSError:
-            # Python would fail at it once more when it ends, and change the exit code.
-            _silence(sys.stderr)
-
-
-def _silence(stream: TextIO) -> None:
-    """Let what a stream still has, and all that comes, go nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _report(error: BaseException, settings: Settings) -> int:
@@ -81,7 +100,8 @@ def _report(error: BaseException, settings: Settings) -> int:
     if isinstance(error, click.ClickException):
         shown = io.StringIO()
         error.show(file=shown)
-        print(printable(shown.getvalue()), end="", file=sys.stderr)
+        with suppress(OSError):
+            print(printable(shown.getvalue()), end="", file=sys.stderr)
         return USAGE
     if isinstance(error, click.Abort | KeyboardInterrupt):
         # click keeps what it makes an Abort of as its cause.
@@ -104,7 +124,9 @@ def _print(kind: str, text: str, settings: Settings) -> None:
     if text:
         color = settings.paints(sys.stderr)
         prefix = paint(f"{kind}:", RED if kind == "error" else YELLOW, color) + " " if kind else ""
-        print(prefix + printable(text), file=sys.stderr)
+        # Nobody may listen any more: that must not change the exit code.
+        with suppress(OSError):
+            print(prefix + printable(text), file=sys.stderr)
 
 
 @contextmanager

@@ -12,6 +12,7 @@ import click
 
 from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.streams import say
 from mlsanm_cli.cli.text import as_json, pretty
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -93,10 +94,9 @@ def console_for(settings: Settings) -> TerminalConsole:
 def print_result(settings: Settings, result: Mapping[str, Any], text: str) -> None:
     """The result on stdout: as JSON if asked for, as text otherwise, unless quiet."""
     if settings.json:
-        click.echo(as_json(result))
+        say(settings, as_json(result))
     elif not settings.quiet:
-        # The text is coloured or plain already; click would decide again by its own rules.
-        click.echo(text, color=True)
+        say(settings, text)
 
 
 def pretty_result(settings: Settings, result: Mapping[str, Any]) -> str:

@@ -13,6 +13,7 @@ import click
 from mlsanm_cli.cli.options import FILE, cache_option, common, console_for, max_wall_option, print_result
 from mlsanm_cli.cli.results import run_text
 from mlsanm_cli.cli.settings import Settings, numerics
+from mlsanm_cli.cli.streams import say
 
 _STATUS_CODES = {"failed": 3, "stopped": 75}
 
@@ -47,7 +48,7 @@ def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
     """Print how a run ended; returns its exit code."""
     print_result(settings, summary, run_text(summary, settings.paints(sys.stdout)))
     if not settings.quiet and not settings.json and "directory" in summary:
-        click.echo(f"pictures: mlsanm plot {summary['directory']}")
+        say(settings, f"pictures: mlsanm plot {summary['directory']}")
     return _STATUS_CODES.get(str(summary.get("status")), 0)
 
 

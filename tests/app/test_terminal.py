@@ -117,6 +117,54 @@ def test_shell_completion(tmp_path: Path) -> None:
         check=False,
     )
     assert done.stdout.split() == ["plain,resume"]
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_line_for_the_shell_is_printed_and_nothing_else(shell: str) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_MLSANM_COMPLETE": f"{shell}_source"}
+    command = [sys.executable, "-m", "mlsanm_cli.cli"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "mlsanm" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("out", "err", "code", "words"),
+    [
+        (">&-", "", 3, ""),
+        ("> /dev/full", "", 3, "error: cannot write to stdout: No space left on device"),
+        ("| true", "", 3, ""),
+        ("", "2>&-", 3, ""),
+        ("", "2>/dev/full", 3, ""),
+        (">&-", "2>&- <&-", 3, ""),
+    ],
+)
+@pytest.mark.parametrize("failing", [True, False])
+def test_streams_do_not_change_the_exit_code(
+    out: str, err: str, code: int, words: str, failing: bool, tmp_path: Path
+) -> None:
+    """A failed run stays failed, and one that is done is done, whoever reads what it says."""
+    (tmp_path / "run.py").write_text(FAKE)
+    status = "failed" if failing else "done"
+    command = f"sleep 0.1; {sys.executable} run.py {status} {err} {out}; echo ${{PIPESTATUS[0]}} > code"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    lost = "/dev/full" in out
+    assert int((tmp_path / "code").read_text()) == (code if failing else 2 if lost else 0)
+    assert done.stderr.strip() == words
+
+
+FAKE = """
+import sys, types
+app = types.ModuleType("mlsanm_cli.app.run")
+app.run = lambda case, **options: {"status": sys.argv[1], "stop_reason": "end", "directory": "run"}
+sys.modules["mlsanm_cli.app.run"] = app
+from mlsanm_cli.cli import main
+sys.exit(main(["run", "case.toml"]))
+"""
 
 
 FULL = """
