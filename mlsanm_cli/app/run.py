@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.app.summary import Ending, summarise
 from mlsanm_cli.case import Case
-from mlsanm_cli.errors import NumericalError, UnstableError
+from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.memo import Memo
@@ -66,7 +67,8 @@ def run(
     Returns the mapping of summary.json with the ``directory`` added. A run whose numbers cannot be believed
     comes back with status "failed"; one that was interrupted, or is not done after ``max_wall`` seconds, with
     "stopped"; both keep what was done. Raises CaseError or RunError, with nothing written, for a case that
-    cannot be run, RunError too where the disk is full, and KeyboardInterrupt when stopped before a run began.
+    cannot be run, UnfinishedError for a run whose disk is full, and KeyboardInterrupt when stopped before a run
+    began.
     """
     clock = Clock()
     with Stopper(max_wall) as stopper:
@@ -82,9 +84,19 @@ def run(
         with locked(directory):
             run_dir.prepare(directory, force)
             provenance = attributes(loaded, argv, threads)
-            with Recorder(directory, loaded, provenance, clock, console) as recorder:
+            recorder = Recorder(directory, loaded, provenance, clock, console)
+            with resumable(directory), recorder:
                 summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console, memo)
     return {**summary, "directory": str(directory)}
+
+
+@contextmanager
+def resumable(directory: Path) -> Iterator[None]:
+    """What cannot be written within the block is an UnfinishedError: a run goes on behind its last step."""
+    try:
+        yield
+    except WriteError as error:
+        raise UnfinishedError(error.message, f"make room, then: mlsanm resume {directory}") from error
 
 
 def carry_out(

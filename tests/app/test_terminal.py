@@ -190,9 +190,9 @@ def test_a_full_disk_loses_no_finished_step(tmp_path: Path) -> None:
         text=True,
         check=False,
     )
-    assert done.returncode == 2
+    assert done.returncode == 3
     assert "cannot write run/run.h5: File too large" in done.stderr
-    assert "disk space" in done.stderr
+    assert "hint: make room, then: mlsanm resume run" in done.stderr
     assert "Traceback" not in done.stderr
     told = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
     steps = sum(event["event"] == "step" for event in told)
