@@ -40,7 +40,7 @@ class TerminalConsole:
         self._width = width
         self._deaf = False
         self._shown = ""  # the line on the terminal that the next one replaces
-        self._waiting = ""  # the latest step that was not shown yet
+        self._waiting: list[str] = []  # the latest step that was not shown yet
         self._last: float | None = None
 
     def phase(self, text: str) -> None:
@@ -57,7 +57,8 @@ class TerminalConsole:
         """One row of the step table: path position, scaled residual, a remark."""
         if self._quiet:
             return
-        row = f"step {index:4d}   position {position:<9.6g}  residual {residual:8.2e}   {text}".rstrip()
+        remarks = text.split("  ") if text else []
+        row = [f"step {index:4d} ", f"position {position:<9.6g}", f"residual {residual:8.2e} ", *remarks]
         now = self._clock()
         pause = _FRAME if self._live else _INTERVAL
         if self._last is not None and now - self._last < pause:
@@ -88,12 +89,12 @@ class TerminalConsole:
         self._finish_steps()
         self._erase()
 
-    def _show_step(self, row: str) -> None:
-        self._waiting = ""
+    def _show_step(self, row: list[str]) -> None:
+        self._waiting = []
         if self._live:
-            self._rewrite(row)
+            self._rewrite(fitting(row, self._columns() - 1))
         else:
-            self._line(row)
+            self._line("  ".join(row).rstrip())
 
     def _finish_steps(self) -> None:
         """Ends a run of steps: the last one stays on the screen or in the log."""
@@ -107,12 +108,16 @@ class TerminalConsole:
         self._last = None
 
     def _rewrite(self, text: str) -> None:
-        width = self._width or _width_of(self._stream)
         # One column stays free: terminals wrap when the last one is written.
-        text = text[: max(width - 1, 1)]
+        width = max(self._columns() - 1, 1)
+        if len(text) > width:
+            text = f"{text[: max(width - 4, 0)].rstrip(' .')} ..."[:width]
         style = BOLD if text.endswith("...") else DIM
         self._put(_CLEAR + paint(text, style, self._color))
         self._shown = text
+
+    def _columns(self) -> int:
+        return self._width or _width_of(self._stream)
 
     def _erase(self) -> None:
         if self._shown:
@@ -132,6 +137,20 @@ class TerminalConsole:
             self._stream.flush()
         except OSError:
             self._deaf = True
+
+
+def fitting(columns: Sequence[str], width: int) -> str:
+    """The columns of a step as a line of at most ``width`` characters, without those that do not fit.
+
+    A number is never cut. The residual goes first, then what stands last; the first column always stays.
+
+    >>> fitting(["step    3 ", "position 0.5", "residual 1e-09 ", "closed 7", "peak pressure 25.1"], 60)
+    'step    3   position 0.5  closed 7  peak pressure 25.1'
+    """
+    kept = list(columns)
+    while len("  ".join(kept).rstrip()) > width and len(kept) > 1:
+        del kept[2 if len(kept) == len(columns) > 2 else -1]
+    return "  ".join(kept).rstrip()
 
 
 def _width_of(stream: TextIO) -> int:

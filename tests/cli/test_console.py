@@ -91,11 +91,31 @@ def test_a_phase_that_ended_leaves_nothing() -> None:
     assert stream.screen()[3:] == [""]
 
 
-def test_a_line_never_wraps() -> None:
+REMARK = "closed 165  peak pressure 2532.11"
+
+
+@pytest.mark.parametrize(
+    ("width", "shown"),
+    [
+        (100, f"step   67   position 0.876543   residual 5.14e-16   {REMARK}"),
+        (80, f"step   67   position 0.876543   {REMARK}"),
+        (60, "step   67   position 0.876543   closed 165"),
+        (40, "step   67   position 0.876543"),
+        (20, "step   67"),
+    ],
+)
+def test_a_step_is_cut_between_its_columns_only(width: int, shown: str) -> None:
+    stream = Terminal()
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=width)
+    console.step(67, 0.876543, 5.14e-16, REMARK)
+    assert stream.getvalue().replace("\r\x1b[K", "") == shown
+
+
+def test_a_phase_never_wraps() -> None:
     stream = Terminal()
     console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=20)
-    console.step(1, 0.5, 1e-9, "a long remark that does not fit")
-    assert len(stream.getvalue().replace("\r\x1b[K", "")) == 19
+    console.phase("finding the contacts' grids")
+    assert stream.getvalue().replace("\r\x1b[K", "") == "finding the con ..."
 
 
 def test_a_warning_between_steps_stands_on_its_own_line() -> None:
