@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,8 +45,3 @@ class Clock:
     def seconds(self) -> dict[str, float]:
         """All phases so far, and ``total``: all that this clock counts."""
         return {"total": time.process_time() - self._begin, **self._seconds}
-
-
-def peak_memory_mb() -> float:
-    """Largest memory the process has held so far."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

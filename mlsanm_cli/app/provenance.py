@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import re
 import subprocess
@@ -12,6 +11,7 @@ from pathlib import Path
 
 from mlsanm_cli import __version__
 from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.system import host
 
 PACKAGES = ("numpy", "scipy", "numba", "h5py", "meshio", "pydantic")
 
@@ -25,7 +25,7 @@ def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[
         "case_path": str(loaded.path),
         "versions": _versions(),
         "cpu": cpu(),
-        "host": os.uname().nodename,
+        "host": host(),
         "threads": threads,
         "mlsanm": __version__,
     }

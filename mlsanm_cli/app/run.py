@@ -67,8 +67,8 @@ def run(
     Returns the mapping of summary.json with the ``directory`` added. A run whose numbers cannot be believed
     comes back with status "failed"; one that was interrupted, or is not done after ``max_wall`` seconds, with
     "stopped"; both keep what was done. Raises CaseError or RunError, with nothing written, for a case that
-    cannot be run, UnfinishedError for a run whose disk is full, and KeyboardInterrupt when stopped before a run
-    began.
+    cannot be run, UnfinishedError for a run whose disk is full, and KeyboardInterrupt when stopped before a
+    run began.
     """
     clock = Clock()
     with Stopper(max_wall) as stopper:

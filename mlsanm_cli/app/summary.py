@@ -8,12 +8,13 @@ from typing import Any
 from mlsanm_cli.app import recording
 from mlsanm_cli.app.adapt import Adapted
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.clock import Clock, peak_memory_mb
+from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.judge import force_balance
 from mlsanm_cli.app.quality import Quality
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import reference_profile
 from mlsanm_cli.app.states import Polish, State
+from mlsanm_cli.system import peak_memory_mb
 from mlsanm_cli.values import dataclass
 
 

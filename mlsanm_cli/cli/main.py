@@ -131,7 +131,7 @@ def _print(kind: str, text: str, settings: Settings) -> None:
 
 @contextmanager
 def _terminate_like_interrupt() -> Iterator[None]:
-    """SIGTERM ends a command as Ctrl-C does, so that files are closed; the old handler comes back."""
+    """SIGTERM and SIGUSR1 end a command as Ctrl-C does, so that files are closed; the old handlers return."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -139,8 +139,10 @@ def _terminate_like_interrupt() -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, interrupt)
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGUSR1") if hasattr(signal, name)]
+    before = {number: signal.signal(number, interrupt) for number in numbers}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

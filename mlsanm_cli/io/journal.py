@@ -10,7 +10,6 @@ what a killed process wrote, but a power cut may lose it.
 
 from __future__ import annotations
 
-import errno
 import io
 import os
 import signal
@@ -21,6 +20,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import h5py
+
+from mlsanm_cli.system import STOPPING, open_regular, read_at, reserve, write_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,8 +34,6 @@ JOURNAL_SUFFIX = ".journal"
 _MAGIC = b"mlsanmj1"
 _HEAD = struct.Struct("<8sIQQ")  # magic, CRC of what follows the head, its length, size of the file
 _WRITE = struct.Struct("<QQ")  # offset, length
-_NO_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)  # file systems that cannot; the journal can
-_HELD = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGALRM"))
 
 
 def journal_of(path: Path) -> Path:
@@ -51,8 +50,7 @@ class JournaledFile:
     def __init__(self, path: Path, *, new: bool) -> None:
         """Open ``path`` for reading and writing; OSError if that is not possible, or a new one exists."""
         self._path = path
-        flags = os.O_RDWR | os.O_CLOEXEC | (os.O_CREAT | os.O_EXCL if new else 0)
-        self._fd = os.open(path, flags, 0o666)
+        self._fd = open_regular(path, os.O_RDWR | (os.O_CREAT | os.O_EXCL if new else 0))
         self._size = os.fstat(self._fd).st_size
         self._at = 0
         self._pending: list[Write] = []
@@ -76,7 +74,7 @@ class JournaledFile:
     def readinto(self, buffer: Any) -> int:
         """As `read`, into a buffer; returns its length."""
         view = memoryview(buffer).cast("B")
-        found = os.pread(self._fd, len(view), self._at)
+        found = read_at(self._fd, len(view), self._at)
         view[:] = found + bytes(len(view) - len(found))
         for offset, content in self._pending:
             low, high = max(offset, self._at), min(offset + len(content), self._at + len(view))
@@ -109,11 +107,13 @@ class JournaledFile:
         before = os.fstat(self._fd).st_size
         # Set until all is done: after a failure HDF5's idea of the file and the file itself differ for good.
         self._broken = True
-        journal = os.open(journal_of(self._path), os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        journal = open_regular(journal_of(self._path), os.O_WRONLY | os.O_CREAT)
         try:
             try:
-                _reserve(self._fd, before, self._size)
-                _write_all(journal, 0, _packed(self._pending, self._size))
+                if self._size > before:
+                    # Now, so that a full disk is found before the file is touched.
+                    reserve(self._fd, before, self._size - before)
+                write_at(journal, _packed(self._pending, self._size), 0)
             except OSError:
                 os.ftruncate(journal, 0)
                 os.ftruncate(self._fd, before)
@@ -144,7 +144,7 @@ def recover(path: Path) -> None:
     found = _journal(path)
     if found is not None:
         writes, size = found
-        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        fd = open_regular(path, os.O_RDWR)
         try:
             _apply(fd, writes, size)
         finally:
@@ -184,15 +184,15 @@ def shielded() -> Iterator[None]:
     def hold(number: int, frame: FrameType | None) -> None:
         caught.append(number)
 
-    before = {number: signal.signal(number, hold) for number in _HELD}
+    before = {number: signal.signal(number, hold) for number in STOPPING}
     try:
         yield
     finally:
         for number, handler in before.items():
             # None: a handler that was not set from Python, which nobody can put back.
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
-        for number in caught:
-            signal.raise_signal(number)
+        for one in caught:
+            signal.raise_signal(one)
 
 
 def _packed(writes: Sequence[Write], size: int) -> bytes:
@@ -221,24 +221,7 @@ def _journal(path: Path) -> tuple[list[Write], int] | None:
     return writes, size
 
 
-def _reserve(fd: int, before: int, size: int) -> None:
-    """Ask for the room now, so that a full disk is found before the file is touched."""
-    if size > before:
-        try:
-            os.posix_fallocate(fd, before, size - before)
-        except OSError as error:
-            if error.errno not in _NO_RESERVE:
-                raise
-
-
 def _apply(fd: int, writes: Sequence[Write], size: int) -> None:
     for offset, content in writes:
-        _write_all(fd, offset, content)
+        write_at(fd, content, offset)
     os.ftruncate(fd, size)
-
-
-def _write_all(fd: int, offset: int, content: bytes) -> None:
-    view = memoryview(content)
-    while view:
-        done = os.pwrite(fd, view, offset)
-        view, offset = view[done:], offset + done

@@ -205,13 +205,14 @@ def test_errors(
     assert "Traceback" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1])
 def test_a_termination_signal_ends_like_an_interrupt(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    before = signal.getsignal(signal.SIGTERM)
-    install(monkeypatch, "run", lambda case, **options: signal.raise_signal(signal.SIGTERM))
+    before = signal.getsignal(number)
+    install(monkeypatch, "run", lambda case, **options: signal.raise_signal(number))
     assert main(["run", "a.toml"]) == 75
-    assert signal.getsignal(signal.SIGTERM) is before
+    assert signal.getsignal(number) is before
     assert "stopped" in capsys.readouterr().err
 
 
