@@ -25,7 +25,7 @@ from mlsanm_cli.case.schema_errors import report_schema_errors
 from mlsanm_cli.case.tables import inline_tables
 from mlsanm_cli.case.unsupported import refusals
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
-from mlsanm_cli.inputs import MB, read_input
+from mlsanm_cli.inputs import MB, is_text, read_input
 from mlsanm_cli.values import dataclass
 
 LARGEST = 16 * MB
@@ -61,6 +61,9 @@ def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey = no_fil
 
     Raises RunError when the file cannot be read and CaseError with every problem found otherwise.
     """
+    if not is_text(path.absolute()):
+        # Files of bodies are stored with their whole path.
+        raise RunError(f"the path {str(path.absolute())!r} is no UTF-8 text", "rename the directories in it")
     content = read_input(path, LARGEST, what="case file", streams=True)
     try:
         # A byte order mark, as some editors write it, is no part of the text.

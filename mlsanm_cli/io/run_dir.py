@@ -193,6 +193,8 @@ def _is_run(file: Path) -> bool:
     try:
         with opened(file) as root:
             return "mlsanm_version" in root.attrs
+    except PermissionError as error:
+        raise RunError(f"{file} cannot be read: no permission", hint="use another --out") from error
     except (OSError, KeyError, ValueError, RuntimeError, TypeError):
         return file.stat().st_size == 0 or bool(h5py.is_hdf5(file))
 

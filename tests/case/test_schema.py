@@ -342,3 +342,22 @@ def test_case_is_frozen() -> None:
     case = parse(HERTZ).case
     with pytest.raises(ValueError, match="frozen"):
         case.title = "x"  # type: ignore[misc]
+
+
+def test_true_is_no_format() -> None:
+    found = only(HERTZ.replace("format = 1", "format = true"))
+    assert (found.key, found.message) == ("format", "true is not a valid value")
+
+
+def test_a_key_without_end_is_shown_in_part() -> None:
+    found = only(HERTZ + "\n[output]\n" + "k" * 100_000 + " = 1\n")
+    assert found.key.startswith("output.kkk")
+    assert len(str(found)) < 300
+
+
+def test_a_directory_whose_name_is_no_text(tmp_path: Path) -> None:
+    folder = tmp_path / "\udcff"
+    folder.mkdir()
+    (folder / "case.toml").write_text(HERTZ)
+    with pytest.raises(RunError, match="is no UTF-8 text"):
+        load_case(folder / "case.toml")

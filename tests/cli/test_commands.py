@@ -227,6 +227,11 @@ def test_a_termination_signal_ends_like_an_interrupt(
         (["run", "a.toml", "--color", "blue"], "auto"),
         (["plot", "dir", "--format", "gif"], "png"),
         (["info"], "RUNDIR"),
+        (["run", "a.toml", "--max-wall", "nan"], "nan is no time"),
+        (["run", "a.toml", "--max-wall", "inf"], "x<=1000000000"),
+        (["resume", "a", "--max-wall", "1e300"], "x<=1000000000"),
+        (["run", "a\udcff.toml"], "is no UTF-8 text"),
+        (["run", "a.toml", "--out", "o\udcff"], "is no UTF-8 text"),
     ],
 )
 def test_bad_usage(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
