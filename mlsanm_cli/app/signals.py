@@ -40,8 +40,9 @@ class Stopper:
             raise KeyboardInterrupt(self.reason)
 
     def _told(self, number: int | None) -> str:
-        over = self._end is not None and time.monotonic() >= self._end
-        if over and (number is None or number == self._alarm):
+        # Where there is no alarm clock another signal stands for it, when the time is over.
+        timed = number == self._alarm and (self._timer is None or time.monotonic() >= (self._end or 0.0))
+        if self._max_wall is not None and (number is None or timed):
             return f"the wall time of {self._max_wall:g} s is over"
         assert number is not None
         return f"stopped by a signal ({signal.Signals(number).name})"

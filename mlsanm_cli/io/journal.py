@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 
 from mlsanm_cli.system import STOPPING, open_regular, read_at, reserve, write_at
+from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -30,9 +31,19 @@ if TYPE_CHECKING:
 
 Write = tuple[int, bytes]
 
+
+@dataclass(frozen=True)
+class Commit:
+    """Writes to a file of ``before`` bytes, which has ``size`` afterwards."""
+
+    writes: tuple[Write, ...]
+    before: int
+    size: int
+
+
 JOURNAL_SUFFIX = ".journal"
-_MAGIC = b"mlsanmj1"
-_HEAD = struct.Struct("<8sIQQ")  # magic, CRC of what follows the head, its length, size of the file
+_MAGIC = b"mlsanmj2"
+_HEAD = struct.Struct("<8sIQQQ")  # magic, CRC of what follows the head, its length, sizes before and after
 _WRITE = struct.Struct("<QQ")  # offset, length
 
 
@@ -74,7 +85,11 @@ class JournaledFile:
     def readinto(self, buffer: Any) -> int:
         """As `read`, into a buffer; returns its length."""
         view = memoryview(buffer).cast("B")
-        found = read_at(self._fd, len(view), self._at)
+        try:
+            found = read_at(self._fd, len(view), self._at)
+        except (OSError, OverflowError):
+            # A damaged file leads anywhere. HDF5 finds zeros there, and no signature.
+            found = b""
         view[:] = found + bytes(len(view) - len(found))
         for offset, content in self._pending:
             low, high = max(offset, self._at), min(offset + len(content), self._at + len(view))
@@ -113,7 +128,7 @@ class JournaledFile:
                 if self._size > before:
                     # Now, so that a full disk is found before the file is touched.
                     reserve(self._fd, before, self._size - before)
-                write_at(journal, _packed(self._pending, self._size), 0)
+                write_at(journal, _packed(self._pending, before, self._size), 0)
             except OSError:
                 os.ftruncate(journal, 0)
                 os.ftruncate(self._fd, before)
@@ -143,10 +158,10 @@ def recover(path: Path) -> None:
     """Finish the commit in which a process was killed, if there is one. OSError if that cannot be written."""
     found = _journal(path)
     if found is not None:
-        writes, size = found
         fd = open_regular(path, os.O_RDWR)
         try:
-            _apply(fd, writes, size)
+            _check_size(os.fstat(fd).st_size, found)
+            _apply(fd, found.writes, found.size)
         finally:
             os.close(fd)
     journal_of(path).unlink(missing_ok=True)
@@ -164,13 +179,25 @@ def opened(path: Path) -> Iterator[Any]:
     image = io.BytesIO(path.read_bytes())
     if _journal(path) != found:
         raise OSError("it is being written")
-    writes, size = found
-    for offset, content in writes:
+    _check_size(len(image.getbuffer()), found)
+    for offset, content in found.writes:
         image.seek(offset)
         image.write(content)
-    image.truncate(size)
-    with h5py.File(image, "r") as file:
+    image.truncate(found.size)
+    # HDF5 reads the image itself: errors in a damaged one do not pass through callbacks to Python.
+    try:
+        whole = h5py.File(h5py.h5f.open_file_image(image.getvalue()))
+    except ValueError as error:
+        # No error comes from opening, but no file either.
+        raise OSError("even its journal makes no HDF5 file of it") from error
+    with whole as file:
         yield file
+
+
+def check_whole(path: Path) -> None:
+    """Look at everything that a file holds, before it is written to; OSError where it is damaged."""
+    with opened(path) as file:
+        file.visititems(lambda name, found: None)
 
 
 @contextmanager
@@ -195,20 +222,26 @@ def shielded() -> Iterator[None]:
             signal.raise_signal(one)
 
 
-def _packed(writes: Sequence[Write], size: int) -> bytes:
+def _check_size(present: int, commit: Commit) -> None:
+    """OSError if a file is not the one that a journal belongs to. Its room may have been reserved already."""
+    if not commit.before <= present <= max(commit.before, commit.size):
+        raise OSError(f"it has {present} bytes, but its journal belongs to one of {commit.before}")
+
+
+def _packed(writes: Sequence[Write], before: int, size: int) -> bytes:
     body = b"".join(part for offset, data in writes for part in (_WRITE.pack(offset, len(data)), data))
-    return _HEAD.pack(_MAGIC, zlib.crc32(body), len(body), size) + body
+    return _HEAD.pack(_MAGIC, zlib.crc32(body), len(body), before, size) + body
 
 
-def _journal(path: Path) -> tuple[list[Write], int] | None:
-    """Writes and size of the file in its journal; None if there is none or it was cut short."""
+def _journal(path: Path) -> Commit | None:
+    """The commit in the journal of a file; None if there is none or it was cut short."""
     try:
         content = journal_of(path).read_bytes()
     except FileNotFoundError:
         return None
     if len(content) < _HEAD.size:
         return None
-    magic, checksum, length, size = _HEAD.unpack_from(content)
+    magic, checksum, length, before, size = _HEAD.unpack_from(content)
     body = content[_HEAD.size : _HEAD.size + length]
     if magic != _MAGIC or len(body) != length or zlib.crc32(body) != checksum:
         return None
@@ -218,7 +251,7 @@ def _journal(path: Path) -> tuple[list[Write], int] | None:
         at += _WRITE.size
         writes.append((offset, body[at : at + count]))
         at += count
-    return writes, size
+    return Commit(tuple(writes), before, size)
 
 
 def _apply(fd: int, writes: Sequence[Write], size: int) -> None:

@@ -32,7 +32,7 @@ from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
 from mlsanm_cli.io.history import History
-from mlsanm_cli.io.journal import JournaledFile, recover, shielded
+from mlsanm_cli.io.journal import JournaledFile, check_whole, recover, shielded
 from mlsanm_cli.io.kept import (
     check_shape,
     checked_name,
@@ -114,6 +114,7 @@ class RunFile:
         """Go on with the file of a run that was stopped or killed, with status "running", behind so many rows
         and saved states; RunError."""
         try:
+            check_whole(path)
             recover(path)
             store = JournaledFile(path, new=False)
             with shielded():
