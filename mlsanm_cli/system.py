@@ -58,6 +58,42 @@ def open_regular(path: Path, flags: int) -> int:
     return fd
 
 
+def who_else_may_write(path: Path) -> str:
+    """Why a file is not only this user's, and the system's; "" where it is.
+
+    As ssh judges its keys: the file and every directory above it, those that links lead to too, must belong
+    to this user or to root, and nobody else may write to them. A group of this user alone does not count. A
+    directory like /tmp, where everybody may write but only owners may rename, does for one further above.
+    Windows has other permissions, and nothing is judged there.
+    """
+    if not hasattr(os, "getuid"):
+        return ""
+    ours = (0, os.getuid())
+    absolute, real = path.absolute(), path.resolve()
+    nearest = (absolute, real, absolute.parent, real.parent)
+    for place in dict.fromkeys((absolute, real, *absolute.parents, *real.parents)):
+        found = place.stat()
+        if found.st_uid not in ours:
+            return f"{place} belongs to another user"
+        shared = found.st_mode & stat.S_ISVTX and place not in nearest
+        others = stat.S_IWOTH if _is_own_group(found.st_gid) else stat.S_IWGRP | stat.S_IWOTH
+        if found.st_mode & others and not shared:
+            return f"others may write to {place}"
+    return ""
+
+
+def _is_own_group(gid: int) -> bool:
+    """Whether a group has no member but this user, as many systems make one for everybody."""
+    import grp
+    import pwd
+
+    try:
+        user, group = pwd.getpwuid(os.getuid()), grp.getgrgid(gid)
+    except KeyError:
+        return False
+    return gid == user.pw_gid and group.gr_name == user.pw_name and set(group.gr_mem) <= {user.pw_name}
+
+
 def read_at(fd: int, count: int, offset: int) -> bytes:
     """Up to ``count`` bytes from ``offset`` on, fewer at the end of the file."""
     if hasattr(os, "pread"):
