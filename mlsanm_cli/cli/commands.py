@@ -63,8 +63,26 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
 
+def _show_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    """Print the version with the commit it was built from, and end."""
+    if not wanted or context.resilient_parsing:
+        return
+    from mlsanm_cli.commit import commit
+
+    built = f" ({commit()})" if commit() else ""
+    click.echo(f"mlsanm, version {__version__}{built}")
+    context.exit()
+
+
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(__version__, prog_name="mlsanm")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_version,
+    help="Show the version.",
+)
 def cli() -> None:
     """Frictional contact between elastic bodies in the plane, without a mesh.
 
