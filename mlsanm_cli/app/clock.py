@@ -1,4 +1,4 @@
-"""CPU seconds of the phases of a run."""
+"""CPU seconds of the phases of a run, and the wall time of all of it."""
 
 from __future__ import annotations
 
@@ -24,6 +24,8 @@ class Clock:
     def __init__(self) -> None:
         now = time.process_time()
         self._begin = now if Clock._begun else 0.0
+        # Imports hardly wait: before the first clock the wall time is about the CPU time.
+        self._wall_begin = time.monotonic() - (now - self._begin)
         Clock._begun = True
         self._seconds = dict.fromkeys(PHASES, 0.0)
         self._seconds["start"] = now - self._begin
@@ -40,6 +42,11 @@ class Clock:
             spent = time.process_time() - start
             self._seconds[name] += spent - self._nested.pop()
             self._nested[-1] += spent
+
+    @property
+    def wall_seconds(self) -> float:
+        """Seconds on the wall since this clock, or the process, began."""
+        return time.monotonic() - self._wall_begin
 
     @property
     def seconds(self) -> dict[str, float]:

@@ -142,7 +142,8 @@ def carry_out(
         stopper.gentle = True
         stopper.check()
         _follow(built, recorder.start(adapted), recorder, clock, stopper)
-        for warning in judge_estimates(built, adapted.accuracy.figures(built, recorder.last)["pressure"]):
+        estimates = adapted.accuracy.figures(built, recorder.last)
+        for warning in judge_estimates(built, estimates["pressure"], estimates["displacement"]):
             recorder.warn(warning)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
@@ -156,7 +157,7 @@ def carry_out(
         recorder.interfaces(built)
         for warning in factor_warnings(built.scene):
             recorder.warn(warning)
-    summary = summarise(ending, adapted, quality, recorder, clock) | {"cache": memo.figures}
+    summary = summarise(case, ending, adapted, quality, recorder, clock) | {"cache": memo.figures}
     recorder.finish(summary)
     return summary
 

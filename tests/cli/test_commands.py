@@ -14,6 +14,7 @@ import pytest
 
 from mlsanm_cli import __version__
 from mlsanm_cli.cli import main
+from mlsanm_cli.cli.results import run_text
 from mlsanm_cli.cli.settings import THREAD_VARIABLES
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, NumericalError, RunError
 from tests.cli.fakes import SUMMARY, install
@@ -334,3 +335,43 @@ def test_color(
     assert main(["run", "a.toml", "--color", option]) == 0
     out, err = capsys.readouterr()
     assert ("\x1b[" in out, "\x1b[" in err) == (colored, colored)
+
+
+def test_the_closing_table_tells_how_far_to_trust_it() -> None:
+    contact = SUMMARY["contacts"]["interface"]
+    reference = {"solution": "hertz-line", "peak_pressure": 1230.0, "pressure_error_l2": 0.0021}
+    summary = {
+        **SUMMARY,
+        "contacts": {
+            "smooth": {
+                **contact,
+                "max_cone_ratio": None,
+                "closed_nodes": 21,
+                "stick_nodes": 0,
+                "slip_nodes": 21,
+            },
+            "rough": {**contact, "max_cone_ratio": 1.0, "closed_nodes": 9, "stick_nodes": 7, "slip_nodes": 2},
+        },
+        "error_estimate": {"displacement": 0.37, "pressure": {"smooth": 0.0123, "rough": None}},
+        "limits": {"residual": 1e-8, "stability": 0.15},
+        "seconds": {"total": 2.0, **{f"phase {k}": 1.0 for k in range(10)}},
+        "wall_seconds": 4.5,
+    }
+    summary["contacts"]["smooth"]["reference"] = reference
+    lines = [" ".join(line.split()) for line in run_text(summary, color=False, width=75).splitlines()]
+    for line in (
+        "closed nodes 21",
+        "error estimate 1.2 % of the pressures",
+        "hertz-line 0.21 % of the pressures away, peak 1230",
+        "stick nodes 7",
+        "slip nodes 2",
+        "error estimate not known",
+        "error estimate 37 % of the displacements",
+        "residual 3.2e-10, fails above 1e-08",
+        "stability 0.02, fails below 0.15",
+        "force balance 1.1e-12",
+        "wall seconds 4.50",
+    ):
+        assert line in lines
+    assert "slip nodes 21" not in lines
+    assert max(map(len, run_text(summary, color=False, width=75).splitlines())) <= 75
