@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mlsanm_cli.app.causes import unfacing_hint
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle, split_boundary
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.obstacles import Chain, Plane, Round, Shape
@@ -29,7 +30,8 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
         pairing, key = _facing(contact, clouds), f"contact.{contact.name}"
         if not len(pairing.position):
             other = contact.master or "the obstacle"
-            problems.append(CaseProblem(key, f"no node of {contact.slave} faces {other}"))
+            hint = unfacing_hint(contact, clouds)
+            problems.append(CaseProblem(key, f"no node of {contact.slave} faces {other}", hint=hint))
             continue
         if contact.interference is not None:
             try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -60,10 +60,12 @@ class Verdict:
 
 @dataclass(frozen=True)
 class EnergyVerdict:
-    """Twice the strain energy over the work less 1, per body, and ``energy_error``, the farthest from 0."""
+    """Twice the strain energy over the work less 1, per body, ``energy_error``, the farthest from 0, and how
+    far bodies are strained."""
 
     energy_error: float
     bodies: Mapping[str, float]
+    strains: Mapping[str, float] = field(default_factory=dict)
 
 
 def force_balance(built: Built, state: State) -> Verdict:

@@ -11,6 +11,7 @@ from typing import Any
 from mlsanm_cli.app.adapt import Adapted, Refinement, adapt, refine_again
 from mlsanm_cli.app.build import Built, build_scene
 from mlsanm_cli.app.cache import shelf
+from mlsanm_cli.app.causes import strain_warnings
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.energy import energy_error
@@ -182,6 +183,9 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     judge_spacing(built, recorder.last)
     with clock.phase("output"):
         recorder.energies = energy_error(built, recorder.last, recorder.stressed)
+    # First: where units are mixed up the checks that follow fail, for that reason.
+    for warning in strain_warnings(built.case, recorder.energies.strains):
+        recorder.warn(warning)
     for warning in (
         judge_balance(force_balance(built, recorder.last)),
         judge_energy(recorder.energies),
