@@ -15,9 +15,9 @@ import click
 
 from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.cli.streams import open_closed_streams, silence
-from mlsanm_cli.cli.text import RED, YELLOW, paint, printable
-from mlsanm_cli.errors import CaseError, MlsanmError
+from mlsanm_cli.cli.streams import open_closed_streams, say, silence
+from mlsanm_cli.cli.text import RED, YELLOW, as_json, paint, printable
+from mlsanm_cli.errors import CaseError, CaseProblem, MlsanmError
 
 USAGE, BUG, STOPPED = 2, 70, 75
 LOST = (errno.EPIPE, errno.EBADF, errno.EFBIG, errno.EIO, errno.ENOSPC)
@@ -33,6 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     open_closed_streams()
     settings = Settings()
+    # Before anything is parsed: wrong options are told as JSON too.
+    settings.json = "--json" in (sys.argv[1:] if arguments is None else arguments)
     try:
         code = _run(arguments, settings)
         if settings.unsaid is not None and not isinstance(settings.unsaid, BrokenPipeError):
@@ -80,11 +82,18 @@ def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
 
 
 def _report(error: BaseException, settings: Settings) -> int:
-    """Prints the error and returns the exit code that goes with it."""
+    """Prints the error, with ``--json`` on stdout too, and returns the exit code that goes with it."""
     if settings.debug and not isinstance(error, click.ClickException):
         import traceback  # which nobody sees without --debug
 
         traceback.print_exception(error)
+    if isinstance(error, click.ClickException):
+        shown = io.StringIO()
+        error.show(file=shown)
+        with suppress(OSError):
+            print(printable(shown.getvalue()), end="", file=sys.stderr)
+        _as_json([CaseProblem("", error.format_message())], settings)
+        return USAGE
     if isinstance(error, CaseError):
         for problem in error.problems[:SHOWN]:
             _print("", str(problem).replace("\n", "\\n"), settings)
@@ -92,32 +101,45 @@ def _report(error: BaseException, settings: Settings) -> int:
         if count > SHOWN:
             _print("", f"and {count - SHOWN} more", settings)
         _print("error", f"{count} problem{'' if count == 1 else 's'}, nothing was run", settings)
+        _as_json(error.problems, settings)
         return error.exit_code
+    code, message, hint = _told(error, settings)
+    _print("error", message, settings)
+    _print("hint", hint, settings)
+    _as_json([CaseProblem("", message, hint=hint)], settings)
+    return code
+
+
+def _told(error: BaseException, settings: Settings) -> tuple[int, str, str]:
+    """Exit code, message and hint of what is no fault of a case."""
     if isinstance(error, MlsanmError):
-        _print("error", error.message, settings)
-        _print("hint", error.hint, settings)
-        return error.exit_code
-    if isinstance(error, click.ClickException):
-        shown = io.StringIO()
-        error.show(file=shown)
-        with suppress(OSError):
-            print(printable(shown.getvalue()), end="", file=sys.stderr)
-        return USAGE
+        return error.exit_code, error.message, error.hint
     if isinstance(error, click.Abort | KeyboardInterrupt):
         # click keeps what it makes an Abort of as its cause.
-        _print("error", str(error) or str(error.__cause__ or "") or "stopped by a signal", settings)
-        return STOPPED
+        return STOPPED, str(error) or str(error.__cause__ or "") or "stopped by a signal", ""
     if isinstance(error, MemoryError):
-        _print("error", "the memory is used up", settings)
-        _print("hint", "larger spacings need less; `mlsanm check` estimates the size", settings)
-        return USAGE
+        hint = "larger spacings need less; `mlsanm check` estimates the size"
+        return USAGE, "the memory is used up", hint
     if isinstance(error, OSError) and error.filename is not None:
-        _print("error", f"{error.filename}: {error.strerror or error}", settings)
-        return USAGE
-    _print("error", f"a bug in mlsanm: {type(error).__name__}: {error}", settings)
-    if not settings.debug:
-        _print("hint", "please report it, with the case file and what --debug adds to this", settings)
-    return BUG
+        return USAGE, f"{error.filename}: {error.strerror or error}", ""
+    hint = "" if settings.debug else "please report it, with the case file and what --debug adds to this"
+    return BUG, f"a bug in mlsanm: {type(error).__name__}: {error}", hint
+
+
+def _as_json(problems: Sequence[CaseProblem], settings: Settings) -> None:
+    """What is wrong, on stdout: file, line and key are null where there is none."""
+    if settings.json:
+        listed = [
+            {
+                "file": problem.source or None,
+                "line": problem.line or None,
+                "key": problem.key or None,
+                "message": problem.message,
+                "hint": problem.hint or None,
+            }
+            for problem in problems
+        ]
+        say(settings, as_json({"problems": listed}))
 
 
 def _print(kind: str, text: str, settings: Settings) -> None:

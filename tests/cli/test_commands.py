@@ -375,3 +375,32 @@ def test_the_closing_table_tells_how_far_to_trust_it() -> None:
         assert line in lines
     assert "slip nodes 21" not in lines
     assert max(map(len, run_text(summary, color=False, width=75).splitlines())) <= 75
+
+
+def told_as_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[dict[str, Any]]]:
+    code = main([*arguments, "--json"])
+    return code, json.loads(capsys.readouterr().out)["problems"]
+
+
+def test_errors_as_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    problems = (CaseProblem("a.b", "is wrong", 3, "x.toml", "do this"), CaseProblem("c", "too", 0, "--set"))
+    install(monkeypatch, "run", raising(CaseError(problems)))
+    assert told_as_json(capsys, "run", "x.toml") == (
+        2,
+        [
+            {"file": "x.toml", "line": 3, "key": "a.b", "message": "is wrong", "hint": "do this"},
+            {"file": "--set", "line": None, "key": "c", "message": "too", "hint": None},
+        ],
+    )
+    install(monkeypatch, "run", raising(RunError("there is a run", "use --force")))
+    code, (problem,) = told_as_json(capsys, "run", "x.toml")
+    assert (code, problem["message"], problem["hint"], problem["key"]) == (
+        2,
+        "there is a run",
+        "use --force",
+        None,
+    )
+    code, (problem,) = told_as_json(capsys, "run", "--thread")
+    assert (code, "--threads" in problem["message"]) == (2, True)
+    install(monkeypatch, "run", raising(ZeroDivisionError("oh")))
+    assert told_as_json(capsys, "run", "x.toml")[0] == 70
