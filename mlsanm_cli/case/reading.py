@@ -20,7 +20,7 @@ from mlsanm_cli.case.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.lines import KeyPath, key_lines
 from mlsanm_cli.case.model import Case
 from mlsanm_cli.case.overrides import apply_overrides, key_path
-from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.report import Report, nearest
 from mlsanm_cli.case.schema_errors import report_schema_errors
 from mlsanm_cli.case.tables import inline_tables
 from mlsanm_cli.case.unsupported import refusals
@@ -28,6 +28,8 @@ from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.inputs import MB, is_text, read_input
 from mlsanm_cli.values import dataclass
 
+MOST_CASES = 1000
+"""Case files of a directory that are looked through for a name."""
 LARGEST = 16 * MB
 """Largest case file, in bytes."""
 
@@ -64,7 +66,12 @@ def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey = no_fil
     if not is_text(path.absolute()):
         # Files of bodies are stored with their whole path.
         raise RunError(f"the path {str(path.absolute())!r} is no UTF-8 text", "rename the directories in it")
-    content = read_input(path, LARGEST, what="case file", streams=True)
+    try:
+        content = read_input(path, LARGEST, what="case file", streams=True)
+    except RunError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise RunError(error.message, _nearest_case(path)) from error
+        raise
     try:
         # A byte order mark, as some editors write it, is no part of the text.
         text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
@@ -73,6 +80,19 @@ def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey = no_fil
             f"{path} is no UTF-8 text (byte {error.start})", "a case is a TOML text file"
         ) from error
     return parse_case(text, path, overrides, survey)
+
+
+def _nearest_case(path: Path) -> str:
+    """The case file whose name is most like that of one that is not there."""
+    try:
+        there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:MOST_CASES]}
+    except (OSError, ValueError):
+        return ""
+    found = nearest(path.stem, there)
+    if found:
+        return f"did you mean {there[found]}?"
+    listed = ", ".join(str(one) for one in list(there.values())[:5])
+    return f"cases there: {listed}" if listed else "mlsanm new writes one to begin with"
 
 
 def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Survey = no_files) -> LoadedCase:

@@ -19,6 +19,8 @@ from mlsanm_cli.cli.text import BOLD, paint, table
 from mlsanm_cli.errors import RunError
 
 DEFAULT_KIND = "hertz"
+SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
+"""Where editors look for the keys of a file: `mlsanm schema > mlsanm.schema.json` writes them there."""
 
 
 @click.command()
@@ -44,11 +46,14 @@ def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: 
     file = name if name.suffix == ".toml" else name.with_name(f"{name.name}.toml")
     try:
         with file.open("w" if force else "x", encoding="utf-8") as stream:
-            stream.write(starter(kind))
+            stream.write(f"{SCHEMA_LINE}\n{starter(kind)}")
     except FileExistsError as error:
         raise RunError(f"{file} is there already", "use --force to overwrite it, or another name") from error
     result = {"file": str(file), "kind": kind}
-    print_result(settings, result, f"{file}\ncheck: mlsanm check {file}\nsolve: mlsanm run {file}")
+    steps = f"check: mlsanm check {file}\nsolve: mlsanm run {file}"
+    keys = file.with_name("mlsanm.schema.json")
+    editor = "" if keys.exists() else f"\nkeys in an editor: mlsanm schema > {keys}"
+    print_result(settings, result, f"{file}\n{steps}{editor}")
     return 0
 
 

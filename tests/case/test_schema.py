@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -361,3 +362,17 @@ def test_a_directory_whose_name_is_no_text(tmp_path: Path) -> None:
     (folder / "case.toml").write_text(HERTZ)
     with pytest.raises(RunError, match="is no UTF-8 text"):
         load_case(folder / "case.toml")
+
+
+def test_a_case_that_is_not_there_gets_the_nearest(tmp_path: Path) -> None:
+    for name in ("hertz.toml", "ring.toml"):
+        (tmp_path / name).write_text(HERTZ)
+    for name, hint in {
+        "hertz": "did you mean .*hertz.toml",
+        "herz.toml": "did you mean .*hertz.toml",
+        "zzzz": "cases there: .*hertz.toml, .*ring.toml",
+        "no/hertz.toml": "mlsanm new",
+    }.items():
+        with pytest.raises(RunError, match="there is no case file") as caught:
+            load_case(tmp_path / name)
+        assert re.search(hint, caught.value.hint)

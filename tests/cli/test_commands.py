@@ -245,6 +245,11 @@ def test_bad_usage(arguments: list[str], words: str, capsys: pytest.CaptureFixtu
 def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert __version__ in capsys.readouterr().out
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    order = ("One scene:", "new", "check", "run", "resume", "Many runs:", "sweep", "Reference:", "explain")
+    lines = [line.split("  ")[1] if line.startswith("  ") else line for line in text.splitlines() if line]
+    assert [line for line in lines if line in order] == list(order)
     for command in ("run", "check", "info", "plot", "warmup"):
         assert main([command, "--help"]) == 0
         text = capsys.readouterr().out
