@@ -27,6 +27,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.path_table import write_path_csv
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.summary import EventLog, toml_text, write_interface_csv, write_json_atomic, write_toml
 from mlsanm_cli.io.vtu import StateWriter, write_model, write_single
@@ -263,10 +264,11 @@ class Recorder:
             self._events.write("failure", **told, **self.failed_at)
 
     def interfaces(self, built: Built) -> None:
-        """Write every contact's final state as CSV."""
+        """Write the path, and every contact's final state, as CSV."""
         if self.last is None:
             return
         with self._clock.phase("output"):
+            write_path_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
             for pairing in built.condensed.pairings:
                 columns = recording.interface_columns(built, pairing, self.last)
                 name = run_dir.interface_name(pairing.name, len(built.condensed.pairings))
