@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import TextIO
 
+from mlsanm_cli.cli.heartbeat import INTERVAL, Heartbeat
 from mlsanm_cli.cli.settings import Settings, is_terminal
 from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, printable, table
 
@@ -21,7 +23,8 @@ class TerminalConsole:
     """Progress, notes, warnings and tables.
 
     With ``quiet`` only warnings are shown. On a terminal, phases and steps rewrite one line; elsewhere
-    a phase is a line, and steps are shown at most once a second, the first and the last always.
+    a phase is a line, and steps are shown at most once a second, the first and the last always. A line on a
+    terminal that nothing replaces tells every second since when it stands there.
     """
 
     def __init__(
@@ -31,6 +34,7 @@ class TerminalConsole:
         *,
         clock: Callable[[], float] = time.monotonic,
         width: int | None = None,
+        interval: float = INTERVAL,
     ) -> None:
         self._stream = stream
         self._quiet = settings.quiet
@@ -39,19 +43,24 @@ class TerminalConsole:
         self._clock = clock
         self._width = width
         self._deaf = False
+        self._style = DIM
         self._shown = ""  # the line on the terminal that the next one replaces
         self._waiting: list[str] = []  # the latest step that was not shown yet
         self._last: float | None = None
+        # Two threads write: this one, and the one that tells how long a line has been standing.
+        self._lock = threading.RLock()
+        self._heart = Heartbeat(self._still, interval)
 
     def phase(self, text: str) -> None:
         """One line saying what is happening now."""
-        self._finish_steps()
-        if self._quiet:
-            return
-        if self._live:
-            self._rewrite(f"{text} ...")
-        else:
-            self._line(f"{text} ...")
+        with self._lock:
+            self._finish_steps()
+            if self._quiet:
+                return
+            if self._live:
+                self._rewrite(f"{text} ...")
+            else:
+                self._line(f"{text} ...")
 
     def step(self, index: int, position: float, residual: float, text: str = "") -> None:
         """One row of the step table: path position, scaled residual, a remark."""
@@ -59,35 +68,48 @@ class TerminalConsole:
             return
         remarks = text.split("  ") if text else []
         row = [f"step {index:4d} ", f"position {position:<9.6g}", f"residual {residual:8.2e} ", *remarks]
-        now = self._clock()
-        pause = _FRAME if self._live else _INTERVAL
-        if self._last is not None and now - self._last < pause:
-            self._waiting = row
-            return
-        self._show_step(row)
-        self._last = now
+        with self._lock:
+            now = self._clock()
+            pause = _FRAME if self._live else _INTERVAL
+            if self._last is not None and now - self._last < pause:
+                self._waiting = row
+                return
+            self._show_step(row)
+            self._last = now
 
     def note(self, text: str) -> None:
         """Something worth knowing."""
-        self._finish_steps()
-        if not self._quiet:
-            self._line(printable(text))
+        with self._lock:
+            self._finish_steps()
+            if not self._quiet:
+                self._line(printable(text))
 
     def warning(self, text: str) -> None:
         """Something to look at; shown with ``quiet`` too."""
-        self._finish_steps()
-        self._line(f"{paint('warning:', YELLOW, self._color)} {printable(text)}")
+        with self._lock:
+            self._finish_steps()
+            self._line(f"{paint('warning:', YELLOW, self._color)} {printable(text)}")
 
     def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
         """A small table of names and values."""
-        self._finish_steps()
-        if not self._quiet:
-            self._line(table(title, rows, self._color))
+        with self._lock:
+            self._finish_steps()
+            if not self._quiet:
+                self._line(table(title, rows, self._color))
 
     def close(self) -> None:
         """Leaves the terminal clean: the last step stays, a phase that ended goes."""
-        self._finish_steps()
-        self._erase()
+        self._heart.stop()
+        with self._lock:
+            self._finish_steps()
+            self._erase()
+
+    def _still(self, seconds: float) -> None:
+        """Add to the line on the terminal how long it has been standing there, if there is room."""
+        with self._lock:
+            shown = f"{self._shown}  {seconds:.0f} s"
+            if self._shown and len(shown) < self._columns():
+                self._put(_CLEAR + paint(shown, self._style, self._color))
 
     def _show_step(self, row: list[str]) -> None:
         self._waiting = []
@@ -103,7 +125,8 @@ class TerminalConsole:
         if self._waiting:
             self._show_step(self._waiting)
         if self._live:
-            self._put("\n")
+            # As it was, without how long it stood there.
+            self._put(f"{_CLEAR}{paint(self._shown, self._style, self._color)}\n")
             self._shown = ""
         self._last = None
 
@@ -112,9 +135,10 @@ class TerminalConsole:
         width = max(self._columns() - 1, 1)
         if len(text) > width:
             text = f"{text[: max(width - 4, 0)].rstrip(' .')} ..."[:width]
-        style = BOLD if text.endswith("...") else DIM
-        self._put(_CLEAR + paint(text, style, self._color))
+        self._style = BOLD if text.endswith("...") else DIM
+        self._put(_CLEAR + paint(text, self._style, self._color))
         self._shown = text
+        self._heart.touch()
 
     def _columns(self) -> int:
         return self._width or _width_of(self._stream)

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from mlsanm_cli.app import recorder
 from mlsanm_cli.app.info import info
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.app.run import run
@@ -80,6 +81,21 @@ def test_progress_fits_the_terminal(tmp_path: Path) -> None:
     assert rest == []
     live = re.sub(r"\x1b\[[0-9;]*m", "", shown).replace("\r\n", "\n")
     assert max(len(part) for line in live.split("\n") for part in line.split("\r\x1b[K")) < columns
+
+
+def test_a_long_path_tells_how_long_it_takes_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorder, "NOTICED", 0.0)
+    (tmp_path / "case.toml").write_text(BAR)
+    console = Quiet()
+    texts: list[tuple[float, str]] = []
+    monkeypatch.setattr(
+        console, "step", lambda index, position, residual, text: texts.append((position, text))
+    )
+    run(tmp_path / "case.toml", out=tmp_path / "run", console=console)
+    told = {position: text for position, text in texts if "left" in text}
+    assert re.fullmatch(r"stage 1 of 2, 25 %, \d+ s left", told[0.5])
+    assert re.fullmatch(r"stage 2 of 2, 62 %, \d+ s left", told[1.25])
+    assert texts[-1] == (2.0, "")
 
 
 def test_no_color_quiet_and_json(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 
 import pytest
 
@@ -162,3 +163,32 @@ def test_numbers() -> None:
     assert number([]) == "none"
     assert number(True) == "yes"
     assert number(123456789) == "123456789"
+
+
+def test_a_line_that_stands_still_tells_since_when() -> None:
+    stream = Terminal()
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=40, interval=0.02)
+    for what in ("phase", "step"):
+        if what == "phase":
+            console.phase("factorising")
+        else:
+            console.step(3, 0.5, 1e-9)
+        end = time.monotonic() + 5.0
+        while not stream.getvalue().endswith(" s") and time.monotonic() < end:
+            time.sleep(0.01)
+        assert stream.getvalue().endswith(" s")
+    assert "\r\x1b[Kfactorising ...  0 s" in stream.getvalue()
+    console.close()
+    ended = stream.getvalue()
+    time.sleep(0.1)
+    assert stream.getvalue() == ended
+    # What stays is the step as it was.
+    assert stream.screen() == ["step    3   position 0.5", ""]
+
+
+def test_a_log_is_not_ticked() -> None:
+    stream = io.StringIO()
+    console = TerminalConsole(stream, Settings(), interval=0.01)
+    console.phase("factorising")
+    time.sleep(0.1)
+    assert stream.getvalue() == "factorising ...\n"
