@@ -73,13 +73,28 @@ def who_else_may_write(path: Path) -> str:
     nearest = (absolute, real, absolute.parent, real.parent)
     for place in dict.fromkeys((absolute, real, *absolute.parents, *real.parents)):
         found = place.stat()
-        if found.st_uid not in ours:
+        outside = place not in nearest and found.st_uid == _outsider()
+        if found.st_uid not in ours and not outside:
             return f"{place} belongs to another user"
         shared = found.st_mode & stat.S_ISVTX and place not in nearest
         others = stat.S_IWOTH if _is_own_group(found.st_gid) else stat.S_IWGRP | stat.S_IWOTH
         if found.st_mode & others and not shared:
             return f"others may write to {place}"
     return ""
+
+
+def _outsider() -> int | None:
+    """The user as whom all owners outside of a container appear, who may own the directories that it is made
+    of; None where every user is known, as outside of containers."""
+    nobody = 65534
+    try:
+        ranges = [
+            list(map(int, line.split())) for line in Path("/proc/self/uid_map").read_text().splitlines()
+        ]
+    except (OSError, ValueError):
+        return None
+    mapped = any(first <= nobody < first + count for first, _, count in ranges)
+    return None if mapped or not ranges else nobody
 
 
 def _is_own_group(gid: int) -> bool:

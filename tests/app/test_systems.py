@@ -108,3 +108,27 @@ def test_links_and_pipes_are_not_opened(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.delattr(os, "O_NOFOLLOW")
     refused("link", "symbolic link")
     assert (tmp_path / "target").read_text() == "mine"
+
+
+def test_directories_of_a_container_may_belong_to_its_host(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "a" / "b" / "c"
+    place.mkdir(parents=True)
+    (place / "file").write_text("")
+    assert system.who_else_may_write(place / "file") == ""
+    owned = {tmp_path / "a": 65534}
+    real = Path.stat
+
+    def stat(path: Path, **options: bool) -> os.stat_result:
+        found = list(real(path, **options))
+        found[4] = owned.get(path, found[4])
+        return os.stat_result(found)
+
+    monkeypatch.setattr(Path, "stat", stat)
+    assert "belongs to another user" in system.who_else_may_write(place / "file")
+    monkeypatch.setattr(system, "_outsider", lambda: 65534)
+    assert system.who_else_may_write(place / "file") == ""
+    # What lies nearest must be this user's own all the same.
+    owned[place] = 65534
+    assert "belongs to another user" in system.who_else_may_write(place / "file")
