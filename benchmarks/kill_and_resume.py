@@ -100,7 +100,7 @@ def content(directory: Path) -> dict[str, Any]:
     with h5py.File(directory / "run.h5") as file:
         file.visititems(add)
     figures = json.loads((directory / "summary.json").read_text())
-    varying = {"seconds", "peak_memory_mb", "cache"}
+    varying = {"seconds", "wall_seconds", "peak_memory_mb", "cache"}
     found |= {key: value for key, value in figures.items() if key not in varying}
     others = {"run.h5", "summary.json", "events.jsonl"}
     return found | {path.name: path.read_bytes() for path in directory.iterdir() if path.name not in others}

@@ -6,6 +6,8 @@
     +-- CaseError                2   the case file is wrong: every problem found, with file and line
     +-- GeometryError            2   a file with a body's mesh or nodes cannot be used (told as CaseError)
     +-- RunError                 2   bad usage: run directory exists, file unreadable, scene too large
+    |   +-- WriteError           2   a file cannot be written
+    +-- UnfinishedError          3   a run cannot write on; what was done is kept, resume goes on
     +-- NumericalError           3   the solver could not finish, or a check of the result failed
     |   +-- UnstableError        3   the stability certificate of the discretisation failed
     +-- Interrupted             75   stopped by a signal or a wall-time limit; what was done is kept
@@ -61,6 +63,16 @@ class RunError(MlsanmError):
     """Bad usage outside the case file: an existing run directory, an unreadable file, too large a scene."""
 
     exit_code = 2
+
+
+class WriteError(RunError):
+    """A file cannot be written: the disk is full, or permission is missing."""
+
+
+class UnfinishedError(MlsanmError):
+    """A run that had begun cannot write on, as its disk is full; what was done is kept."""
+
+    exit_code = 3
 
 
 class GeometryError(MlsanmError):

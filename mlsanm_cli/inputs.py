@@ -38,5 +38,14 @@ def read_input(path: Path, most: int, *, what: str = "file", streams: bool = Fal
     return content
 
 
+def is_text(path: Path) -> bool:
+    """Whether a path is UTF-8 text: others cannot be named in a result."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def _too_large(path: Path, size: str, most: int) -> RunError:
     return RunError(f"cannot read {path}: it has {size}", f"{most / MB:.3g} MB at most")

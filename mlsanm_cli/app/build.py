@@ -8,6 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from mlsanm_cli.app.causes import pull_hint
 from mlsanm_cli.app.certificate import certify, certify_candidates
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.clouds import clouds
@@ -28,7 +29,7 @@ from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.condensed import Condensed, condense
 from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.contact.set_search import EndlessError, NoStateError
+from mlsanm_cli.contact.set_search import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import Loaded, is_warm, load
@@ -158,7 +159,18 @@ def complete(
 
     Bodies whose models are those of the scene ``before`` keep their systems.
     """
+    try:
+        return _completed(case, prepared, clock, console, memo, before)
+    except (UnbalancedError, NoStateError) as error:
+        hint = pull_hint(case, prepared.pairings)
+        if not hint:
+            raise
+        raise NumericalError(error.message, hint) from error
 
+
+def _completed(
+    case: Case, prepared: Prepared, clock: Clock, console: Console, memo: Memo, before: Scene | None
+) -> Built:
     @contextmanager
     def factorising() -> Iterator[None]:
         with clock.phase("factorization"):

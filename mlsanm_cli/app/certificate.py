@@ -64,6 +64,13 @@ def certify(case: Case, scene: Scene, condensed: Condensed, ends: Sequence[Exact
     return min(judged.values()) if judged else min(bulk.values())
 
 
+def stability_limit(scene: Scene, ends: Sequence[ExactState]) -> float:
+    """Below which :func:`certify` refuses a scene whose contacts touch as in the states ``ends``."""
+    if any(state.active.any() for state in ends):
+        return CONTACT_LIMIT
+    return HALF_LIMIT if all(body.halved for body in scene.bodies.values()) else BULK_LIMIT
+
+
 def certify_candidates(case: Case, scene: Scene, condensed: Condensed, memo: Memo) -> None:
     """UnstableError where a contact fails its certificate on all that can touch, as no state is known."""
     _judged(case, scene, condensed, np.ones(len(condensed.weight), dtype=bool), memo)

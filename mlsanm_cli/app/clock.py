@@ -1,8 +1,7 @@
-"""CPU seconds of the phases of a run."""
+"""CPU seconds of the phases of a run, and the wall time of all of it."""
 
 from __future__ import annotations
 
-import resource
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,6 +24,8 @@ class Clock:
     def __init__(self) -> None:
         now = time.process_time()
         self._begin = now if Clock._begun else 0.0
+        # Imports hardly wait: before the first clock the wall time is about the CPU time.
+        self._wall_begin = time.monotonic() - (now - self._begin)
         Clock._begun = True
         self._seconds = dict.fromkeys(PHASES, 0.0)
         self._seconds["start"] = now - self._begin
@@ -43,11 +44,11 @@ class Clock:
             self._nested[-1] += spent
 
     @property
+    def wall_seconds(self) -> float:
+        """Seconds on the wall since this clock, or the process, began."""
+        return time.monotonic() - self._wall_begin
+
+    @property
     def seconds(self) -> dict[str, float]:
         """All phases so far, and ``total``: all that this clock counts."""
         return {"total": time.process_time() - self._begin, **self._seconds}
-
-
-def peak_memory_mb() -> float:
-    """Largest memory the process has held so far."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

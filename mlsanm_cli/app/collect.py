@@ -31,8 +31,10 @@ def collect(rundirs: Sequence[Path]) -> list[Row]:
     """One row per run: directory, status, the case's keys that are not alike everywhere, figures.
 
     Runs that failed, were stopped or still go on have rows too, with the figures they have; so do directories
-    that hold no readable run, with status "unreadable".
+    that hold no readable run, with status "unreadable". Files beside run directories, as ``sweep.csv``, are
+    left out.
     """
+    rundirs = [place for place in rundirs if not place.is_file() or place.name == run_dir.RUN_FILE]
     heads, cases, results = zip(*map(_run, rundirs), strict=True) if rundirs else ((), (), ())
     keys = dict.fromkeys(key for case in cases for key in case)
     readable = [case for case in cases if case]
@@ -78,4 +80,15 @@ def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
     row |= {"status": known.get("status"), "stop_reason": known.get("stop_reason")}
     chosen = flat({name: known[name] for name in FIGURES if name in known})
     chosen["warnings"] = chosen.get("warnings") or None
-    return row, case, {name: value for name, value in chosen.items() if not isinstance(value, Mapping)}
+    return row, case, _columns(chosen)
+
+
+def _columns(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Figures as single values: the components of a vector in columns of their own."""
+    columns: dict[str, Any] = {}
+    for name, value in figures.items():
+        if isinstance(value, list) and len(value) == 2 and not any(isinstance(part, str) for part in value):
+            columns |= {f"{name}_x": value[0], f"{name}_y": value[1]}
+        elif not isinstance(value, Mapping):
+            columns[name] = value
+    return columns

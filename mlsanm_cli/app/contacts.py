@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mlsanm_cli.app.causes import unfacing_hint
 from mlsanm_cli.app.surfaces import surface_at
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
@@ -30,7 +31,8 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
         pairing, key = _facing(case, contact, clouds), f"contact.{contact.name}"
         if not len(pairing.position):
             slave, other = (*contact.names, "the obstacle")[:2]
-            problems.append(CaseProblem(key, f"no node of {slave} faces {other}"))
+            hint = unfacing_hint(case, contact, clouds)
+            problems.append(CaseProblem(key, f"no node of {slave} faces {other}", hint=hint))
             continue
         if contact.interference is not None:
             try:

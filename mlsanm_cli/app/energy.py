@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mlsanm_cli.app.build import Built
+from mlsanm_cli.app.causes import strain_of
 from mlsanm_cli.app.judge import EnergyVerdict, largest_force
 from mlsanm_cli.app.recording import Fields, fields_of
 from mlsanm_cli.app.scene import single_nodes
@@ -38,13 +39,14 @@ def energy_error(
         fields = known[1]
     else:
         fields, _ = fields_of(built, [state], stress=True)[0]
-    energies, works, least = {}, {}, {}
+    energies, works, least, strains = {}, {}, {}, {}
     near = _near_work(built, state)
     for name, body in built.scene.bodies.items():
         cloud, material, found = body.model.cloud, body.model.material, fields[name]
         single = single_nodes(built.case, name, cloud)
         moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns, cloud.points)
         rest = found.displacement - moved, found.stress - stressed
+        strains[name] = strain_of(cloud.points, found.displacement, found.von_mises, material.modulus)
         energies[name] = twice_strain_energy(cloud, material, rest[1])
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         strain = UNSTRAINED * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
@@ -60,7 +62,7 @@ def energy_error(
         scale = float(np.max([abs(work), least_of_all, least[name]]))
         errors[name] = 0.0 if scale == 0.0 else float((energies[name] - work) / scale)
     worst = max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))
-    return EnergyVerdict(errors[worst], errors)
+    return EnergyVerdict(errors[worst], errors, strains)
 
 
 def _near_work(built: Built, state: State) -> dict[str, float]:

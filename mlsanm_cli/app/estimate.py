@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -17,6 +16,7 @@ from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.operators.linear.scratch import LARGE
+from mlsanm_cli.system import physical_memory_mb
 from mlsanm_cli.values import dataclass
 
 COUNT_LIMIT = 2e8
@@ -77,15 +77,10 @@ def _nodes(case: Case, body: Body) -> float:
     return estimate_nodes(outline_of(case, body), spacing_of(case, body), COUNT_LIMIT)
 
 
-def available_memory_mb() -> float:
-    """Physical memory of the machine."""
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
-
-
 def refuse_too_large(case: Case) -> Estimate:
     """Raise CaseError, with the key that makes it so large, when the scene would not fit into memory."""
     size = estimate(case)
-    room = available_memory_mb()
+    room = physical_memory_mb()
     if size.memory_mb > room:
         counts = ", ".join(f"{name} {count:.3g}" for name, count in size.nodes.items())
         message = (
@@ -101,7 +96,7 @@ def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
     """Raise CaseError, with the largest contact, where the dense systems of the path would not fit."""
     unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in pairings}
     memory_mb = DENSE * sum(unknowns.values()) ** 2 * 8 / 2**20
-    room = available_memory_mb()
+    room = physical_memory_mb()
     if memory_mb > room:
         name = max(unknowns, key=lambda name: unknowns[name])
         message = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -42,6 +42,9 @@ LINEAR_LIMIT = 1e-6
 ESTIMATE_WARNING = 0.02
 """Estimated errors of pressures, relative to their L2 norm, above this are warned of."""
 
+LARGE_ERROR = 0.1
+"""Estimated errors of displacements, and of pressures of any contact, above this are warned of."""
+
 POLISH_WARNING = 0.1
 """Polishing that changes a pressure by more than this part of the peak is warned of: the smooth path between
 the saved levels is that far from the exact one."""
@@ -57,10 +60,12 @@ class Verdict:
 
 @dataclass(frozen=True)
 class EnergyVerdict:
-    """Twice the strain energy over the work less 1, per body, and ``energy_error``, the farthest from 0."""
+    """Twice the strain energy over the work less 1, per body, ``energy_error``, the farthest from 0, and how
+    far bodies are strained."""
 
     energy_error: float
     bodies: Mapping[str, float]
+    strains: Mapping[str, float] = field(default_factory=dict)
 
 
 def force_balance(built: Built, state: State) -> Verdict:
@@ -163,12 +168,22 @@ def judge_polish(levels: Sequence[Polish]) -> str:
     )
 
 
-def judge_estimates(built: Built, estimates: Mapping[str, float | None]) -> list[str]:
-    """Warnings of contacts on grids of their own whose bodies are too coarse for their pressures."""
+def judge_estimates(
+    built: Built, pressures: Mapping[str, float | None], displacement: float | None
+) -> list[str]:
+    """Warnings of displacements and pressures with large estimated errors; of contacts on grids of their own
+    whose bodies are too coarse for their pressures, smaller ones count."""
     texts = []
+    if displacement is not None and displacement > LARGE_ERROR:
+        coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
+        texts.append(
+            f"displacements are estimated to be off by {100 * displacement:.2g} %; make {coarse} smaller, "
+            "above all where bodies are held, loaded or bent"
+        )
     for pairing in built.condensed.pairings:
-        error = estimates.get(pairing.name)
-        if pairing.near is not None and error is not None and error > ESTIMATE_WARNING:
+        error = pressures.get(pairing.name)
+        limit = ESTIMATE_WARNING if pairing.near is not None else LARGE_ERROR
+        if error is not None and error > limit:
             keys = ", ".join(f"body.{body}.spacing" for body in pairing.bodies)
             texts.append(
                 f"contact {pairing.name}: its pressures are estimated to be off by {100 * error:.2g} %; "

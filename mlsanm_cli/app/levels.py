@@ -61,7 +61,8 @@ def level_at(run: RunData, position: float) -> Level:
     rows = np.asarray(run.path.position)
     if not len(rows):
         raise RunError(f"{run.directory} holds no finished step yet")
-    slack = SAME * max(abs(position), 1.0)
+    # Not of the position asked for: one that is infinite would be close to all.
+    slack = SAME * max(float(rows[-1]), 1.0)
     if not rows[0] - slack <= position <= rows[-1] + slack:
         raise RunError(
             f"the path does not reach position {position:g}: it goes from {rows[0]:g} to {rows[-1]:g}",

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import re
-import subprocess
 from functools import lru_cache
 from importlib.metadata import distribution
 from pathlib import Path
 
 from mlsanm_cli import __version__
 from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.commit import commit
+from mlsanm_cli.system import host
 
 PACKAGES = ("numpy", "scipy", "numba", "h5py", "meshio", "pydantic")
 
@@ -19,13 +19,13 @@ PACKAGES = ("numpy", "scipy", "numba", "h5py", "meshio", "pydantic")
 def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[str, str | int | float]:
     """Root attributes of run.h5."""
     return {
-        "git": git_state(Path(__file__).resolve().parents[2]),
+        "git": commit(),
         "argv": " ".join(argv),
         "case_hash": loaded.case_hash,
         "case_path": str(loaded.path),
         "versions": _versions(),
         "cpu": cpu(),
-        "host": os.uname().nodename,
+        "host": host(),
         "threads": threads,
         "mlsanm": __version__,
     }
@@ -55,21 +55,3 @@ def _version(package: str) -> str:
     # The standard library would parse all of it, some thousand lines of licences in numpy's.
     named = re.search(r"^Version: *(\S+)", found.read_text("METADATA") or "", re.MULTILINE)
     return named[1] if named else found.version
-
-
-@lru_cache(maxsize=1)
-def git_state(directory: Path) -> str:
-    """Commit of the source tree, "+" behind it if files differ; "" for an installed package."""
-    if not (directory / ".git").exists():
-        return ""
-    try:
-        output = subprocess.run(
-            ["git", "-C", str(directory), "describe", "--always", "--dirty=+", "--abbrev=12"],
-            capture_output=True,
-            text=True,
-            timeout=5,
-            check=True,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return ""
-    return output.stdout.strip()

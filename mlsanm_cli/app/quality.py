@@ -8,6 +8,7 @@ from functools import partial
 from itertools import pairwise
 from typing import Any
 
+from mlsanm_cli.app.causes import distance_warnings
 from mlsanm_cli.app.contacts import stiffness_ratio
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.case import Case
@@ -84,6 +85,7 @@ def assess(case: Case, prepared: Prepared, memo: Memo = AFRESH) -> Quality:
         warnings.append(
             "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"
         )
+    warnings += distance_warnings(prepared.pairings, clouds)
     warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
     return Quality(
         bodies,

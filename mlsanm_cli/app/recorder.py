@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -27,10 +28,14 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.path_table import write_path_csv
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.summary import EventLog, toml_text, write_interface_csv, write_json_atomic, write_toml
 from mlsanm_cli.io.vtu import StateWriter, write_model, write_single
 from mlsanm_cli.packing import packed
+
+NOTICED = 2.0
+"""Seconds after which the rest of a path is estimated: before, nobody waits."""
 
 Saved = tuple[float, dict[str, dict[str, FloatArray]], dict[str, float]]
 """Position, fields by body and name, and attributes of a saved state."""
@@ -78,6 +83,7 @@ class Recorder:
         # The clock of /path/seconds goes on where it stood.
         self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
         self._earlier = earlier.recorded if earlier else None
+        self._pace: tuple[float, float] | None = None
         self._rows = 0
         self._saved = 0
         self._told: list[str] = []
@@ -156,8 +162,22 @@ class Recorder:
                 self._file.commit()
             self._tell(recorded)
         peak = float(state.pressure.max(initial=0.0))
-        text = f"closed {int(state.closed.sum())}  peak pressure {peak:.6g}" if len(state.pressure) else ""
+        told = [self._progress(len(built.stages) - 1, state.position)]
+        if len(state.pressure):
+            told = [f"closed {int(state.closed.sum())}", f"peak pressure {peak:.6g}", *told]
+        text = "  ".join(told).rstrip()
         self._console.step(index, state.position, state.residual, text)
+
+    def _progress(self, stages: int, position: float) -> str:
+        """How far the path is, and how long the rest takes if it goes on like this; "" where nobody waits."""
+        now = time.monotonic()
+        self._pace = self._pace or (now, position)
+        begun, first = self._pace
+        if now - begun < NOTICED or not first < position < stages:
+            return ""
+        left = (now - begun) * (stages - position) / (position - first)
+        stage = f"stage {math.floor(position) + 1} of {stages}, " if stages > 1 else ""
+        return f"{stage}{100.0 * position / stages:.0f} %, {left:.0f} s left"
 
     def _count(self, built: Built, step: PathStep) -> None:
         """Add a step, fields and all, to what is known of the path."""
@@ -263,10 +283,11 @@ class Recorder:
             self._events.write("failure", **told, **self.failed_at)
 
     def interfaces(self, built: Built) -> None:
-        """Write every contact's final state as CSV."""
+        """Write the path, and every contact's final state, as CSV."""
         if self.last is None:
             return
         with self._clock.phase("output"):
+            write_path_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
             for pairing in built.condensed.pairings:
                 columns = recording.interface_columns(built, pairing, self.last)
                 name = run_dir.interface_name(pairing.name, len(built.condensed.pairings))

@@ -16,7 +16,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.profile import half_width
-from mlsanm_cli.contact.sets import SLIP, STICK
+from mlsanm_cli.contact.sets import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord, StepRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
@@ -194,6 +194,7 @@ def contact_summary(built: Built, pairing: Pairing, state: State) -> dict[str, A
         "peak_pressure": float(record.pressure.max(initial=0.0)),
         "half_width": half_width(slave_arc(pairing), record.pressure),
         "force": force.tolist(),
+        "closed_nodes": int((record.status != OPEN).sum()),
         "stick_nodes": int((record.status == STICK).sum()),
         "slip_nodes": int((record.status == SLIP).sum()),
         "min_gap": float(record.gap.min()),

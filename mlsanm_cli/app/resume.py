@@ -21,7 +21,7 @@ from mlsanm_cli.app.foreign import survey
 from mlsanm_cli.app.marks import Mark, restored
 from mlsanm_cli.app.recorded import CLOUDS, PATH, Earlier, Recorded
 from mlsanm_cli.app.recorder import Recorder
-from mlsanm_cli.app.run import carry_out
+from mlsanm_cli.app.run import carry_out, resumable
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import RunError
@@ -60,7 +60,7 @@ def resume(
         run_dir.reopen(rundir)
         again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
         earlier = Earlier(recorded, origin.seconds)
-        with Recorder(rundir, loaded, again, clock, console, earlier=earlier) as recorder:
+        with resumable(rundir), Recorder(rundir, loaded, again, clock, console, earlier=earlier) as recorder:
             summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console, memo, refinement)
     return {**summary, "directory": str(rundir)}
 

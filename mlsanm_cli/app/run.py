@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from mlsanm_cli.app.adapt import Adapted, Refinement, adapt, refine_again
 from mlsanm_cli.app.build import Built, build_scene
 from mlsanm_cli.app.cache import shelf
+from mlsanm_cli.app.causes import strain_warnings
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.energy import energy_error
@@ -35,7 +37,7 @@ from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.app.summary import Ending, summarise
 from mlsanm_cli.case import Case
-from mlsanm_cli.errors import NumericalError, UnstableError
+from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.memo import Memo
@@ -66,7 +68,8 @@ def run(
     Returns the mapping of summary.json with the ``directory`` added. A run whose numbers cannot be believed
     comes back with status "failed"; one that was interrupted, or is not done after ``max_wall`` seconds, with
     "stopped"; both keep what was done. Raises CaseError or RunError, with nothing written, for a case that
-    cannot be run, RunError too where the disk is full, and KeyboardInterrupt when stopped before a run began.
+    cannot be run, UnfinishedError for a run whose disk is full, and KeyboardInterrupt when stopped before a
+    run began.
     """
     clock = Clock()
     with Stopper(max_wall) as stopper:
@@ -82,9 +85,19 @@ def run(
         with locked(directory):
             run_dir.prepare(directory, force)
             provenance = attributes(loaded, argv, threads)
-            with Recorder(directory, loaded, provenance, clock, console) as recorder:
+            recorder = Recorder(directory, loaded, provenance, clock, console)
+            with resumable(directory), recorder:
                 summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console, memo)
     return {**summary, "directory": str(directory)}
+
+
+@contextmanager
+def resumable(directory: Path) -> Iterator[None]:
+    """What cannot be written within the block is an UnfinishedError: a run goes on behind its last step."""
+    try:
+        yield
+    except WriteError as error:
+        raise UnfinishedError(error.message, f"make room, then: mlsanm resume {directory}") from error
 
 
 def carry_out(
@@ -130,7 +143,8 @@ def carry_out(
         stopper.gentle = True
         stopper.check()
         _follow(built, recorder.start(adapted), recorder, clock, stopper)
-        for warning in judge_estimates(built, adapted.accuracy.figures(built, recorder.last)["pressure"]):
+        estimates = adapted.accuracy.figures(built, recorder.last)
+        for warning in judge_estimates(built, estimates["pressure"], estimates["displacement"]):
             recorder.warn(warning)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
@@ -144,7 +158,7 @@ def carry_out(
         recorder.interfaces(built)
         for warning in factor_warnings(built.scene):
             recorder.warn(warning)
-    summary = summarise(ending, adapted, quality, recorder, clock) | {"cache": memo.figures}
+    summary = summarise(case, ending, adapted, quality, recorder, clock) | {"cache": memo.figures}
     recorder.finish(summary)
     return summary
 
@@ -169,6 +183,9 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     judge_spacing(built, recorder.last)
     with clock.phase("output"):
         recorder.energies = energy_error(built, recorder.last, recorder.stressed)
+    # First: where units are mixed up the checks that follow fail, for that reason.
+    for warning in strain_warnings(built.case, recorder.energies.strains):
+        recorder.warn(warning)
     for warning in (
         judge_balance(force_balance(built, recorder.last)),
         judge_energy(recorder.energies),

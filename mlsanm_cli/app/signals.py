@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
 import sys
 import threading
@@ -9,7 +10,7 @@ import time
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGALRM)
+from mlsanm_cli.system import STOPPING
 
 
 class Stopper:
@@ -28,17 +29,22 @@ class Stopper:
         self._max_wall = max_wall
         self._end = time.monotonic() + max_wall if max_wall is not None else None
         self._before: dict[signal.Signals, Any] = {}
+        self._alarm = getattr(signal, "SIGALRM", signal.SIGINT)
+        self._timer: threading.Timer | None = None
 
     def check(self) -> None:
         """Raise KeyboardInterrupt if a signal has come or the time is over."""
         if self._end is not None and time.monotonic() >= self._end:
-            self.reason = self.reason or self._told(signal.SIGALRM)
+            self.reason = self.reason or self._told(None)
         if self.reason:
             raise KeyboardInterrupt(self.reason)
 
-    def _told(self, number: int) -> str:
-        if number == signal.SIGALRM and self._max_wall is not None:
+    def _told(self, number: int | None) -> str:
+        # Where there is no alarm clock another signal stands for it, when the time is over.
+        timed = number == self._alarm and (self._timer is None or time.monotonic() >= (self._end or 0.0))
+        if self._max_wall is not None and (number is None or timed):
             return f"the wall time of {self._max_wall:g} s is over"
+        assert number is not None
         return f"stopped by a signal ({signal.Signals(number).name})"
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
@@ -51,14 +57,29 @@ class Stopper:
             chosen = [number for number in STOPPING if number != signal.SIGTERM or not _in_a_pool()]
             self._before = {number: signal.signal(number, self._handle) for number in chosen}
             if self._max_wall is not None:
-                signal.setitimer(signal.ITIMER_REAL, self._max_wall)
+                self._set_alarm(self._max_wall)
         return self
+
+    def _set_alarm(self, seconds: float) -> None:
+        """Have a signal come by itself; on Windows from a thread."""
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, seconds)
+            return
+        self._timer = threading.Timer(seconds, _thread.interrupt_main, (self._alarm,))
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _stop_alarm(self) -> None:
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        if self._timer is not None:
+            self._timer.cancel()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._before and self._max_wall is not None:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            self._stop_alarm()
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

@@ -8,12 +8,21 @@ from typing import Any
 from mlsanm_cli.app import recording
 from mlsanm_cli.app.adapt import Adapted
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.clock import Clock, peak_memory_mb
-from mlsanm_cli.app.judge import force_balance
+from mlsanm_cli.app.certificate import stability_limit
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.judge import (
+    BALANCE_LIMIT,
+    ENERGY_LIMIT,
+    LARGE_ERROR,
+    LINEAR_LIMIT,
+    force_balance,
+)
 from mlsanm_cli.app.quality import Quality
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import reference_profile
 from mlsanm_cli.app.states import Polish, State
+from mlsanm_cli.case import Case
+from mlsanm_cli.system import peak_memory_mb
 from mlsanm_cli.values import dataclass
 
 
@@ -28,7 +37,7 @@ class Ending:
 
 
 def summarise(
-    ending: Ending, adapted: Adapted | None, quality: Quality, recorder: Recorder, clock: Clock
+    case: Case, ending: Ending, adapted: Adapted | None, quality: Quality, recorder: Recorder, clock: Clock
 ) -> dict[str, Any]:
     """The content of summary.json, as far as the run came."""
     built = adapted.built if adapted is not None else None
@@ -82,10 +91,24 @@ def summarise(
     summary["quality"] = quality.figures
     if adapted is not None and adapted.refined:
         summary["adapt"] = adapted.figures
+    summary["limits"] = limits(case, built)
     summary["seconds"] = clock.seconds
+    summary["wall_seconds"] = clock.wall_seconds
     summary["peak_memory_mb"] = peak_memory_mb()
     summary["warnings"] = recorder.warnings
     return summary
+
+
+def limits(case: Case, built: Built | None) -> dict[str, float]:
+    """Beyond which figures a run fails; ``stability`` fails below, ``error_estimate`` only warns."""
+    found = {
+        "residual": case.solver.tolerance,
+        "linear_residual": LINEAR_LIMIT,
+        "force_balance": BALANCE_LIMIT,
+        "energy_error": ENERGY_LIMIT,
+        "error_estimate": LARGE_ERROR,
+    }
+    return found if built is None else found | {"stability": stability_limit(built.scene, built.ends)}
 
 
 def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from mlsanm_cli.app.point import Point
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.vary import parse_vary, points
-from mlsanm_cli.errors import CaseError, RunError
+from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.memo import digest
 from mlsanm_cli.values import dataclass
@@ -113,7 +114,8 @@ def _plan(
         try:
             loaded = load_with_files(case_path, (*overrides, *values))
         except CaseError as error:
-            problems |= {str(problem): problem for problem in error.problems}
+            named = [_named(problem, values) for problem in error.problems]
+            problems |= {str(problem): problem for problem in named}
             continue
         place = directory / point_name(values)
         done = not wishes.force and finished(place, loaded.case_hash) is not None
@@ -137,6 +139,17 @@ def _plan(
     order = list(dict.fromkeys(key for key, _ in found))
     found.sort(key=lambda item: order.index(item[0]))
     return [[point for _, point in group] for _, group in groupby(found, key=lambda item: item[0])]
+
+
+def _named(problem: CaseProblem, values: Sequence[str]) -> CaseProblem:
+    """A problem of a value that varies, told as such."""
+    texts = dict(text.split("=", 1) for text in values)
+    if problem.source != "--set" or problem.key not in texts:
+        return problem
+    value, hint = texts[problem.key].strip(), problem.hint
+    if value.startswith("["):
+        hint = f"values are listed without brackets: --vary {problem.key}={value[1:-1].replace(' ', '')}"
+    return replace(problem, source="--vary", hint=hint)
 
 
 def _refuse_other(directory: Path, case_hash: str) -> None:

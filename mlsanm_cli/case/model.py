@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticKnownError
 
 from mlsanm_cli.case.base import (
     FOUNDATION,
@@ -238,10 +239,17 @@ class Reference(Section):
     """Hertz' line contact, or the same pressure everywhere; one that does not fit the scene is an error."""
 
 
+def _no_bool(value: Any) -> Any:
+    """The value of ``format``; true, which Python takes for 1, is none."""
+    if isinstance(value, bool):
+        raise PydanticKnownError("literal_error", {"expected": "1"})
+    return value
+
+
 class Case(Section):
     """A scene for mlsanm. No units are assumed: lengths, stresses and forces only have to agree."""
 
-    format: Literal[1]
+    format: Annotated[Literal[1], BeforeValidator(_no_bool)]
     """Version of the file format."""
     title: str = ""
     """Free text."""

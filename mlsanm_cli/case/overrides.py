@@ -17,6 +17,20 @@ SOURCE = "--set"
 _PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'\s]+))\s*(\.|$)""")
 
 
+ALL = "*"
+"""In a key it stands for all items of a list, or all tables of a table like ``material``."""
+_WORD = re.compile(r"[^\W\d][^\n\"'\[\]{}#=,]*|[./~][^\n\"'\[\]{}#=,]*[^\W\d][^\n\"'\[\]{}#=,]*")
+
+
+def is_word(text: str) -> bool:
+    """Whether a value that is no TOML is a text without its quotes, as a shell takes them away.
+
+    >>> [is_word(text) for text in ("exact", "meshes/a.msh", "1e-", "[1", "")]
+    [True, True, False, False, False]
+    """
+    return _WORD.fullmatch(text) is not None
+
+
 class _BadOverride(Exception):
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__()
@@ -39,7 +53,9 @@ def apply_overrides(
         try:
             if not sign:
                 raise _BadOverride("expected KEY=VALUE", "as in --set solver.order=15")
-            changed.add(_assign(content, _parts(key), _value(key.strip(), value)))
+            parts, new = _parts(key), _value(key.strip(), value)
+            for chosen in _spread(content, parts):
+                changed.add(_assign(content, chosen, copy.deepcopy(new)))
         except _BadOverride as bad:
             name = key.strip() or text
             problems.append(CaseProblem(name, bad.message, 0, SOURCE, bad.hint))
@@ -89,11 +105,30 @@ def _value(key: str, text: str) -> Any:
         parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
         parsed = {}
+    word = text.strip()
+    if parsed.keys() != {"value"} and is_word(word):
+        return word
     if parsed.keys() != {"value"}:
-        word = text.strip()
         hint = f"""text needs quotes: --set '{key}="{word}"'""" if word and '"' not in word else ""
         raise _BadOverride(f"the value {word or '(nothing)'} is no TOML", hint)
     return parsed["value"]
+
+
+def _spread(content: dict[str, Any], parts: list[str]) -> list[list[str]]:
+    """The keys that a key with stars in it stands for."""
+    if ALL not in parts:
+        return [parts]
+    at = parts.index(ALL)
+    table: Any = content
+    for position, part in enumerate(parts[:at]):
+        step = _step(table, part, parts[:position])
+        table = table.get(step) if isinstance(table, dict) else table[step]
+    names = list(table) if isinstance(table, dict) else [str(k) for k in range(len(table or []))]
+    if not names or at == len(parts) - 1:
+        where = ".".join(parts[:at])
+        raise _BadOverride(f'"{where}.*" stands for nothing here', "as in contact.*.friction=0.3")
+    spread = (_spread(content, [*parts[:at], name, *parts[at + 1 :]]) for name in names)
+    return [key for keys in spread for key in keys]
 
 
 def _assign(content: dict[str, Any], parts: list[str], value: Any) -> KeyPath:

@@ -20,14 +20,16 @@ from mlsanm_cli.case.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.lines import KeyPath, key_lines
 from mlsanm_cli.case.model import Case
 from mlsanm_cli.case.overrides import apply_overrides, key_path
-from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.report import Report, nearest
 from mlsanm_cli.case.schema_errors import report_schema_errors
 from mlsanm_cli.case.tables import inline_tables
 from mlsanm_cli.case.unsupported import refusals
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
-from mlsanm_cli.inputs import MB, read_input
+from mlsanm_cli.inputs import MB, is_text, read_input
 from mlsanm_cli.values import dataclass
 
+MOST_CASES = 1000
+"""Case files of a directory that are looked through for a name."""
 LARGEST = 16 * MB
 """Largest case file, in bytes."""
 
@@ -61,7 +63,15 @@ def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey = no_fil
 
     Raises RunError when the file cannot be read and CaseError with every problem found otherwise.
     """
-    content = read_input(path, LARGEST, what="case file", streams=True)
+    if not is_text(path.absolute()):
+        # Files of bodies are stored with their whole path.
+        raise RunError(f"the path {str(path.absolute())!r} is no UTF-8 text", "rename the directories in it")
+    try:
+        content = read_input(path, LARGEST, what="case file", streams=True)
+    except RunError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise RunError(error.message, _nearest_case(path)) from error
+        raise
     try:
         # A byte order mark, as some editors write it, is no part of the text.
         text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
@@ -70,6 +80,19 @@ def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey = no_fil
             f"{path} is no UTF-8 text (byte {error.start})", "a case is a TOML text file"
         ) from error
     return parse_case(text, path, overrides, survey)
+
+
+def _nearest_case(path: Path) -> str:
+    """The case file whose name is most like that of one that is not there."""
+    try:
+        there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:MOST_CASES]}
+    except (OSError, ValueError):
+        return ""
+    found = nearest(path.stem, there)
+    if found:
+        return f"did you mean {there[found]}?"
+    listed = ", ".join(str(one) for one in list(there.values())[:5])
+    return f"cases there: {listed}" if listed else "mlsanm new writes one to begin with"
 
 
 def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Survey = no_files) -> LoadedCase:

@@ -10,6 +10,9 @@ from typing import Any
 from mlsanm_cli.case.lines import KeyPath, line_of
 from mlsanm_cli.errors import CaseProblem
 
+LONGEST_SHOWN = 500
+"""Characters of a key that are shown."""
+
 # Other codes' and textbooks' words for our keys: too far away for a comparison of letters.
 SYNONYMS = {
     "young": "E",
@@ -69,6 +72,15 @@ def dotted(data: Any, path: KeyPath) -> str:
     return ".".join(parts)
 
 
+def shortened(text: str) -> str:
+    """The text without its middle where it is far longer than any name.
+
+    >>> len(shortened("k" * 1_000_000))
+    125
+    """
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:60]}[...]{text[-60:]}"
+
+
 def _below(value: Any, step: str | int) -> Any:
     if isinstance(value, Mapping):
         return value.get(step) if isinstance(step, str) else None
@@ -94,7 +106,7 @@ class Report:
         else:
             # An empty file still has a first line to point at.
             line, source = max(line_of(self.lines, path), 1), self.source
-        key = dotted(self.data, path) or "(file)"
+        key = shortened(dotted(self.data, path)) or "(file)"
         self._found.setdefault((path, message), CaseProblem(key, message, line, source, hint))
 
     def _is_set(self, path: KeyPath) -> bool:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
 
+from mlsanm_cli.case.overrides import is_word
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.values import dataclass
 
@@ -104,6 +105,9 @@ def _number(text: str, part: str) -> Any:
 
 
 def _listed(text: str, listed: str) -> tuple[str, ...]:
+    words = [part.strip() for part in listed.split(",")]
+    if all(map(is_word, words)) and not {"true", "false", "inf", "nan"} & set(words):
+        return tuple(map(_text, words))
     return tuple(_text(value) for value in _toml(text, f"[{listed}]"))
 
 

@@ -14,10 +14,13 @@ import click
 
 from mlsanm_cli.cli.options import FILE, common, print_result
 from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.streams import say
 from mlsanm_cli.cli.text import BOLD, paint, table
 from mlsanm_cli.errors import RunError
 
 DEFAULT_KIND = "hertz"
+SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
+"""Where editors look for the keys of a file: `mlsanm schema > mlsanm.schema.json` writes them there."""
 
 
 @click.command()
@@ -43,11 +46,14 @@ def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: 
     file = name if name.suffix == ".toml" else name.with_name(f"{name.name}.toml")
     try:
         with file.open("w" if force else "x", encoding="utf-8") as stream:
-            stream.write(starter(kind))
+            stream.write(f"{SCHEMA_LINE}\n{starter(kind)}")
     except FileExistsError as error:
         raise RunError(f"{file} is there already", "use --force to overwrite it, or another name") from error
     result = {"file": str(file), "kind": kind}
-    print_result(settings, result, f"{file}\ncheck: mlsanm check {file}\nsolve: mlsanm run {file}")
+    steps = f"check: mlsanm check {file}\nsolve: mlsanm run {file}"
+    keys = file.with_name("mlsanm.schema.json")
+    editor = "" if keys.exists() else f"\nkeys in an editor: mlsanm schema > {keys}"
+    print_result(settings, result, f"{file}\n{steps}{editor}")
     return 0
 
 
@@ -58,7 +64,7 @@ def schema(settings: Settings) -> int:
     """Print the JSON Schema of case files, for editors."""
     from mlsanm_cli.case.schema import json_schema
 
-    click.echo(json.dumps(json_schema(), indent=2))
+    say(settings, json.dumps(json_schema(), indent=2))
     return 0
 
 

@@ -18,6 +18,7 @@ from mlsanm_cli.cli.options import (
     threads_option,
 )
 from mlsanm_cli.cli.settings import Settings, numerics
+from mlsanm_cli.cli.streams import say
 from mlsanm_cli.cli.text import as_json
 
 
@@ -94,9 +95,9 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
     if out is not None:
         write_rows(out, rows)
     if settings.json:
-        click.echo(as_json({"runs": rows}))
+        say(settings, as_json({"runs": rows}))
     elif out is None:
-        click.echo(as_csv(rows), nl=False)
+        say(settings, as_csv(rows), newline=False)
     return 0
 
 

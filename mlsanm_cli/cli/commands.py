@@ -31,13 +31,34 @@ ELSEWHERE = {
 """Commands that stand in other modules of this package, with the names of these."""
 
 
+SECTIONS = {
+    "One scene": ("new", "check", "run", "resume", "info", "plot", "probe"),
+    "Many runs": ("sweep", "collect", "compare", "cache"),
+    "Reference": ("explain", "schema", "warmup"),
+}
+"""Commands in the order of the work, as the help lists them."""
+
+
 class Commands(click.Group):
     """The group of commands, with the nearest name for a misspelt one; those of other modules are imported
     when they are asked for."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All names."""
-        return sorted({*self.commands, *ELSEWHERE})
+        """All names, in the order of the work."""
+        known = {*self.commands, *ELSEWHERE}
+        placed = [name for names in SECTIONS.values() for name in names]
+        return [name for name in placed if name in known] + sorted(known - set(placed))
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands by section."""
+        commands = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
+        room = formatter.width - 6 - max(map(len, commands))
+        for title, names in SECTIONS.items():
+            shown = [(name, commands[name]) for name in names]
+            with formatter.section(title):
+                formatter.write_dl(
+                    [(name, one.get_short_help_str(room)) for name, one in shown if one is not None]
+                )
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """A command, None where there is none of this name."""
@@ -63,8 +84,26 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
 
+def _show_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    """Print the version with the commit it was built from, and end."""
+    if not wanted or context.resilient_parsing:
+        return
+    from mlsanm_cli.commit import commit
+
+    built = f" ({commit()})" if commit() else ""
+    click.echo(f"mlsanm, version {__version__}{built}")
+    context.exit()
+
+
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(__version__, prog_name="mlsanm")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_version,
+    help="Show the version.",
+)
 def cli() -> None:
     """Frictional contact between elastic bodies in the plane, without a mesh.
 

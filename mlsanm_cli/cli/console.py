@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import TextIO
 
+from mlsanm_cli.cli.heartbeat import INTERVAL, Heartbeat
 from mlsanm_cli.cli.settings import Settings, is_terminal
 from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, printable, table
 
@@ -21,7 +23,8 @@ class TerminalConsole:
     """Progress, notes, warnings and tables.
 
     With ``quiet`` only warnings are shown. On a terminal, phases and steps rewrite one line; elsewhere
-    a phase is a line, and steps are shown at most once a second, the first and the last always.
+    a phase is a line, and steps are shown at most once a second, the first and the last always. A line on a
+    terminal that nothing replaces tells every second since when it stands there.
     """
 
     def __init__(
@@ -31,6 +34,7 @@ class TerminalConsole:
         *,
         clock: Callable[[], float] = time.monotonic,
         width: int | None = None,
+        interval: float = INTERVAL,
     ) -> None:
         self._stream = stream
         self._quiet = settings.quiet
@@ -39,61 +43,80 @@ class TerminalConsole:
         self._clock = clock
         self._width = width
         self._deaf = False
+        self._style = DIM
         self._shown = ""  # the line on the terminal that the next one replaces
-        self._waiting = ""  # the latest step that was not shown yet
+        self._waiting: list[str] = []  # the latest step that was not shown yet
         self._last: float | None = None
+        # Two threads write: this one, and the one that tells how long a line has been standing.
+        self._lock = threading.RLock()
+        self._heart = Heartbeat(self._still, interval)
 
     def phase(self, text: str) -> None:
         """One line saying what is happening now."""
-        self._finish_steps()
-        if self._quiet:
-            return
-        if self._live:
-            self._rewrite(f"{text} ...")
-        else:
-            self._line(f"{text} ...")
+        with self._lock:
+            self._finish_steps()
+            if self._quiet:
+                return
+            if self._live:
+                self._rewrite(f"{text} ...")
+            else:
+                self._line(f"{text} ...")
 
     def step(self, index: int, position: float, residual: float, text: str = "") -> None:
         """One row of the step table: path position, scaled residual, a remark."""
         if self._quiet:
             return
-        row = f"step {index:4d}   position {position:<9.6g}  residual {residual:8.2e}   {text}".rstrip()
-        now = self._clock()
-        pause = _FRAME if self._live else _INTERVAL
-        if self._last is not None and now - self._last < pause:
-            self._waiting = row
-            return
-        self._show_step(row)
-        self._last = now
+        remarks = text.split("  ") if text else []
+        row = [f"step {index:4d} ", f"position {position:<9.6g}", f"residual {residual:8.2e} ", *remarks]
+        with self._lock:
+            now = self._clock()
+            pause = _FRAME if self._live else _INTERVAL
+            if self._last is not None and now - self._last < pause:
+                self._waiting = row
+                return
+            self._show_step(row)
+            self._last = now
 
     def note(self, text: str) -> None:
         """Something worth knowing."""
-        self._finish_steps()
-        if not self._quiet:
-            self._line(printable(text))
+        with self._lock:
+            self._finish_steps()
+            if not self._quiet:
+                self._line(printable(text))
 
     def warning(self, text: str) -> None:
         """Something to look at; shown with ``quiet`` too."""
-        self._finish_steps()
-        self._line(f"{paint('warning:', YELLOW, self._color)} {printable(text)}")
+        with self._lock:
+            self._finish_steps()
+            self._line(f"{paint('warning:', YELLOW, self._color)} {printable(text)}")
 
     def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
         """A small table of names and values."""
-        self._finish_steps()
-        if not self._quiet:
-            self._line(table(title, rows, self._color))
+        with self._lock:
+            self._finish_steps()
+            if not self._quiet:
+                self._line(table(title, rows, self._color))
 
     def close(self) -> None:
         """Leaves the terminal clean: the last step stays, a phase that ended goes."""
-        self._finish_steps()
-        self._erase()
+        self._heart.stop()
+        with self._lock:
+            self._finish_steps()
+            self._erase()
 
-    def _show_step(self, row: str) -> None:
-        self._waiting = ""
+    def _still(self, seconds: float) -> None:
+        """Add to the line on the terminal how long it has been standing there, if there is room."""
+        with self._lock:
+            shown = f"{self._shown}  {seconds:.0f} s"
+            if self._shown and len(shown) < self._columns():
+                self._put(_CLEAR + paint(shown, self._style, self._color))
+
+    def _show_step(self, row: list[str]) -> None:
+        self._waiting = []
         if self._live:
-            self._rewrite(row)
+            self._rewrite(fitting(row, self._columns() - 1))
         else:
-            self._line(row)
+            self._line("  ".join(row).rstrip())
 
     def _finish_steps(self) -> None:
         """Ends a run of steps: the last one stays on the screen or in the log."""
@@ -102,17 +125,23 @@ class TerminalConsole:
         if self._waiting:
             self._show_step(self._waiting)
         if self._live:
-            self._put("\n")
+            # As it was, without how long it stood there.
+            self._put(f"{_CLEAR}{paint(self._shown, self._style, self._color)}\n")
             self._shown = ""
         self._last = None
 
     def _rewrite(self, text: str) -> None:
-        width = self._width or _width_of(self._stream)
         # One column stays free: terminals wrap when the last one is written.
-        text = text[: max(width - 1, 1)]
-        style = BOLD if text.endswith("...") else DIM
-        self._put(_CLEAR + paint(text, style, self._color))
+        width = max(self._columns() - 1, 1)
+        if len(text) > width:
+            text = f"{text[: max(width - 4, 0)].rstrip(' .')} ..."[:width]
+        self._style = BOLD if text.endswith("...") else DIM
+        self._put(_CLEAR + paint(text, self._style, self._color))
         self._shown = text
+        self._heart.touch()
+
+    def _columns(self) -> int:
+        return self._width or _width_of(self._stream)
 
     def _erase(self) -> None:
         if self._shown:
@@ -132,6 +161,20 @@ class TerminalConsole:
             self._stream.flush()
         except OSError:
             self._deaf = True
+
+
+def fitting(columns: Sequence[str], width: int) -> str:
+    """The columns of a step as a line of at most ``width`` characters, without those that do not fit.
+
+    A number is never cut. The residual goes first, then what stands last; the first column always stays.
+
+    >>> fitting(["step    3 ", "position 0.5", "residual 1e-09 ", "closed 7", "peak pressure 25.1"], 60)
+    'step    3   position 0.5  closed 7  peak pressure 25.1'
+    """
+    kept = list(columns)
+    while len("  ".join(kept).rstrip()) > width and len(kept) > 1:
+        del kept[2 if len(kept) == len(columns) > 2 else -1]
+    return "  ".join(kept).rstrip()
 
 
 def _width_of(stream: TextIO) -> int:

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import errno
 import io
-import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import TextIO
 
 import click
 
 from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.cli.text import RED, YELLOW, paint, printable
-from mlsanm_cli.errors import CaseError, MlsanmError
+from mlsanm_cli.cli.streams import open_closed_streams, say, silence
+from mlsanm_cli.cli.text import RED, YELLOW, as_json, paint, printable
+from mlsanm_cli.errors import CaseError, CaseProblem, MlsanmError
 
 USAGE, BUG, STOPPED = 2, 70, 75
+LOST = (errno.EPIPE, errno.EBADF, errno.EFBIG, errno.EIO, errno.ENOSPC)
+"""What writing to a stream fails with: nobody reads it, or the disk is full."""
 SHOWN = 200
 """Problems of a case that are printed; of more nobody reads."""
 
@@ -29,7 +31,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0 done, 2 bad usage or bad case, 3 numerical failure, 70 bug, 75 stopped by a signal.
     """
+    open_closed_streams()
     settings = Settings()
+    # Before anything is parsed: wrong options are told as JSON too.
+    settings.json = "--json" in (sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = _run(arguments, settings)
+        if settings.unsaid is not None and not isinstance(settings.unsaid, BrokenPipeError):
+            _print("error", f"cannot write to stdout: {settings.unsaid.strerror}", settings)
+            code = code or USAGE
+        return code
+    finally:
+        try:
+            sys.stderr.flush()
+        except OSError:
+            # Python would fail at it once more when it ends, and change the exit code.
+            silence(sys.stderr)
+
+
+def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
+    """Runs a command, reports its error if it has one, and returns its exit code."""
+    stdout, stderr = sys.stdout, sys.stderr
     try:
         with _terminate_like_interrupt():
             code = cli.main(
@@ -40,32 +62,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
             sys.stdout.flush()
         return code if isinstance(code, int) else 0
-    except BaseException as error:
-        # click makes an exit with code 1 of a broken pipe, its only exit in this mode.
-        if isinstance(error, BrokenPipeError) or (isinstance(error, SystemExit) and error.code == 1):
-            # The reader left, as `mlsanm info DIR | head` does. Python would complain again when it ends.
-            _silence(sys.stdout)
+    except SystemExit as error:
+        # click ends completion in the shell so; and, with wrapped streams and code 1, what it wrote itself,
+        # as help, to a reader that left.
+        if sys.stdout is not stdout:
+            sys.stdout, sys.stderr = stdout, stderr
+            silence(stdout)
             return 0
+        return error.code if isinstance(error.code, int) else 0
+    except OSError as error:
+        if error.filename is not None or error.errno not in LOST:
+            return _report(error, settings)
+        # A stream: files have names. click writes help, version and completion itself.
+        settings.unsaid = error
+        silence(sys.stdout)
+        return 0
+    except BaseException as error:
         return _report(error, settings)
-    finally:
-        try:
-            sys.stderr.flush()
-        except OSError:
-            # Python would fail at it once more when it ends, and change the exit code.
-            _silence(sys.stderr)
-
-
-def _silence(stream: TextIO) -> None:
-    """Let what a stream still has, and all that comes, go nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _report(error: BaseException, settings: Settings) -> int:
-    """Prints the error and returns the exit code that goes with it."""
+    """Prints the error, with ``--json`` on stdout too, and returns the exit code that goes with it."""
     if settings.debug and not isinstance(error, click.ClickException):
         import traceback  # which nobody sees without --debug
 
         traceback.print_exception(error)
+    if isinstance(error, click.ClickException):
+        shown = io.StringIO()
+        error.show(file=shown)
+        with suppress(OSError):
+            print(printable(shown.getvalue()), end="", file=sys.stderr)
+        _as_json([CaseProblem("", error.format_message())], settings)
+        return USAGE
     if isinstance(error, CaseError):
         for problem in error.problems[:SHOWN]:
             _print("", str(problem).replace("\n", "\\n"), settings)
@@ -73,43 +101,59 @@ def _report(error: BaseException, settings: Settings) -> int:
         if count > SHOWN:
             _print("", f"and {count - SHOWN} more", settings)
         _print("error", f"{count} problem{'' if count == 1 else 's'}, nothing was run", settings)
+        _as_json(error.problems, settings)
         return error.exit_code
+    code, message, hint = _told(error, settings)
+    _print("error", message, settings)
+    _print("hint", hint, settings)
+    _as_json([CaseProblem("", message, hint=hint)], settings)
+    return code
+
+
+def _told(error: BaseException, settings: Settings) -> tuple[int, str, str]:
+    """Exit code, message and hint of what is no fault of a case."""
     if isinstance(error, MlsanmError):
-        _print("error", error.message, settings)
-        _print("hint", error.hint, settings)
-        return error.exit_code
-    if isinstance(error, click.ClickException):
-        shown = io.StringIO()
-        error.show(file=shown)
-        print(printable(shown.getvalue()), end="", file=sys.stderr)
-        return USAGE
+        return error.exit_code, error.message, error.hint
     if isinstance(error, click.Abort | KeyboardInterrupt):
         # click keeps what it makes an Abort of as its cause.
-        _print("error", str(error) or str(error.__cause__ or "") or "stopped by a signal", settings)
-        return STOPPED
+        return STOPPED, str(error) or str(error.__cause__ or "") or "stopped by a signal", ""
     if isinstance(error, MemoryError):
-        _print("error", "the memory is used up", settings)
-        _print("hint", "larger spacings need less; `mlsanm check` estimates the size", settings)
-        return USAGE
+        hint = "larger spacings need less; `mlsanm check` estimates the size"
+        return USAGE, "the memory is used up", hint
     if isinstance(error, OSError) and error.filename is not None:
-        _print("error", f"{error.filename}: {error.strerror or error}", settings)
-        return USAGE
-    _print("error", f"a bug in mlsanm: {type(error).__name__}: {error}", settings)
-    if not settings.debug:
-        _print("hint", "please report it, with the case file and what --debug adds to this", settings)
-    return BUG
+        return USAGE, f"{error.filename}: {error.strerror or error}", ""
+    hint = "" if settings.debug else "please report it, with the case file and what --debug adds to this"
+    return BUG, f"a bug in mlsanm: {type(error).__name__}: {error}", hint
+
+
+def _as_json(problems: Sequence[CaseProblem], settings: Settings) -> None:
+    """What is wrong, on stdout: file, line and key are null where there is none."""
+    if settings.json:
+        listed = [
+            {
+                "file": problem.source or None,
+                "line": problem.line or None,
+                "key": problem.key or None,
+                "message": problem.message,
+                "hint": problem.hint or None,
+            }
+            for problem in problems
+        ]
+        say(settings, as_json({"problems": listed}))
 
 
 def _print(kind: str, text: str, settings: Settings) -> None:
     if text:
         color = settings.paints(sys.stderr)
         prefix = paint(f"{kind}:", RED if kind == "error" else YELLOW, color) + " " if kind else ""
-        print(prefix + printable(text), file=sys.stderr)
+        # Nobody may listen any more: that must not change the exit code.
+        with suppress(OSError):
+            print(prefix + printable(text), file=sys.stderr)
 
 
 @contextmanager
 def _terminate_like_interrupt() -> Iterator[None]:
-    """SIGTERM ends a command as Ctrl-C does, so that files are closed; the old handler comes back."""
+    """SIGTERM and SIGUSR1 end a command as Ctrl-C does, so that files are closed; the old handlers return."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -117,8 +161,10 @@ def _terminate_like_interrupt() -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, interrupt)
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGUSR1") if hasattr(signal, name)]
+    before = {number: signal.signal(number, interrupt) for number in numbers}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

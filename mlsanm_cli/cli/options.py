@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 import shutil
 import sys
 from collections.abc import Callable, Mapping
@@ -12,11 +14,39 @@ import click
 
 from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.streams import say
 from mlsanm_cli.cli.text import as_json, pretty
+from mlsanm_cli.inputs import is_text
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-FILE = click.Path(path_type=Path)
+LONGEST_WALL = 1e9
+"""Seconds, some thirty years: what the timers of all systems can hold."""
+
+
+class File(click.Path):
+    """A path whose name is text: results name the files that they come from."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path; click's usage error for bytes that are no UTF-8."""
+        path = super().convert(value, param, ctx)
+        if not is_text(Path(os.fsdecode(path))):
+            self.fail(f"the name {str(path)!r} is no UTF-8 text; rename it", param, ctx)
+        return path
+
+
+class Seconds(click.FloatRange):
+    """A time that a timer can hold."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The seconds; click's usage error for nan too, which no range excludes."""
+        seconds = super().convert(value, param, ctx)
+        if math.isnan(seconds):
+            self.fail("nan is no time", param, ctx)
+        return seconds
+
+
+FILE = File(path_type=Path)
 
 
 def _store(context: click.Context, parameter: click.Parameter, value: Any) -> None:
@@ -58,7 +88,7 @@ def max_wall_option(function: Function) -> Function:
     """``--max-wall``."""
     option = click.option(
         "--max-wall",
-        type=click.FloatRange(min=0.0, min_open=True),
+        type=Seconds(min=0.0, min_open=True, max=LONGEST_WALL),
         metavar="SECONDS",
         help="Stop after this time, with exit code 75; `mlsanm resume` goes on.",
     )
@@ -93,10 +123,9 @@ def console_for(settings: Settings) -> TerminalConsole:
 def print_result(settings: Settings, result: Mapping[str, Any], text: str) -> None:
     """The result on stdout: as JSON if asked for, as text otherwise, unless quiet."""
     if settings.json:
-        click.echo(as_json(result))
+        say(settings, as_json(result))
     elif not settings.quiet:
-        # The text is coloured or plain already; click would decide again by its own rules.
-        click.echo(text, color=True)
+        say(settings, text)
 
 
 def pretty_result(settings: Settings, result: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ import click
 
 from mlsanm_cli.cli.options import FILE, common, pretty_result, print_result
 from mlsanm_cli.cli.settings import Settings, numerics
+from mlsanm_cli.cli.streams import say
 from mlsanm_cli.cli.text import grid, label, number, plain
 from mlsanm_cli.errors import RunError
 
@@ -105,7 +106,7 @@ def probe(
         title = f"{body} at ({point[0]:g}, {point[1]:g})"
         rows = app.probe_point(rundir, at, body, point, field)
     if as_csv:
-        click.echo(_csv(rows), nl=False)
+        say(settings, _csv(rows), newline=False)
         return 0
     print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))
     return 0

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
 from mlsanm_cli.cli.text import grid, label, number, table
 
-_CONTACT = ("peak_pressure", "half_width", "force", "min_gap", "stick_nodes", "slip_nodes")
+_CONTACT = ("peak_pressure", "half_width", "force", "min_gap")
 _QUALITY = ("residual", "force_balance", "energy_error", "stability", "peak_memory_mb")
 
 
-def run_text(summary: Mapping[str, Any], color: bool) -> str:
-    """The summary of a run as text, contacts first."""
+def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
+    """The summary of a run as text, contacts first, with long lines folded at ``width``."""
     parts = [table(_headline(summary), _outcome(summary), color)]
     contacts = summary.get("contacts", {})
     for name, contact in contacts.items():
-        rows = [(label(key), number(contact[key])) for key in _CONTACT if key in contact]
-        parts.append(table(f"contact {name}", rows, color))
+        parts.append(table(f"contact {name}", _contact(name, contact, summary), color))
     polish = summary.get("polish")
     if polish:
         rows = [
@@ -31,8 +31,31 @@ def run_text(summary: Mapping[str, Any], color: bool) -> str:
         parts.append(table("polished with the exact laws", rows, color))
     for name, probe in summary.get("probes", {}).items():
         parts.append(table(f"probe {name}", [(label(key), number(probe[key])) for key in probe], color))
-    parts.append(table("quality and cost", _quality(summary), color))
+    parts.append(table("quality and cost", _quality(summary, width), color))
     return "\n".join(parts)
+
+
+def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What an engineer asks of a contact, and how far it can be believed."""
+    rows = [(label(key), number(contact[key])) for key in _CONTACT if key in contact]
+    # Without friction nothing sticks, and all that is closed may slip.
+    frictionless = contact.get("max_cone_ratio") is None and "closed_nodes" in contact
+    nodes = ("closed_nodes",) if frictionless else ("stick_nodes", "slip_nodes")
+    rows += [(label(key), number(contact[key])) for key in nodes if key in contact]
+    pressures = (summary.get("error_estimate") or {}).get("pressure", {})
+    if name in pressures:
+        rows.append(("error estimate", _percent(pressures[name], "of the pressures")))
+    reference = contact.get("reference")
+    if reference:
+        away = _percent(reference.get("pressure_error_l2"), "of the pressures away")
+        rows.append(
+            (str(reference.get("solution")), f"{away}, peak {number(reference.get('peak_pressure'))}")
+        )
+    return rows
+
+
+def _percent(value: Any, of: str) -> str:
+    return "not known" if value is None else f"{100.0 * float(value):.2g} % {of}"
 
 
 _WORK = {
@@ -109,8 +132,22 @@ def _outcome(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _quality(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    rows = [(label(key), number(summary[key])) for key in _QUALITY if key in summary]
+def _limited(key: str, summary: Mapping[str, Any]) -> str:
+    """A figure with the limit beyond which a run fails."""
+    limit = summary.get("limits", {}).get(key)
+    shown = number(summary[key])
+    if limit is None or shown == "-":
+        return shown
+    words = {"stability": "fails below", "energy_error": "fails beyond"}.get(key, "fails above")
+    return f"{shown}, {words} {number(limit)}"
+
+
+def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
+    rows = []
+    estimates = summary.get("error_estimate") or {}
+    if "displacement" in estimates:
+        rows.append(("error estimate", _percent(estimates["displacement"], "of the displacements")))
+    rows += [(label(key), _limited(key, summary)) for key in _QUALITY if key in summary]
     sizes = [
         f"{number(summary[key])} {label(key)}"
         for key in ("nodes", "unknowns", "contact_unknowns")
@@ -127,5 +164,10 @@ def _quality(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
             if key != "total" and isinstance(value, int | float) and value >= 0.005
         ]
         text = f"{float(total):.2f}" if isinstance(total, int | float) else "-"
-        rows.append(("CPU seconds", f"{text} ({', '.join(split)})" if split else text))
+        if isinstance(summary.get("wall_seconds"), int | float):
+            rows.append(("wall seconds", f"{float(summary['wall_seconds']):.2f}"))
+        whole = f"{text} ({', '.join(split)})" if split else text
+        indent = max((len(name) for name, _ in rows), default=0) + 4
+        first, *more = textwrap.wrap(whole, max(width - indent - 1, 20))
+        rows += [("CPU seconds", first), *(("", line) for line in more)]
     return rows

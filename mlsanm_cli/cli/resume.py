@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +14,7 @@ import click
 from mlsanm_cli.cli.options import FILE, cache_option, common, console_for, max_wall_option, print_result
 from mlsanm_cli.cli.results import run_text
 from mlsanm_cli.cli.settings import Settings, numerics
+from mlsanm_cli.cli.streams import say
 
 _STATUS_CODES = {"failed": 3, "stopped": 75}
 
@@ -45,9 +47,10 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
 
 def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
     """Print how a run ended; returns its exit code."""
-    print_result(settings, summary, run_text(summary, settings.paints(sys.stdout)))
+    width = shutil.get_terminal_size((100, 24)).columns
+    print_result(settings, summary, run_text(summary, settings.paints(sys.stdout), width))
     if not settings.quiet and not settings.json and "directory" in summary:
-        click.echo(f"pictures: mlsanm plot {summary['directory']}")
+        say(settings, f"pictures: mlsanm plot {summary['directory']}")
     return _STATUS_CODES.get(str(summary.get("status")), 0)
 
 

@@ -19,6 +19,8 @@ class Settings:
     json: bool = False
     debug: bool = False
     color: str = "auto"
+    unsaid: OSError | None = None
+    """Why the result could not be written to stdout, if it could not."""
 
     def paints(self, stream: TextIO) -> bool:
         """Whether text for the stream is coloured: the option first, then NO_COLOR, then the terminal."""

@@ -11,6 +11,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.crowding import Crowding, crowding
 from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.front import filled
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.mirror import Line, Mirror
@@ -20,7 +21,6 @@ from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels.fill import advance_front
 from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
@@ -129,7 +129,7 @@ def build_cloud(
     far, zones = spacing.far, spacing.table()
 
     def fill() -> Arrays:
-        points = advance_front(start, chords, *_strips(chords), far, zones, CANDIDATES, seed, limit)
+        points = filled(start, chords, _strips(chords), far, zones, CANDIDATES, seed, limit)
         if len(points) >= limit:
             hint = "use larger spacings or smaller refinements"
             raise RunError(f"more than {limit} nodes in one body", hint)
@@ -142,9 +142,9 @@ def build_cloud(
     key = digest(boundary, start, chords, far, zones, seed, limit)
 
     def made() -> Cloud:
-        filled = memo.arrays("clouds", key, fill)
-        points = filled["points"]
-        mirror = None if half is None else half.mirror(len(points), int(filled["upon"]))
+        kept = memo.arrays("clouds", key, fill)
+        points = kept["points"]
+        mirror = None if half is None else half.mirror(len(points), int(kept["upon"]))
         return Cloud(points, spacing.at(points), surfaces, mirror)
 
     # Names of surfaces are no part of what is kept on disk.

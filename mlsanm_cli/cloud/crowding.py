@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.search import nearest as nearest_nodes
 from mlsanm_cli.cloud.sight import Sight
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
@@ -26,8 +27,8 @@ def crowding(points: FloatArray, tree: cKDTree, spacing: FloatArray, sight: Sigh
     """By the nearest nodes of all ``points`` (n, 2), found in their ``tree``, ``spacing`` (n,) asked for
     there; those that ``sight`` hides across a slit are infinitely far."""
     count = min(NEIGHBORS, len(points) - 1)
-    found = tree.query(points, k=np.arange(2, count + 2))
-    distance, neighbour = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
+    distance, found = nearest_nodes(tree, points, np.arange(2, count + 2))
+    neighbour = np.asarray(found, dtype=np.int64)
     if sight is not None:
         one = np.repeat(np.arange(len(neighbour)), count)
         distance[sight.apart(one, neighbour.ravel()).reshape(neighbour.shape)] = np.inf

@@ -9,6 +9,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.mirror import Line, Mirror
+from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.parts import cKDTree
@@ -108,7 +109,7 @@ def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[Floa
     fine = np.interp(np.arange(0.0, len(steps) - 1.0, FINE), np.arange(len(steps)), steps)
     places = segment.points(fine)
     sizes, last = spacing.at(places), -np.inf
-    for k in np.flatnonzero(tree.query(places)[0] > HOLE * sizes):
+    for k in np.flatnonzero(nearest(tree, places)[0] > HOLE * sizes):
         if fine[k] - last >= sizes[k]:
             last = fine[k]
             yield places[k]

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
@@ -41,7 +42,7 @@ class Line:
     def images(self, points: FloatArray, size: FloatArray) -> IntArray | None:
         """Which of ``points`` (n, 2) is the image (n,) of each, nearer to it than SAME of ``size`` (n,); None
         where they are not their own mirror images."""
-        away, image = cKDTree(points).query(self.reflect(points))
+        away, image = nearest(cKDTree(points), self.reflect(points))
         found: IntArray = np.asarray(image, dtype=np.int64)
         paired = np.array_equal(found[found], np.arange(len(points)))
         return found if paired and (np.asarray(away) <= SAME * size).all() else None

@@ -14,6 +14,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.parts import cKDTree, connected_components
 
 DEEPER = 1.0
@@ -31,7 +32,7 @@ def divide(cloud: Cloud, size: int) -> IntArray:
     """Numbers (n,) of the pieces of about ``size`` nodes that the cloud's nodes belong to."""
     pairs = np.concatenate([cloud.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
     mirror = cloud.mirror
-    depth = cKDTree(cloud.points[cloud.boundary_nodes]).query(cloud.points)[0] / cloud.spacing
+    depth = nearest(cKDTree(cloud.points[cloud.boundary_nodes]), cloud.points)[0] / cloud.spacing
     wanted = np.clip((DEEPER * depth) ** 2, size, MOST)
     if mirror is None:
         return _divided(cloud.points, pairs, wanted)
@@ -62,7 +63,7 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
     )
     far = np.ones(len(cloud.points), dtype=bool)
     if len(stops):
-        far = cKDTree(cloud.points[stops]).query(cloud.points)[0] > APART * cloud.spacing
+        far = nearest(cKDTree(cloud.points[stops]), cloud.points)[0] > APART * cloud.spacing
     mirror, labels, count = cloud.mirror, np.full(len(cloud.points), -1, dtype=np.int64), 0
     for name in sorted(touching):
         for run in _runs(surfaces[name].index, far):

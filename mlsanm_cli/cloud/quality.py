@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
@@ -57,9 +58,9 @@ def _largest_hole(cloud: Cloud) -> float:
     most = radius / cloud.spacing[cloud.triangles].min(axis=1)
     largest, order = 0.0, np.argsort(-most)
     for some in np.split(order, range(TOGETHER, len(order), TOGETHER)):
-        near = boundary[outline.query(center[some])[1]]
+        near = boundary[nearest(outline, center[some])[1]]
         inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
-        h = cloud.spacing[cloud.tree.query(center[some])[1]]
+        h = cloud.spacing[nearest(cloud.tree, center[some])[1]]
         largest = float((radius[some] / h)[inside].max(initial=largest))
         if largest >= most[some[-1]]:
             break

@@ -10,6 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.parts import cKDTree
 
@@ -41,8 +42,8 @@ def relax(
         return points
     for sweep in range(SWEEPS):
         if sweep % LOOK == 0:
-            nearest = cKDTree(points).query(points[moving], k=np.arange(2, count + 2))
-            neighbour = np.ascontiguousarray(nearest[1].T)
+            _, found = nearest(cKDTree(points), points[moving], np.arange(2, count + 2))
+            neighbour = np.ascontiguousarray(found.T)
         h = spacing.at(points[moving])
         # Coordinates apart, neighbours along the first axis: numpy is slow at axes as short as 2.
         x, y = np.ascontiguousarray(points.T)

@@ -9,6 +9,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Segment
 from mlsanm_cli.cloud.mirror import SAME, Line
+from mlsanm_cli.cloud.search import PIECE, in_pieces
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
 from mlsanm_cli.values import dataclass
@@ -50,7 +51,9 @@ class Spacing:
 
     def at(self, points: FloatArray) -> FloatArray:
         """Spacing (n,) at ``points`` (n, 2)."""
-        return spacing_at(self.far, self.table(), np.ascontiguousarray(points))
+        table = self.table()
+        piece = PIECE * 8 // (len(table) + 1) + 1
+        return in_pieces(lambda some: spacing_at(self.far, table, some), np.ascontiguousarray(points), piece)
 
     def with_zones(self, zones: tuple[Zone, ...]) -> Spacing:
         """The same with further zones."""

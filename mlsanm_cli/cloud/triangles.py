@@ -6,10 +6,13 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.search import listening
 from mlsanm_cli.cloud.sight import Sight
 from mlsanm_cli.parts import Delaunay
 
 FLAT = 1e-9
+FEW = 10_000
+"""Points that are done with before anybody would want to stop it."""
 
 
 def triangulate(points: FloatArray, edges: IntArray, sight: Sight | None) -> IntArray:
@@ -18,7 +21,8 @@ def triangulate(points: FloatArray, edges: IntArray, sight: Sight | None) -> Int
     ``sight`` keeps them from reaching across slits.
     """
     placed = points if sight is None else sight.opened
-    triangles = np.asarray(Delaunay(placed).simplices, dtype=np.int64)
+    found = Delaunay(placed) if len(placed) < FEW else listening(lambda: Delaunay(placed))
+    triangles = np.asarray(found.simplices, dtype=np.int64)
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]

@@ -13,9 +13,8 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.dense import DenseSystem, SingularSystemError
-from mlsanm_cli.contact.set_search import EndlessError
+from mlsanm_cli.contact.set_search import EndlessError, UnbalancedError
 from mlsanm_cli.contact.violation import violation
-from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-11
@@ -105,7 +104,7 @@ def _solve_active(
     try:
         solution = DenseSystem(matrix, a).solve(rhs)
     except SingularSystemError as error:
-        raise NumericalError(
+        raise UnbalancedError(
             "no contact pressure balances the loads",
             "a force-controlled platen may push its body away from the contact, or a body that only contacts "
             "hold may be loose there; prescribe the displacement instead, or use "

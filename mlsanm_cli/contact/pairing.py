@@ -394,7 +394,11 @@ def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: Float
     start = np.cumsum(count) - count
     columns = np.repeat(first - start, count) + np.arange(count.sum())
     offset = (arc[columns] - np.repeat(s, count)) / np.repeat(reach, count)
-    share = np.exp(-2.0 * WINDOW_SHARPNESS * offset**2) * weight[columns]
+    # Between candidates far apart even the nearest ones lie outside the window: their weights would underflow
+    # to 0 / 0. Only the ratios of weights count.
+    nearest = np.minimum.reduceat(offset**2, start) if len(start) else np.zeros(0)
+    shift = np.repeat(np.where(nearest > 1.0, nearest, 0.0), count)
+    share = np.exp(-2.0 * WINDOW_SHARPNESS * (offset**2 - shift)) * weight[columns]
     s0, s1, s2 = (np.repeat(np.add.reduceat(share * offset**k, start), count) for k in range(3))
     # A window with a single node can only carry its constant.
     slope = s0 * s2 - s1**2 > 1e-12 * s0**2

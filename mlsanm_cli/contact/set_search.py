@@ -33,6 +33,10 @@ class Watch:
     side: FloatArray
 
 
+class UnbalancedError(NumericalError):
+    """No contact pressure balances the loads."""
+
+
 class NoStateError(NumericalError):
     """No sets of open, sticking and slipping nodes obey all rules; ``sliding`` where nothing
     holds a platen along its contacts."""

@@ -7,7 +7,7 @@ import re
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from mlsanm_cli.errors import RunError
+from mlsanm_cli.errors import WriteError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,10 +22,12 @@ def replacing(path: Path) -> Iterator[Path]:
 
     The temporary file lies in the same directory because a rename is atomic only inside one file system.
 
-    Raises RunError if the file cannot be written; then ``path`` is as it was.
+    Raises WriteError if the file cannot be written; then ``path`` is as it was.
     """
     temporary = path.with_name(path.name + TEMPORARY_SUFFIX)
     try:
+        # What lies there is left by a process that was killed, or leads somewhere else.
+        temporary.unlink(missing_ok=True)
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
@@ -37,13 +39,13 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write ``text`` as UTF-8 with Unix line ends, atomically; RunError if that fails."""
+    """Write ``text`` as UTF-8 with Unix line ends, atomically; WriteError if that fails."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def cannot_write(path: Path, error: Exception) -> RunError:
-    """The RunError for a file that cannot be written, with the reason the system gave."""
+def cannot_write(path: Path, error: Exception) -> WriteError:
+    """The WriteError for a file that cannot be written, with the reason the system gave."""
     inner = re.search(r"error message = '([^']*)'", str(error))
     if isinstance(error, OSError) and error.strerror:
         reason = error.strerror
@@ -53,7 +55,7 @@ def cannot_write(path: Path, error: Exception) -> RunError:
     else:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
     hint = "check the free disk space and the permissions of the directory"
-    return RunError(f"cannot write {path}: {reason}", hint=hint)
+    return WriteError(f"cannot write {path}: {reason}", hint=hint)
 
 
 def _discard(temporary: Path) -> None:

@@ -10,7 +10,6 @@ what a killed process wrote, but a power cut may lose it.
 
 from __future__ import annotations
 
-import errno
 import io
 import os
 import signal
@@ -22,6 +21,9 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 
+from mlsanm_cli.system import STOPPING, open_regular, read_at, reserve, write_at
+from mlsanm_cli.values import dataclass
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
@@ -29,12 +31,20 @@ if TYPE_CHECKING:
 
 Write = tuple[int, bytes]
 
+
+@dataclass(frozen=True)
+class Commit:
+    """Writes to a file of ``before`` bytes, which has ``size`` afterwards."""
+
+    writes: tuple[Write, ...]
+    before: int
+    size: int
+
+
 JOURNAL_SUFFIX = ".journal"
-_MAGIC = b"mlsanmj1"
-_HEAD = struct.Struct("<8sIQQ")  # magic, CRC of what follows the head, its length, size of the file
+_MAGIC = b"mlsanmj2"
+_HEAD = struct.Struct("<8sIQQQ")  # magic, CRC of what follows the head, its length, sizes before and after
 _WRITE = struct.Struct("<QQ")  # offset, length
-_NO_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)  # file systems that cannot; the journal can
-_HELD = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGALRM"))
 
 
 def journal_of(path: Path) -> Path:
@@ -51,8 +61,7 @@ class JournaledFile:
     def __init__(self, path: Path, *, new: bool) -> None:
         """Open ``path`` for reading and writing; OSError if that is not possible, or a new one exists."""
         self._path = path
-        flags = os.O_RDWR | os.O_CLOEXEC | (os.O_CREAT | os.O_EXCL if new else 0)
-        self._fd = os.open(path, flags, 0o666)
+        self._fd = open_regular(path, os.O_RDWR | (os.O_CREAT | os.O_EXCL if new else 0))
         self._size = os.fstat(self._fd).st_size
         self._at = 0
         self._pending: list[Write] = []
@@ -76,7 +85,11 @@ class JournaledFile:
     def readinto(self, buffer: Any) -> int:
         """As `read`, into a buffer; returns its length."""
         view = memoryview(buffer).cast("B")
-        found = os.pread(self._fd, len(view), self._at)
+        try:
+            found = read_at(self._fd, len(view), self._at)
+        except (OSError, OverflowError):
+            # A damaged file leads anywhere. HDF5 finds zeros there, and no signature.
+            found = b""
         view[:] = found + bytes(len(view) - len(found))
         for offset, content in self._pending:
             low, high = max(offset, self._at), min(offset + len(content), self._at + len(view))
@@ -109,11 +122,13 @@ class JournaledFile:
         before = os.fstat(self._fd).st_size
         # Set until all is done: after a failure HDF5's idea of the file and the file itself differ for good.
         self._broken = True
-        journal = os.open(journal_of(self._path), os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        journal = open_regular(journal_of(self._path), os.O_WRONLY | os.O_CREAT)
         try:
             try:
-                _reserve(self._fd, before, self._size)
-                _write_all(journal, 0, _packed(self._pending, self._size))
+                if self._size > before:
+                    # Now, so that a full disk is found before the file is touched.
+                    reserve(self._fd, before, self._size - before)
+                write_at(journal, _packed(self._pending, before, self._size), 0)
             except OSError:
                 os.ftruncate(journal, 0)
                 os.ftruncate(self._fd, before)
@@ -143,10 +158,10 @@ def recover(path: Path) -> None:
     """Finish the commit in which a process was killed, if there is one. OSError if that cannot be written."""
     found = _journal(path)
     if found is not None:
-        writes, size = found
-        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        fd = open_regular(path, os.O_RDWR)
         try:
-            _apply(fd, writes, size)
+            _check_size(os.fstat(fd).st_size, found)
+            _apply(fd, found.writes, found.size)
         finally:
             os.close(fd)
     journal_of(path).unlink(missing_ok=True)
@@ -164,13 +179,25 @@ def opened(path: Path) -> Iterator[Any]:
     image = io.BytesIO(path.read_bytes())
     if _journal(path) != found:
         raise OSError("it is being written")
-    writes, size = found
-    for offset, content in writes:
+    _check_size(len(image.getbuffer()), found)
+    for offset, content in found.writes:
         image.seek(offset)
         image.write(content)
-    image.truncate(size)
-    with h5py.File(image, "r") as file:
+    image.truncate(found.size)
+    # HDF5 reads the image itself: errors in a damaged one do not pass through callbacks to Python.
+    try:
+        whole = h5py.File(h5py.h5f.open_file_image(image.getvalue()))
+    except ValueError as error:
+        # No error comes from opening, but no file either.
+        raise OSError("even its journal makes no HDF5 file of it") from error
+    with whole as file:
         yield file
+
+
+def check_whole(path: Path) -> None:
+    """Look at everything that a file holds, before it is written to; OSError where it is damaged."""
+    with opened(path) as file:
+        file.visititems(lambda name, found: None)
 
 
 @contextmanager
@@ -184,31 +211,37 @@ def shielded() -> Iterator[None]:
     def hold(number: int, frame: FrameType | None) -> None:
         caught.append(number)
 
-    before = {number: signal.signal(number, hold) for number in _HELD}
+    before = {number: signal.signal(number, hold) for number in STOPPING}
     try:
         yield
     finally:
         for number, handler in before.items():
             # None: a handler that was not set from Python, which nobody can put back.
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
-        for number in caught:
-            signal.raise_signal(number)
+        for one in caught:
+            signal.raise_signal(one)
 
 
-def _packed(writes: Sequence[Write], size: int) -> bytes:
+def _check_size(present: int, commit: Commit) -> None:
+    """OSError if a file is not the one that a journal belongs to. Its room may have been reserved already."""
+    if not commit.before <= present <= max(commit.before, commit.size):
+        raise OSError(f"it has {present} bytes, but its journal belongs to one of {commit.before}")
+
+
+def _packed(writes: Sequence[Write], before: int, size: int) -> bytes:
     body = b"".join(part for offset, data in writes for part in (_WRITE.pack(offset, len(data)), data))
-    return _HEAD.pack(_MAGIC, zlib.crc32(body), len(body), size) + body
+    return _HEAD.pack(_MAGIC, zlib.crc32(body), len(body), before, size) + body
 
 
-def _journal(path: Path) -> tuple[list[Write], int] | None:
-    """Writes and size of the file in its journal; None if there is none or it was cut short."""
+def _journal(path: Path) -> Commit | None:
+    """The commit in the journal of a file; None if there is none or it was cut short."""
     try:
         content = journal_of(path).read_bytes()
     except FileNotFoundError:
         return None
     if len(content) < _HEAD.size:
         return None
-    magic, checksum, length, size = _HEAD.unpack_from(content)
+    magic, checksum, length, before, size = _HEAD.unpack_from(content)
     body = content[_HEAD.size : _HEAD.size + length]
     if magic != _MAGIC or len(body) != length or zlib.crc32(body) != checksum:
         return None
@@ -218,27 +251,10 @@ def _journal(path: Path) -> tuple[list[Write], int] | None:
         at += _WRITE.size
         writes.append((offset, body[at : at + count]))
         at += count
-    return writes, size
-
-
-def _reserve(fd: int, before: int, size: int) -> None:
-    """Ask for the room now, so that a full disk is found before the file is touched."""
-    if size > before:
-        try:
-            os.posix_fallocate(fd, before, size - before)
-        except OSError as error:
-            if error.errno not in _NO_RESERVE:
-                raise
+    return Commit(tuple(writes), before, size)
 
 
 def _apply(fd: int, writes: Sequence[Write], size: int) -> None:
     for offset, content in writes:
-        _write_all(fd, offset, content)
+        write_at(fd, content, offset)
     os.ftruncate(fd, size)
-
-
-def _write_all(fd: int, offset: int, content: bytes) -> None:
-    view = memoryview(content)
-    while view:
-        done = os.pwrite(fd, view, offset)
-        view, offset = view[done:], offset + done

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
+from mlsanm_cli.system import host, open_regular, try_lock
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LOCK_FILE = "run.lock"
+UNLINKS_OPEN_FILES = os.name != "nt"
+"""Windows removes no file that is open, and would remove the lock of another process otherwise."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,13 @@ def locked(directory: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        path.unlink(missing_ok=True)
+        if UNLINKS_OPEN_FILES:
+            path.unlink(missing_ok=True)
         os.close(fd)
+        if not UNLINKS_OPEN_FILES:
+            # Another process may have opened it by now: then it is that one's.
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
 
 def refuse_held(directory: Path) -> None:
@@ -64,32 +71,28 @@ def refuse_held(directory: Path) -> None:
 def holder(directory: Path) -> Holder | None:
     """Who writes in ``directory`` now; None where nobody does, whatever a dead process left."""
     try:
-        fd = os.open(directory / LOCK_FILE, os.O_RDONLY | os.O_CLOEXEC)
+        fd = open_regular(directory / LOCK_FILE, os.O_RDONLY)
     except OSError:
         return None
     try:
-        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return _written(os.read(fd, 4096))
+        return None if try_lock(fd, shared=True) else _written(os.read(fd, 4096))
     finally:
         os.close(fd)
-    return None
 
 
 def _taken(path: Path) -> int | None:
     """The locked file, with this process written in it; None if another process has it. OSError."""
     while True:
-        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        fd = open_regular(path, os.O_RDWR | os.O_CREAT)
         try:
-            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not try_lock(fd):
+                os.close(fd)
+                return None
             # The one who held it may have removed the file in between: a lock on that is worth nothing.
             if _is_same(fd, path):
                 os.ftruncate(fd, 0)
-                os.write(fd, json.dumps({"pid": os.getpid(), "host": os.uname().nodename}).encode())
+                os.write(fd, json.dumps({"pid": os.getpid(), "host": host()}).encode())
                 return fd
-        except BlockingIOError:
-            os.close(fd)
-            return None
         except OSError:
             os.close(fd)
             raise

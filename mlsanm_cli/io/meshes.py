@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.io.self_contained import bounded_unpacking, check_self_contained
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
@@ -100,12 +101,19 @@ def _read(path: Path) -> meshio.Mesh:
 
     said = io.StringIO()
     try:
-        # meshio prints its errors and leaves the program.
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
+        check_self_contained(path)
+        with contextlib.ExitStack() as stack:
+            # meshio prints its errors and leaves the program.
+            stack.enter_context(contextlib.redirect_stdout(said))
+            stack.enter_context(contextlib.redirect_stderr(said))
+            stack.enter_context(warnings.catch_warnings())
+            stack.enter_context(bounded_unpacking())
             warnings.simplefilter("ignore")
             # What numpy says of numbers that end too early.
             warnings.filterwarnings("error", message="string or file could not be read")
             return meshio.read(path)
+    except GeometryError:
+        raise
     except (Exception, SystemExit) as error:
         reason = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
         hint = "Gmsh .msh 2.2 and 4.1, Abaqus .inp and VTU are known to work"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.io.self_contained import check_hdf5
 from mlsanm_cli.values import dataclass
 
 FloatArray = NDArray[np.float64]
@@ -79,10 +80,10 @@ def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
     if text.count("\n") > MOST_NODES:
         raise _too_many(text.count("\n"))
     lines = csv.reader(text.splitlines())
-    header = [name.strip() for name in next(lines, [])]
+    header = [name.strip() for name in next(_rows(lines), [])]
     _check_columns(header, "line 1")
     rows, places = [], []
-    for row in lines:
+    for row in _rows(lines):
         if not any(cell.strip() for cell in row):
             continue
         place = f"line {lines.line_num}"
@@ -95,23 +96,38 @@ def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
     return dict(zip(header, zip(*rows, strict=True), strict=True)), tuple(places)
 
 
+def _rows(lines: Any) -> Iterator[list[str]]:
+    """The rows of a table; GeometryError for one that is none."""
+    try:
+        yield from lines
+    except csv.Error as error:
+        raise GeometryError(f"line {lines.line_num}: {error}") from error
+
+
 def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
+            check_hdf5(file)
             found = [name for name in COLUMNS if isinstance(file.get(name), h5py.Dataset)]
             _check_columns(found, "the datasets")
-            most = max(file[name].size for name in found)
-            if most > MOST_NODES:
-                raise _too_many(most)
+            # None for a dataset without a place for data.
+            sizes = {name: file[name].size for name in found}
+            for name, size in sizes.items():
+                if size is None:
+                    raise GeometryError(f"the dataset {name} has no data")
+                if size > MOST_NODES:
+                    raise _too_many(size)
             table = {name: [_text(value) for value in np.ravel(file[name][()])] for name in found}
-    except OSError as error:
+    except UnicodeDecodeError as error:
+        raise GeometryError(f"a text in it is no UTF-8 (byte {error.start})") from error
+    except (OSError, RuntimeError, TypeError, KeyError) as error:
         raise GeometryError(f"it is no HDF5 file ({error})", "a cloud is a .csv or an HDF5 file") from error
     counts = {name: len(values) for name, values in table.items()}
     if len(set(counts.values())) != 1:
-        sizes = ", ".join(f"{name} {count}" for name, count in counts.items())
-        raise GeometryError(f"the datasets differ in length: {sizes}")
+        lengths = ", ".join(f"{name} {count}" for name, count in counts.items())
+        raise GeometryError(f"the datasets differ in length: {lengths}")
     if not counts["x"]:
         raise GeometryError("there are no nodes")
     return table, tuple(f"row {row}" for row in range(counts["x"]))

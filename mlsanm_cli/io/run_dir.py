@@ -21,6 +21,7 @@ RUN_FILE = "run.h5"
 SUMMARY_FILE = "summary.json"
 RESOLVED_FILE = "resolved.toml"
 EVENTS_FILE = "events.jsonl"
+PATH_FILE = "path.csv"
 COLLECTION_FILE = "fields.pvd"
 FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
@@ -28,7 +29,7 @@ COMPARISON_FILE = "comparison.json"
 _FIXED = frozenset(
     {
         *(RUN_FILE, RUN_FILE + JOURNAL_SUFFIX, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE),
-        *(COLLECTION_FILE, FAILURE_FILE, LOCK_FILE),
+        *(PATH_FILE, COLLECTION_FILE, FAILURE_FILE, LOCK_FILE),
     }
 )
 _FIELDS = re.compile(r"fields_\d{4,}\.vtu")
@@ -193,6 +194,8 @@ def _is_run(file: Path) -> bool:
     try:
         with opened(file) as root:
             return "mlsanm_version" in root.attrs
+    except PermissionError as error:
+        raise RunError(f"{file} cannot be read: no permission", hint="use another --out") from error
     except (OSError, KeyError, ValueError, RuntimeError, TypeError):
         return file.stat().st_size == 0 or bool(h5py.is_hdf5(file))
 

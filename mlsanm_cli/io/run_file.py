@@ -32,7 +32,7 @@ from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
 from mlsanm_cli.io.history import History
-from mlsanm_cli.io.journal import JournaledFile, recover, shielded
+from mlsanm_cli.io.journal import JournaledFile, check_whole, recover, shielded
 from mlsanm_cli.io.kept import (
     check_shape,
     checked_name,
@@ -42,6 +42,7 @@ from mlsanm_cli.io.kept import (
     keep_names,
     ordered,
 )
+from mlsanm_cli.io.path_table import path_table
 from mlsanm_cli.io.records import FORMAT, ContactRecord, StepRecord
 from mlsanm_cli.io.saved_states import SavedStates
 from mlsanm_cli.io.step_groups import CheckpointGroup, SeriesGroup
@@ -114,6 +115,7 @@ class RunFile:
         """Go on with the file of a run that was stopped or killed, with status "running", behind so many rows
         and saved states; RunError."""
         try:
+            check_whole(path)
             recover(path)
             store = JournaledFile(path, new=False)
             with shielded():
@@ -210,6 +212,11 @@ class RunFile:
             raise ValueError(f"step {step} is negative")
         with self._storing():
             self._series.add(step, arrays, attributes)
+
+    def path_table(self) -> Mapping[str, NDArray[Any]]:
+        """The path so far as columns of a table."""
+        with self._storing():
+            return path_table(self._file)
 
     def saved_positions(self) -> list[float]:
         """Positions of the states saved so far, an earlier process's included."""

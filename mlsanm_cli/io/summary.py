@@ -15,6 +15,7 @@ import tomli_w
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write, write_text
+from mlsanm_cli.system import open_regular
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -107,7 +108,8 @@ class EventLog:
         """Open ``path``, less a last line that was cut short; RunError if that is not possible."""
         self._path = path
         try:
-            self._stream = path.open("a+b", buffering=0)
+            flags = os.O_RDWR | os.O_APPEND | os.O_CREAT
+            self._stream = os.fdopen(open_regular(path, flags), "a+b", buffering=0)
             self._stream.seek(0)
             whole = self._stream.read().rpartition(b"\n")[:2]
             self._stream.truncate(len(b"".join(whole)))

@@ -14,9 +14,10 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float1, Float2, Int1
+from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, Int1, IntOut1
 
 EMPTY = -1
+DONE, PAUSED, FULL_POINTS, FULL_TABLE = 0, 1, 2, 3
 
 
 @inner
@@ -141,13 +142,6 @@ def _inside(
 
 
 @inner
-def _longer(array: FloatArray) -> FloatArray:
-    grown = np.full(2 * array.shape[0], EMPTY, array.dtype)
-    copy_to(grown, array)
-    return grown
-
-
-@inner
 def _doubled(array: FloatArray) -> FloatArray:
     grown = np.empty((2 * array.shape[0], 2))
     for i in range(array.shape[0]):
@@ -211,7 +205,12 @@ def _nearest(near: FloatArray, count: int, x: float, y: float, enough: float) ->
 
 @kernel
 def advance_front(
-    boundary: Float2,
+    points: FloatOut2,
+    h: FloatOut1,
+    following: IntOut1,
+    keys: IntOut1,
+    heads: IntOut1,
+    progress: IntOut1,
     edges: Float2,
     strip_start: Int1,
     strip_edges: Int1,
@@ -220,44 +219,44 @@ def advance_front(
     far: float,
     zones: Float2,
     candidates: int,
-    seed: int,
     limit: int,
-) -> Float2:
-    """Nodes inside the closed boundary: the boundary nodes (b, 2) first, then the interior ones.
+    parents: int,
+) -> int:
+    """Let at most ``parents`` more nodes have neighbours placed around them, and tell what stopped it.
 
-    ``edges`` (e, 4) are the boundary's chords, sorted into horizontal strips for the inside test. The same
-    ``seed`` gives the same nodes. From ``limit`` nodes on the front stops, and the caller, who sees at least
-    ``limit`` nodes, must refuse the cloud.
+    ``points`` (n, 2), spacings ``h`` (n,) and ``following`` (n,), the next node in the same cell, have room
+    for nodes to come; ``keys`` and ``heads`` (k,) are the table of cells, EMPTY at first. ``progress`` is the
+    number of nodes, the next parent, the nodes in the table, the cells in it, and the random state.
+    ``edges`` (e, 4) are the boundary's chords, sorted into horizontal strips for the inside test.
+
+    Returns DONE, at the end or from ``limit`` nodes on; PAUSED after all ``parents``; FULL_POINTS and
+    FULL_TABLE where there may be too little room for one parent more: the caller makes some.
     """
     finest = far
     steepest = 0.0
     for z in range(zones.shape[0]):
         finest = min(finest, zones[z, 6])
         steepest = max(steepest, zones[z, 8])
-    count = boundary.shape[0]
-    size = 2 * count + 1024
-    points = np.empty((size, 2))
-    h = np.empty(size)
-    following = np.full(size, EMPTY, np.int64)
-    keys = np.full(8192, EMPTY, np.int64)
-    heads = np.full(8192, EMPTY, np.int64)
-    for i in range(count):
-        copy_to(points[i], boundary[i])
-        h[i] = _spacing(far, zones, points[i, 0], points[i, 1])
-    used = 0
-    entered = 0
-    state = np.uint64(seed * 2 + 1) * np.uint64(0x9E3779B97F4A7C15)
+    count = progress[0]
+    parent = progress[1]
+    entered = progress[2]
+    used = progress[3]
+    state = np.uint64(progress[4])
     near = np.empty((64, 2))
-    parent = 0
-    while parent < count and count < limit:
+    stopped = PAUSED
+    last = parent + parents
+    while parent < last:
+        if parent == count or count >= limit:
+            stopped = DONE
+            break
+        if count + candidates > points.shape[0]:
+            stopped = FULL_POINTS
+            break
+        if 4 * (used + count - entered) >= keys.shape[0]:
+            stopped = FULL_TABLE
+            break
         state = state * np.uint64(6364136223846793005) + np.uint64(1442695040888963407)
         turn = float(state >> np.uint64(11)) / 9007199254740992.0
-        if 4 * (used + count - entered) >= keys.shape[0]:
-            # Too full for quick probing: a larger, empty table, into which every node goes again.
-            keys = np.full(8 * (used + count - entered), EMPTY, np.int64)
-            heads = np.full(keys.shape[0], EMPTY, np.int64)
-            used = 0
-            entered = 0
         while entered < count:
             used += _enter(keys, heads, following, points, h, finest, entered)
             entered += 1
@@ -287,10 +286,6 @@ def advance_front(
                 continue
             if not _inside(edges, strip_start, strip_edges, strip_low, strip_step, x, y):
                 continue
-            if count == points.shape[0]:
-                points = _doubled(points)
-                h = _longer(h)
-                following = _longer(following)
             points[count, 0] = x
             points[count, 1] = y
             h[count] = own
@@ -299,4 +294,9 @@ def advance_front(
             near[around, 1] = y
             around += 1
         parent += 1
-    return points[:count].copy()
+    progress[0] = count
+    progress[1] = parent
+    progress[2] = entered
+    progress[3] = used
+    progress[4] = np.int64(state)
+    return stopped

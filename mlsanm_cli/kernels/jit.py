@@ -102,7 +102,7 @@ class Loaded:
             machine,
             None,
             f"compiled kernels cannot be kept ({reason}); every run compiles them again. "
-            "Set MLSANM_CACHE_DIR to a directory that can be written.",
+            "Set MLSANM_CACHE_DIR to a directory to which you, and nobody else, may write.",
         )
 
     def function(self, kernel: Kernel) -> Callable[..., Any]:

@@ -12,11 +12,13 @@ import hashlib
 import json
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from mlsanm_cli.kernels.machine import Code, UnloadableError, numba_root
+from mlsanm_cli.system import who_else_may_write
 
 NAME = "machine-code"
 SETTINGS = "NUMBA_"
@@ -76,20 +78,44 @@ def decoded(data: bytes) -> Code:
 
 
 def read(place: Path) -> Code | None:
-    """The machine code in a directory, None where there is none or it is damaged."""
+    """The machine code in a directory; None where there is none, it is damaged, or another user may have put
+    it there: it runs as this user, and its digest says nothing of who made it."""
     try:
+        if who_else_may_write(place / NAME):
+            return None
         return decoded((place / NAME).read_bytes())
     except (OSError, ValueError):
         return None
 
 
 def write(place: Path, code: Code) -> None:
-    """Keep machine code; others see all of it or nothing. Raises OSError."""
-    place.mkdir(parents=True, exist_ok=True)
+    """Keep machine code; others see all of it or nothing, and may not write it. Raises OSError, also where it
+    would not be read again, as others may write to a directory above it."""
+    _make(place)
+    reason = who_else_may_write(place)
+    if reason:
+        raise PermissionError(reason)
     # Not by tempfile, whose files no other user may read: one may compile for all.
     beside = place / f"{NAME}.{os.getpid()}.{os.urandom(8).hex()}"
     try:
         beside.write_bytes(encoded(code))
+        _shut(beside)
         beside.replace(place / NAME)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def _make(place: Path) -> None:
+    """Make a directory and what is missing above it, such that nobody else may write to them."""
+    if not place.is_dir():
+        _make(place.parent)
+        place.mkdir(mode=0o755, exist_ok=True)
+    # What an earlier version made with a lenient umask. Others' directories stay as they are.
+    if place.name == "kernels" or place.parent.name == "kernels":
+        with suppress(OSError):
+            _shut(place)
+
+
+def _shut(path: Path) -> None:
+    """Let nobody else write to a path."""
+    path.chmod(path.stat().st_mode & ~0o022)

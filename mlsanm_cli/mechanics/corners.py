@@ -21,6 +21,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.parts import cKDTree
 
 POWER = 1.5
@@ -71,7 +72,7 @@ def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatA
     nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *corners]))
     if not len(nodes):
         return np.ones(len(cloud.points))
-    distance = np.maximum(cKDTree(cloud.points[nodes]).query(cloud.points)[0], CLOSEST * cloud.spacing)
+    distance = np.maximum(nearest(cKDTree(cloud.points[nodes]), cloud.points)[0], CLOSEST * cloud.spacing)
     factor: FloatArray = np.minimum(distance / (REACH * thickness(cloud)), 1.0) ** POWER
     return factor
 
@@ -100,7 +101,7 @@ def inward_weight(cloud: Cloud) -> FloatArray:
     size = np.full(len(cloud.points), np.inf)
     corners = inward_corners(cloud)
     if len(corners):
-        size = np.maximum(cKDTree(cloud.points[corners]).query(cloud.points)[0], CLOSEST * cloud.spacing)
+        size = np.maximum(nearest(cKDTree(cloud.points[corners]), cloud.points)[0], CLOSEST * cloud.spacing)
     flattest = FLATTEST * float(np.ptp(cloud.points, axis=0).max())
     for surface in cloud.surfaces.values():
         curve = surface.curve

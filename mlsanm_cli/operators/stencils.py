@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IndexArray, IntArray
+from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.sight import Sight
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
@@ -18,6 +19,8 @@ GROWTH = 1.3
 LARGEST = 3.0
 SPARE = 8
 """Nodes looked at beyond a stencil's size where more are equally far than it takes."""
+SLICE = 4096
+"""Stencils that are fitted at once: a tenth of a second at high degrees."""
 TIE = 1e-7
 """Distances closer to each other than this, relatively, count as equal."""
 
@@ -116,12 +119,8 @@ def _built(
         some = centers[which]
         near = None if known is None else known[which]
         radius, indices = neighbors_of(points, tree, some, size, sight, near)
-        indptr = np.arange(len(some) + 1, dtype=np.int64) * size
         weights, ratio = np.empty((len(some) * size, kinds)), np.empty(len(some))
-        mls_weights(
-            *(points, indptr, indices.ravel(), some, targets[which].reshape(-1, 2), radius),
-            *(settings.degree, settings.sharpness, *orders, weights, ratio),
-        )
+        _fit_in_slices(points, indices, some, targets[which], radius, settings, orders, weights, ratio)
         return (indices, weights.reshape(len(some), size, -1)), ratio
 
     fits = list(sound_fits(len(points), centers, np.arange(len(centers)), settings, fit))
@@ -134,6 +133,29 @@ def _built(
         enlarged,
         worst,
     )
+
+
+def _fit_in_slices(
+    points: FloatArray,
+    indices: IntArray,
+    centers: FloatArray,
+    targets: FloatArray,
+    radius: FloatArray,
+    settings: MlsSettings,
+    orders: tuple[int, int],
+    weights: FloatArray,
+    ratio: FloatArray,
+) -> None:
+    """Fill ``weights`` and ``ratio`` a slice of stencils at a time: signals are heard in between."""
+    size = indices.shape[1]
+    for first in range(0, len(centers), SLICE):
+        here = slice(first, min(first + SLICE, len(centers)))
+        indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
+        mls_weights(
+            *(points, indptr, indices[here].ravel(), centers[here], targets[here].reshape(-1, 2)),
+            *(radius[here], settings.degree, settings.sharpness, *orders),
+            *(weights[first * size : here.stop * size], ratio[here]),
+        )
 
 
 def sound_fits(
@@ -178,8 +200,8 @@ def sound_fits(
 
 def look_around(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
     """Numbers (e, k) of the nodes nearest to ``targets`` (e, 2), enough for stencils of ``size`` nodes."""
-    found = tree.query(targets, k=np.arange(1, min(size + 1, tree.n) + 1))
-    distance, numbers = np.asarray(found[0]), np.asarray(found[1], dtype=np.int32)
+    distance, found = nearest(tree, targets, np.arange(1, min(size + 1, tree.n) + 1))
+    numbers = np.asarray(found, dtype=np.int32)
     # Which of equally far nodes comes first must not depend on how many are looked for.
     tied = np.flatnonzero((distance[:, 1:] == distance[:, :-1]).any(axis=1))
     order = np.lexsort((numbers[tied], distance[tied]), axis=1)

@@ -8,7 +8,7 @@ from typing import Any
 
 import h5py
 
-VARYING = {"seconds", "peak_memory_mb", "cache"}
+VARYING = {"seconds", "wall_seconds", "peak_memory_mb", "cache"}
 """Figures that tell how a run went and not what it found."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from mlsanm_cli.app import energy
 from mlsanm_cli.app.info import info
-from mlsanm_cli.app.judge import EnergyVerdict, judge_energy
+from mlsanm_cli.app.judge import EnergyVerdict, judge_energy, judge_estimates
 from mlsanm_cli.cli import main
 from mlsanm_cli.contact.work import work_on
 from mlsanm_cli.errors import NumericalError
@@ -238,3 +239,19 @@ def test_a_contact_that_is_unloaded_again(law: str, tmp_path: Path) -> None:
     summary = solve(hertz() + stages, tmp_path / "run", override)
     assert summary["status"] == "done", summary
     assert abs(summary["energy_error"]) <= 0.03
+
+
+def test_large_estimates_are_warned_of() -> None:
+    """A third off had been told in summary.json only."""
+    pairings = [SimpleNamespace(name=name, near=None, bodies=("arm",)) for name in ("pin", "bolt")]
+    built: Any = SimpleNamespace(
+        scene=SimpleNamespace(bodies={"arm": None}), condensed=SimpleNamespace(pairings=pairings)
+    )
+    assert judge_estimates(built, {"pin": 0.09, "bolt": None}, 0.09) == []
+    assert judge_estimates(built, {"pin": None}, None) == []
+    texts = judge_estimates(built, {"pin": 0.12, "bolt": 0.01}, 0.37)
+    assert [text.partition(";")[0] for text in texts] == [
+        "displacements are estimated to be off by 37 %",
+        "contact pin: its pressures are estimated to be off by 12 %",
+    ]
+    assert all("body.arm.spacing" in text for text in texts)

@@ -82,7 +82,7 @@ def test_memory_is_that_of_the_solver(tmp_path: Path, monkeypatch: pytest.Monkey
     }
     sizes = [estimate.estimate(case).memory_mb for case in cases.values()]
     assert sizes == sorted(set(sizes))
-    monkeypatch.setattr(estimate, "available_memory_mb", lambda: 0.5 * (sizes[0] + sizes[1]))
+    monkeypatch.setattr(estimate, "physical_memory_mb", lambda: 0.5 * (sizes[0] + sizes[1]))
     with pytest.raises(CaseError, match="GB of memory") as caught:
         estimate.refuse_too_large(cases["auto"])
     assert caught.value.problems[0].key == "solver.linear"

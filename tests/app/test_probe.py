@@ -207,6 +207,8 @@ def test_exact_laws_are_not_guessed_between_stored_states(tmp_path: Path) -> Non
         (lambda run: probe.probe_force(run, [1.01], "press"), "goes from 0 to 1"),
         (lambda run: probe.probe_force(run, [-0.1], "press"), "goes from 0 to 1"),
         (lambda run: probe.probe_force(run, [float("nan")], "press"), "does not reach"),
+        (lambda run: probe.probe_force(run, [float("inf")], "press"), "does not reach"),
+        (lambda run: probe.probe_force(run, [-float("inf")], "press"), "does not reach"),
         (lambda run: probe.probe_force(run, [1.0], "pres"), "there are: press"),
         (lambda run: probe.probe_contact(run, [1.0], "nose"), "there are: interface"),
         (lambda run: probe.probe_contact(run, [1.0], "interface", ["slip"]), "no friction"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import tomllib
 from collections.abc import Mapping
@@ -319,3 +320,26 @@ def test_console_is_told(tmp_path: Path) -> None:
     assert any("ux is held at 0" in note for note in console.notes)
     assert console.warnings == summary["warnings"]
     assert "grows by 0.31" in console.warnings[0]
+
+
+def test_the_path_as_a_table(hertz_run: Path) -> None:
+    with (hertz_run / "path.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    table = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    summary = summary_of(hertz_run)
+    contact = summary["contacts"]["interface"]
+    assert len(rows) == summary["steps"] + 1
+    assert table["position"][[0, -1]].tolist() == [0.0, summary["position"]]
+    assert set(table["stage"]) == {1.0}
+    assert table["factor.press"].tolist() == table["position"].tolist()
+    for axis, value, load in zip("xy", contact["force"], summary["forces"]["press"], strict=True):
+        scale = np.abs(contact["force"]).max()
+        assert table[f"contact.interface.force_{axis}"][-1] == pytest.approx(value, abs=1e-6 * scale)
+        assert table[f"force.press_{axis}"][-1] == load
+    assert table["contact.interface.peak_pressure"][-1] == contact["peak_pressure"]
+    closed = table["contact.interface.closed_length"][-1]
+    assert closed == pytest.approx(2.0 * contact["half_width"], rel=0.2)
+    # Pressed along its own way the platen works: a little more than half of force times way.
+    work = table["work.press"][-1] / (table["force.press_y"][-1] * table["displacement.press_y"][-1])
+    assert 0.45 < work < 0.65
+    assert (np.diff(table["work.press"]) >= 0.0).all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import multiprocessing
 import os
 import signal
@@ -228,7 +229,12 @@ def test_collect_has_a_row_for_every_directory(
     assert "title" not in rows[0]
     assert "killed" in rows[1]["stop_reason"]
     assert "run.h5" in rows[2]["stop_reason"]
-    assert main(["collect", *places]) == 0
+    summary = json.loads((tmp_path / "all" / "solver.order=12" / "summary.json").read_text())
+    force = summary["contacts"]["interface"]["force"]
+    assert [float(rows[0][f"contacts.interface.force_{axis}"]) for axis in "xy"] == force
+    assert [float(rows[0][f"forces.press_{axis}"]) for axis in "xy"] == summary["forces"]["press"]
+    # A file that stands beside the directories is no run, as with `mlsanm collect all/*`.
+    assert main(["collect", *places, str(tmp_path / "all" / "sweep.csv")]) == 0
     assert capsys.readouterr().out == (tmp_path / "t.csv").read_text()
 
 

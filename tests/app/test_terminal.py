@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from mlsanm_cli.app import recorder
 from mlsanm_cli.app.info import info
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.app.run import run
@@ -82,6 +83,21 @@ def test_progress_fits_the_terminal(tmp_path: Path) -> None:
     assert max(len(part) for line in live.split("\n") for part in line.split("\r\x1b[K")) < columns
 
 
+def test_a_long_path_tells_how_long_it_takes_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorder, "NOTICED", 0.0)
+    (tmp_path / "case.toml").write_text(BAR)
+    console = Quiet()
+    texts: list[tuple[float, str]] = []
+    monkeypatch.setattr(
+        console, "step", lambda index, position, residual, text: texts.append((position, text))
+    )
+    run(tmp_path / "case.toml", out=tmp_path / "run", console=console)
+    told = {position: text for position, text in texts if "left" in text}
+    assert re.fullmatch(r"stage 1 of 2, 25 %, \d+ s left", told[0.5])
+    assert re.fullmatch(r"stage 2 of 2, 62 %, \d+ s left", told[1.25])
+    assert texts[-1] == (2.0, "")
+
+
 def test_no_color_quiet_and_json(tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(BAR)
     code, out, shown = in_terminal(80, tmp_path, "run", "case.toml", "--out", "a", "--json", NO_COLOR="1")
@@ -117,6 +133,54 @@ def test_shell_completion(tmp_path: Path) -> None:
         check=False,
     )
     assert done.stdout.split() == ["plain,resume"]
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_line_for_the_shell_is_printed_and_nothing_else(shell: str) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_MLSANM_COMPLETE": f"{shell}_source"}
+    command = [sys.executable, "-m", "mlsanm_cli.cli"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "mlsanm" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("out", "err", "code", "words"),
+    [
+        (">&-", "", 3, ""),
+        ("> /dev/full", "", 3, "error: cannot write to stdout: No space left on device"),
+        ("| true", "", 3, ""),
+        ("", "2>&-", 3, ""),
+        ("", "2>/dev/full", 3, ""),
+        (">&-", "2>&- <&-", 3, ""),
+    ],
+)
+@pytest.mark.parametrize("failing", [True, False])
+def test_streams_do_not_change_the_exit_code(
+    out: str, err: str, code: int, words: str, failing: bool, tmp_path: Path
+) -> None:
+    """A failed run stays failed, and one that is done is done, whoever reads what it says."""
+    (tmp_path / "run.py").write_text(FAKE)
+    status = "failed" if failing else "done"
+    command = f"sleep 0.1; {sys.executable} run.py {status} {err} {out}; echo ${{PIPESTATUS[0]}} > code"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        ["bash", "-c", command], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    lost = "/dev/full" in out
+    assert int((tmp_path / "code").read_text()) == (code if failing else 2 if lost else 0)
+    assert done.stderr.strip() == words
+
+
+FAKE = """
+import sys, types
+app = types.ModuleType("mlsanm_cli.app.run")
+app.run = lambda case, **options: {"status": sys.argv[1], "stop_reason": "end", "directory": "run"}
+sys.modules["mlsanm_cli.app.run"] = app
+from mlsanm_cli.cli import main
+sys.exit(main(["run", "case.toml"]))
+"""
 
 
 FULL = """
@@ -142,9 +206,9 @@ def test_a_full_disk_loses_no_finished_step(tmp_path: Path) -> None:
         text=True,
         check=False,
     )
-    assert done.returncode == 2
+    assert done.returncode == 3
     assert "cannot write run/run.h5: File too large" in done.stderr
-    assert "disk space" in done.stderr
+    assert "hint: make room, then: mlsanm resume run" in done.stderr
     assert "Traceback" not in done.stderr
     told = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
     steps = sum(event["event"] == "step" for event in told)

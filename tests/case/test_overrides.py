@@ -32,6 +32,24 @@ def test_items_by_name_and_by_index() -> None:
     assert (case.material["steel"].nu, case.model.plane) == (0.25, "stress")
 
 
+def test_texts_without_quotes_and_stars() -> None:
+    settings = [
+        "solver.linear=superlu",
+        "contact.*.regularization.law=exact",
+        "contact.*.friction=0.25",
+        "body.*.spacing=2.5",
+        "material.*.nu=0.2",
+        "title=A pressed block",
+        "body.*.refine=[]",
+    ]
+    case = parse(HERTZ, settings).case
+    assert (case.solver.linear, case.contact[0].regularization.law) == ("superlu", "exact")
+    assert (case.contact[0].friction, case.title) == (0.25, "A pressed block")
+    assert [body.spacing for body in case.body] == [2.5, 2.5]
+    assert case.material["steel"].nu == 0.2
+    assert [body.refine for body in case.body] == [(), ()]
+
+
 def test_they_apply_in_order() -> None:
     case = parse(
         HERTZ,
@@ -59,7 +77,12 @@ def test_they_apply_in_order() -> None:
         ("slover.order=12", "slover", 'did you mean "solver"'),
         ("solver.order.x=12", "solver.order", "whole number"),
         ("title.x=12", "title.x", "single value"),
-        ("solver.method=anm", "solver.method", """--set 'solver.method="anm"'"""),
+        ("solver.method=anmm", "solver.method", 'did you mean "anm"'),
+        ("solver.method=[anm", "solver.method", "no TOML"),
+        ("solver.order=anm", "solver.order", "whole number"),
+        ("title.*.order=1", "title.*.order", "single value"),
+        ("probe.*.point=[0,0]", "probe.*.point", "stands for nothing"),
+        ("contact.*=1", "contact.*", "stands for nothing"),
         ("solver.order=", "solver.order", "(nothing)"),
         ("solver.order", "solver.order", "KEY=VALUE"),
         ("solver.order=1\nevil=2", "solver.order", "no TOML"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -342,3 +343,36 @@ def test_case_is_frozen() -> None:
     case = parse(HERTZ).case
     with pytest.raises(ValueError, match="frozen"):
         case.title = "x"  # type: ignore[misc]
+
+
+def test_true_is_no_format() -> None:
+    found = only(HERTZ.replace("format = 1", "format = true"))
+    assert (found.key, found.message) == ("format", "true is not a valid value")
+
+
+def test_a_key_without_end_is_shown_in_part() -> None:
+    found = only(HERTZ + "\n[output]\n" + "k" * 100_000 + " = 1\n")
+    assert found.key.startswith("output.kkk")
+    assert len(str(found)) < 300
+
+
+def test_a_directory_whose_name_is_no_text(tmp_path: Path) -> None:
+    folder = tmp_path / "\udcff"
+    folder.mkdir()
+    (folder / "case.toml").write_text(HERTZ)
+    with pytest.raises(RunError, match="is no UTF-8 text"):
+        load_case(folder / "case.toml")
+
+
+def test_a_case_that_is_not_there_gets_the_nearest(tmp_path: Path) -> None:
+    for name in ("hertz.toml", "ring.toml"):
+        (tmp_path / name).write_text(HERTZ)
+    for name, hint in {
+        "hertz": "did you mean .*hertz.toml",
+        "herz.toml": "did you mean .*hertz.toml",
+        "zzzz": "cases there: .*hertz.toml, .*ring.toml",
+        "no/hertz.toml": "mlsanm new",
+    }.items():
+        with pytest.raises(RunError, match="there is no case file") as caught:
+            load_case(tmp_path / name)
+        assert re.search(hint, caught.value.hint)

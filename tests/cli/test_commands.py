@@ -14,6 +14,7 @@ import pytest
 
 from mlsanm_cli import __version__
 from mlsanm_cli.cli import main
+from mlsanm_cli.cli.results import run_text
 from mlsanm_cli.cli.settings import THREAD_VARIABLES
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, NumericalError, RunError
 from tests.cli.fakes import SUMMARY, install
@@ -205,13 +206,14 @@ def test_errors(
     assert "Traceback" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1])
 def test_a_termination_signal_ends_like_an_interrupt(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    before = signal.getsignal(signal.SIGTERM)
-    install(monkeypatch, "run", lambda case, **options: signal.raise_signal(signal.SIGTERM))
+    before = signal.getsignal(number)
+    install(monkeypatch, "run", lambda case, **options: signal.raise_signal(number))
     assert main(["run", "a.toml"]) == 75
-    assert signal.getsignal(signal.SIGTERM) is before
+    assert signal.getsignal(number) is before
     assert "stopped" in capsys.readouterr().err
 
 
@@ -226,6 +228,11 @@ def test_a_termination_signal_ends_like_an_interrupt(
         (["run", "a.toml", "--color", "blue"], "auto"),
         (["plot", "dir", "--format", "gif"], "png"),
         (["info"], "RUNDIR"),
+        (["run", "a.toml", "--max-wall", "nan"], "nan is no time"),
+        (["run", "a.toml", "--max-wall", "inf"], "x<=1000000000"),
+        (["resume", "a", "--max-wall", "1e300"], "x<=1000000000"),
+        (["run", "a\udcff.toml"], "is no UTF-8 text"),
+        (["run", "a.toml", "--out", "o\udcff"], "is no UTF-8 text"),
     ],
 )
 def test_bad_usage(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -238,6 +245,11 @@ def test_bad_usage(arguments: list[str], words: str, capsys: pytest.CaptureFixtu
 def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert __version__ in capsys.readouterr().out
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    order = ("One scene:", "new", "check", "run", "resume", "Many runs:", "sweep", "Reference:", "explain")
+    lines = [line.split("  ")[1] if line.startswith("  ") else line for line in text.splitlines() if line]
+    assert [line for line in lines if line in order] == list(order)
     for command in ("run", "check", "info", "plot", "warmup"):
         assert main([command, "--help"]) == 0
         text = capsys.readouterr().out
@@ -328,3 +340,72 @@ def test_color(
     assert main(["run", "a.toml", "--color", option]) == 0
     out, err = capsys.readouterr()
     assert ("\x1b[" in out, "\x1b[" in err) == (colored, colored)
+
+
+def test_the_closing_table_tells_how_far_to_trust_it() -> None:
+    contact = SUMMARY["contacts"]["interface"]
+    reference = {"solution": "hertz-line", "peak_pressure": 1230.0, "pressure_error_l2": 0.0021}
+    summary = {
+        **SUMMARY,
+        "contacts": {
+            "smooth": {
+                **contact,
+                "max_cone_ratio": None,
+                "closed_nodes": 21,
+                "stick_nodes": 0,
+                "slip_nodes": 21,
+            },
+            "rough": {**contact, "max_cone_ratio": 1.0, "closed_nodes": 9, "stick_nodes": 7, "slip_nodes": 2},
+        },
+        "error_estimate": {"displacement": 0.37, "pressure": {"smooth": 0.0123, "rough": None}},
+        "limits": {"residual": 1e-8, "stability": 0.15},
+        "seconds": {"total": 2.0, **{f"phase {k}": 1.0 for k in range(10)}},
+        "wall_seconds": 4.5,
+    }
+    summary["contacts"]["smooth"]["reference"] = reference
+    lines = [" ".join(line.split()) for line in run_text(summary, color=False, width=75).splitlines()]
+    for line in (
+        "closed nodes 21",
+        "error estimate 1.2 % of the pressures",
+        "hertz-line 0.21 % of the pressures away, peak 1230",
+        "stick nodes 7",
+        "slip nodes 2",
+        "error estimate not known",
+        "error estimate 37 % of the displacements",
+        "residual 3.2e-10, fails above 1e-08",
+        "stability 0.02, fails below 0.15",
+        "force balance 1.1e-12",
+        "wall seconds 4.50",
+    ):
+        assert line in lines
+    assert "slip nodes 21" not in lines
+    assert max(map(len, run_text(summary, color=False, width=75).splitlines())) <= 75
+
+
+def told_as_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[dict[str, Any]]]:
+    code = main([*arguments, "--json"])
+    return code, json.loads(capsys.readouterr().out)["problems"]
+
+
+def test_errors_as_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    problems = (CaseProblem("a.b", "is wrong", 3, "x.toml", "do this"), CaseProblem("c", "too", 0, "--set"))
+    install(monkeypatch, "run", raising(CaseError(problems)))
+    assert told_as_json(capsys, "run", "x.toml") == (
+        2,
+        [
+            {"file": "x.toml", "line": 3, "key": "a.b", "message": "is wrong", "hint": "do this"},
+            {"file": "--set", "line": None, "key": "c", "message": "too", "hint": None},
+        ],
+    )
+    install(monkeypatch, "run", raising(RunError("there is a run", "use --force")))
+    code, (problem,) = told_as_json(capsys, "run", "x.toml")
+    assert (code, problem["message"], problem["hint"], problem["key"]) == (
+        2,
+        "there is a run",
+        "use --force",
+        None,
+    )
+    code, (problem,) = told_as_json(capsys, "run", "--thread")
+    assert (code, "--threads" in problem["message"]) == (2, True)
+    install(monkeypatch, "run", raising(ZeroDivisionError("oh")))
+    assert told_as_json(capsys, "run", "x.toml")[0] == 70

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 
 import pytest
 
@@ -91,11 +92,31 @@ def test_a_phase_that_ended_leaves_nothing() -> None:
     assert stream.screen()[3:] == [""]
 
 
-def test_a_line_never_wraps() -> None:
+REMARK = "closed 165  peak pressure 2532.11"
+
+
+@pytest.mark.parametrize(
+    ("width", "shown"),
+    [
+        (100, f"step   67   position 0.876543   residual 5.14e-16   {REMARK}"),
+        (80, f"step   67   position 0.876543   {REMARK}"),
+        (60, "step   67   position 0.876543   closed 165"),
+        (40, "step   67   position 0.876543"),
+        (20, "step   67"),
+    ],
+)
+def test_a_step_is_cut_between_its_columns_only(width: int, shown: str) -> None:
+    stream = Terminal()
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=width)
+    console.step(67, 0.876543, 5.14e-16, REMARK)
+    assert stream.getvalue().replace("\r\x1b[K", "") == shown
+
+
+def test_a_phase_never_wraps() -> None:
     stream = Terminal()
     console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=20)
-    console.step(1, 0.5, 1e-9, "a long remark that does not fit")
-    assert len(stream.getvalue().replace("\r\x1b[K", "")) == 19
+    console.phase("finding the contacts' grids")
+    assert stream.getvalue().replace("\r\x1b[K", "") == "finding the con ..."
 
 
 def test_a_warning_between_steps_stands_on_its_own_line() -> None:
@@ -142,3 +163,32 @@ def test_numbers() -> None:
     assert number([]) == "none"
     assert number(True) == "yes"
     assert number(123456789) == "123456789"
+
+
+def test_a_line_that_stands_still_tells_since_when() -> None:
+    stream = Terminal()
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=40, interval=0.02)
+    for what in ("phase", "step"):
+        if what == "phase":
+            console.phase("factorising")
+        else:
+            console.step(3, 0.5, 1e-9)
+        end = time.monotonic() + 5.0
+        while not stream.getvalue().endswith(" s") and time.monotonic() < end:
+            time.sleep(0.01)
+        assert stream.getvalue().endswith(" s")
+    assert "\r\x1b[Kfactorising ...  0 s" in stream.getvalue()
+    console.close()
+    ended = stream.getvalue()
+    time.sleep(0.1)
+    assert stream.getvalue() == ended
+    # What stays is the step as it was.
+    assert stream.screen() == ["step    3   position 0.5", ""]
+
+
+def test_a_log_is_not_ticked() -> None:
+    stream = io.StringIO()
+    console = TerminalConsole(stream, Settings(), interval=0.01)
+    console.phase("factorising")
+    time.sleep(0.1)
+    assert stream.getvalue() == "factorising ...\n"

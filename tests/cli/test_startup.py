@@ -62,7 +62,9 @@ def test_exit_code_and_streams() -> None:
 
 
 def test_a_reader_that_leaves_is_no_error() -> None:
-    command = f"{sys.executable} -m mlsanm_cli.cli --help | true; exit ${{PIPESTATUS[0]}}"
+    # It waits for the reader to be gone.
+    code = "import sys, time; time.sleep(0.2); from mlsanm_cli.cli import main; sys.exit(main(['--help']))"
+    command = f'{sys.executable} -c "{code}" | true; exit ${{PIPESTATUS[0]}}'
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, cwd=ROOT, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 

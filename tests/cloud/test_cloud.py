@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import signal
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
+from mlsanm_cli.cloud.search import PIECE, listening, nearest
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
@@ -140,3 +144,47 @@ def test_quality_shows_a_jump_of_the_spacing() -> None:
     cloud = build_cloud(BLOCK, Spacing(0.1), 0)
     jump = np.where(cloud.points[:, 0] > 0.0, 0.2, 0.1)
     assert measure(replace(cloud, spacing=jump)).growth >= 0.8
+
+
+def test_a_signal_is_heard_while_nodes_are_placed() -> None:
+    """Four million of them, which would take half a minute."""
+
+    def stop(number: int, frame: object) -> None:
+        begun.append(time.process_time())
+        raise KeyboardInterrupt
+
+    begun: list[float] = []
+    build_cloud(BLOCK, Spacing(0.1), 0)
+    before = signal.signal(signal.SIGALRM, stop)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        with pytest.raises(KeyboardInterrupt):
+            build_cloud(BLOCK, Spacing(0.0014), 0)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert time.process_time() - begun[0] < 0.5
+    assert begun[0] > 0.0
+
+
+def test_a_call_beside_hears_signals_and_hands_on_what_it_raises() -> None:
+    assert listening(lambda: 7) == 7
+    with pytest.raises(ZeroDivisionError):
+        listening(lambda: 1 // 0)
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    begun = time.monotonic()
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.1)
+        with pytest.raises(KeyboardInterrupt):
+            listening(lambda: time.sleep(2.0))
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert time.monotonic() - begun < 1.5
+
+
+def test_searches_in_pieces_are_searches() -> None:
+    points = np.random.default_rng(1).random((3 * PIECE // 2, 2))
+    tree = cKDTree(points)
+    for k in (1, 2, np.arange(2, 4)):
+        for found, expected in zip(nearest(tree, points, k), tree.query(points, k=k), strict=True):
+            assert np.array_equal(found, np.asarray(expected))

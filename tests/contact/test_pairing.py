@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, 
 from mlsanm_cli.cloud.loops import Loop, trace
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.pairing import OPPOSED, Pairing, pair_surfaces, spacing_ratio, transfer
+from mlsanm_cli.contact.pairing import OPPOSED, Pairing, pair_surfaces, spacing_ratio, surface_fit, transfer
 
 BLOCK = rectangle((-2.0, 2.0), (-1.0, 0.0))
 
@@ -311,3 +311,12 @@ def test_gaps_to_a_master_known_by_its_nodes_converge_to_those_of_its_circle() -
     assert np.log2(errors[0] / errors[1]) >= 3.7
     assert np.log2(errors[1] / errors[2]) >= 3.7
     assert errors[-1] <= 1e-6
+
+
+def test_fits_between_groups_of_nodes_far_apart_are_numbers() -> None:
+    """The weights of nodes twenty windows away underflow."""
+    arc = np.array([0.0, 0.1, 0.2, 10.0, 10.1, 10.2])
+    places = np.array([0.15, 3.0, 5.1, 5.3, 10.0])
+    fit = surface_fit(arc, np.full(6, 0.1), places, np.full(5, 0.3)).toarray()
+    assert np.isfinite(fit).all()
+    assert fit.sum(axis=1) == pytest.approx(np.ones(5))

@@ -155,7 +155,7 @@ def test_a_journal_cut_short_or_damaged_is_none(tmp_path: Path) -> None:
     with start_run(path) as run:
         write_steps(run, range(2))
     good = path.read_bytes()
-    whole = journal._packed([(0, b"\0" * 64)], len(good))
+    whole = journal._packed([(0, b"\0" * 64)], len(good), len(good))
     for content in (b"", whole[:10], whole[:-1], whole[:-1] + b"x"):
         journal_of(path).write_bytes(content)
         with opened(path) as file:
@@ -163,10 +163,41 @@ def test_a_journal_cut_short_or_damaged_is_none(tmp_path: Path) -> None:
     recover(path)
     assert path.read_bytes() == good
     journal_of(path).write_bytes(whole)
-    with pytest.raises(OSError, match="signature"), opened(path):
+    with pytest.raises(OSError, match="no HDF5 file"), opened(path):
         pass
     recover(path)
     assert path.read_bytes()[:64] == b"\0" * 64
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: whole[: len(whole) - 1],
+        lambda whole: b"",
+        lambda whole: b"\xff" * len(whole),
+        lambda whole: whole[:8] + b"\xff" * 88 + whole[96:],
+        lambda whole: whole[len(whole) // 2 :] + whole[: len(whole) // 2],
+    ],
+)
+@pytest.mark.parametrize("beside", [True, False], ids=["journal", "alone"])
+def test_a_damaged_file_is_told_by_name(
+    damage: Callable[[bytes], bytes], beside: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.h5"
+    with start_run(path) as run:
+        write_steps(run, range(2))
+    whole = path.read_bytes()
+    kept = journal._packed([(len(whole) - 8, b"\0" * 8)], len(whole), len(whole))
+    path.write_bytes(damage(whole))
+    if beside:
+        journal_of(path).write_bytes(kept)
+    with pytest.raises(RunError, match=r"run\.h5 cannot be read: it is damaged"):
+        read_run(tmp_path)
+    with pytest.raises(RunError, match=r"run\.h5"):
+        RunFile.reopen(path, {}, rows=2)
+    # Nothing of it was written.
+    assert path.read_bytes() == damage(whole)
 
 
 def test_signals_wait_until_the_block_is_done() -> None:

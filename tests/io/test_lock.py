@@ -12,6 +12,7 @@ import pytest
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import LOCK_FILE, Holder, holder, locked
+from mlsanm_cli.io.summary import EventLog, write_json_atomic
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
@@ -71,3 +72,29 @@ def test_a_directory_that_cannot_be_made_is_a_run_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(RunError, match="cannot write"), locked(tmp_path / "file" / "run"):
         pass
+
+
+def test_a_link_or_a_pipe_in_the_place_of_the_lock_is_refused(tmp_path: Path) -> None:
+    target = tmp_path / "target"
+    target.write_text("mine")
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / LOCK_FILE).symlink_to(target)
+    (tmp_path / "b").mkdir()
+    os.mkfifo(tmp_path / "b" / LOCK_FILE)
+    for name, words in (("a", "symbolic link"), ("b", "pipe")):
+        assert holder(tmp_path / name) is None
+        with pytest.raises(RunError, match=words), locked(tmp_path / name):
+            pass
+    assert target.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["events.jsonl", "summary.json.tmp"])
+def test_links_in_a_run_directory_are_not_followed(name: str, tmp_path: Path) -> None:
+    target = tmp_path / "target"
+    target.write_text("mine\nand yours")
+    (tmp_path / name).symlink_to(target)
+    if name == "events.jsonl":
+        with pytest.raises(RunError, match="symbolic link"):
+            EventLog(tmp_path / name)
+    write_json_atomic(tmp_path / "summary.json", {"a": 1})
+    assert target.read_text() == "mine\nand yours"

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import meshio
 import numpy as np
 import pytest
 
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.io import self_contained
 from mlsanm_cli.io.meshes import MeshFile, read_mesh
 
 DATA = Path(__file__).parents[1] / "data"
@@ -125,3 +127,38 @@ def test_broken_files_are_refused_in_one_sentence(tmp_path: Path, capfd: pytest.
             read_mesh(tmp_path / name)
         assert error.value.message
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    "line", ["*INCLUDE, INPUT=more.inp", "*Include,input=more.inp", "*I*nclude ,a=more.inp"]
+)
+def test_an_abaqus_file_includes_no_other(line: str, tmp_path: Path) -> None:
+    (tmp_path / "more.inp").symlink_to("/dev/zero")
+    (tmp_path / "a.inp").write_text(f"*HEADING\n{line}\n")
+    with pytest.raises(GeometryError, match="line 2 includes another file"):
+        read_mesh(tmp_path / "a.inp")
+
+
+def test_formats_of_several_files_and_links_in_hdf5_are_refused(tmp_path: Path) -> None:
+    write(tmp_path / "a.xdmf", SQUARE, TWO)
+    write(tmp_path / "a.h5m", SQUARE, TWO[1:])
+    assert len(read_mesh(tmp_path / "a.h5m").points) == 3
+    with h5py.File(tmp_path / "a.h5m", "a") as file:
+        file["far"] = h5py.ExternalLink("other.h5", "/")
+    for name, words in {"a.xdmf": "lead to other files", "a.h5m": "/far is a link"}.items():
+        with pytest.raises(GeometryError, match=words):
+            read_mesh(tmp_path / name)
+
+
+@pytest.mark.parametrize("compression", ["zlib", "lzma"])
+def test_a_compressed_file_unpacks_to_a_limit(
+    compression: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = np.zeros((5000, 3))
+    points[:5] = SQUARE
+    mesh = meshio.Mesh(points, TWO)
+    meshio.vtu.write(tmp_path / "a.vtu", mesh, compression=compression)
+    assert len(read_mesh(tmp_path / "a.vtu").points) == 5
+    monkeypatch.setattr(self_contained, "LARGEST", 100_000)
+    with pytest.raises(GeometryError, match="unpacks to too much"):
+        read_mesh(tmp_path / "a.vtu")

@@ -69,3 +69,38 @@ def test_files_that_are_no_cloud_are_refused(tmp_path: Path) -> None:
     for name, words in (("a.h5", "no HDF5 file"), ("b.csv", "no UTF-8"), ("c.h5", "x 2, y 3, tag 2")):
         with pytest.raises(GeometryError, match=words):
             read_points(tmp_path / name)
+
+
+def test_files_made_to_mislead_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "wide.csv").write_text(f"x,y,tag\n0,0,{'a' * 140_000}\n")
+    (tmp_path / "head.csv").write_text(f"x,y,{'t' * 140_000}\n")
+
+    def hdf5(name: str, **columns: object) -> None:
+        with h5py.File(tmp_path / name, "w") as file:
+            file["x"], file["y"], file["tag"] = np.zeros(1), np.zeros(1), np.array([b""])
+            for column, value in columns.items():
+                del file[column]
+                file[column] = value
+
+    hdf5("loop.h5", x=h5py.SoftLink("/x"))
+    hdf5("out.h5", x=h5py.ExternalLink("other.h5", "x"))
+    hdf5("null.h5", x=h5py.Empty("f8"))
+    hdf5("text.h5", tag=np.array([b"\xff"]))
+    with h5py.File(tmp_path / "raw.h5", "w") as file:
+        file["y"], file["tag"] = np.zeros(1), np.array([b""])
+        file.create_dataset("x", (1,), "f8", external=[("/etc/passwd", 0, 8)])
+    with h5py.File(tmp_path / "round.h5", "w") as file:
+        file["x"], file["y"], file["tag"] = np.zeros(1), np.zeros(1), np.array([b""])
+        file["group"] = file["/"]
+    for name, words in {
+        "wide.csv": "line 2: field larger than",
+        "head.csv": "line 1: field larger than",
+        "loop.h5": "/x is a link",
+        "out.h5": "/x is a link",
+        "null.h5": "the dataset x has no data",
+        "text.h5": "no UTF-8",
+        "raw.h5": "the data of /x are in another file",
+        "round.h5": "/group is there twice",
+    }.items():
+        with pytest.raises(GeometryError, match=words):
+            read_points(tmp_path / name)

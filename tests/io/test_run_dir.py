@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 OURS = {"run.h5", "summary.json", "resolved.toml", "events.jsonl", "fields.pvd", "failure.vtu"}
 OURS |= {"fields_0000.vtu", "fields_12345.vtu", "summary.json.tmp", "interface.csv", "interface_a%2Fb.csv"}
-OURS |= {"plot_path.png"}
+OURS |= {"plot_path.png", "path.csv"}
 FOREIGN = {"notes.txt", "case.toml", "interface_notes.csv", "plot_mine.png", "fields_1.vtu", "other.vtu"}
 
 
@@ -86,7 +86,7 @@ def test_a_directory_with_other_files_needs_force_and_keeps_them(tmp_path: Path)
     assert (tmp_path / "thesis.tex").read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", ["run.h5", "summary.json", "fields_0000.vtu", "interface.csv"])
+@pytest.mark.parametrize("name", ["run.h5", "summary.json", "path.csv", "fields_0000.vtu", "interface.csv"])
 @pytest.mark.parametrize("force", [False, True])
 def test_a_foreign_file_with_a_name_of_ours_is_never_overwritten(
     tmp_path: Path, name: str, force: bool
@@ -169,3 +169,14 @@ def test_a_comparison_touches_no_foreign_file(tmp_path: Path) -> None:
             run_dir.prepare_comparison(directory, force=True)
         assert (directory / name).read_text() == "mine"
         (directory / name).unlink()
+
+
+def test_a_run_that_may_not_be_read_is_not_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "run.h5").write_bytes(b"a run")
+
+    def refuse(file: Path) -> None:
+        raise PermissionError(13, "Permission denied", str(file))
+
+    monkeypatch.setattr(run_dir, "opened", refuse)
+    with pytest.raises(RunError, match=r"run\.h5 cannot be read: no permission"):
+        run_dir.check(tmp_path, force=True)

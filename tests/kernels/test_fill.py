@@ -12,11 +12,13 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.cloud import front as slices
 from mlsanm_cli.cloud.cloud import CANDIDATES, _strips, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, disk, rectangle
+from mlsanm_cli.cloud.front import filled
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels.fill import advance_front, spacing_at
+from mlsanm_cli.kernels.fill import spacing_at
 
 SQUARE = rectangle((0.0, 1.0), (0.0, 1.0))
 
@@ -36,7 +38,7 @@ def front(outline: Outline, spacing: Spacing, seed: int) -> tuple[FloatArray, in
     chain = np.concatenate([curve.points(spacing.steps_along(curve)[:-1]) for curve in outline.curves])
     edges = np.hstack([chain, np.roll(chain, -1, axis=0)])
     table = spacing.table()
-    points = advance_front(chain, edges, *_strips(edges), spacing.far, table, CANDIDATES, seed, 10**6)
+    points = filled(chain, edges, _strips(edges), spacing.far, table, CANDIDATES, seed, 10**6)
     return points, len(chain)
 
 
@@ -169,3 +171,13 @@ def test_of_several_zones_the_finest_holds() -> None:
     alone = np.minimum(Spacing(0.3, (first,)).at(points), Spacing(0.3, (second,)).at(points))
     assert np.array_equal(both, alone)
     assert len(np.unique(both)) > 30
+
+
+def test_slices_change_no_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    spacing = Spacing(0.02, (Zone.around((0.3, 0.4), 0.002, 0.01, 0.1),))
+    whole, _ = front(SQUARE, spacing, 3)
+    monkeypatch.setattr(slices, "FIRST", 1)
+    monkeypatch.setattr(slices, "SLICE", 1e-9)
+    pieces, _ = front(SQUARE, spacing, 3)
+    assert len(whole) > 3000
+    assert np.array_equal(whole, pieces)

@@ -137,6 +137,34 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.parametrize("lenient", ["file", "directory", "above"])
+def test_code_that_others_may_have_written_is_not_loaded(lenient: str, cache: Path, tmp_path: Path) -> None:
+    path = copied(cache, tmp_path)
+    assert kept.read(path.parent) is not None
+    chosen = {"file": path, "directory": path.parent, "above": tmp_path}[lenient]
+    chosen.chmod(0o777 if chosen.is_dir() else 0o666)
+    assert kept.read(path.parent) is None
+    warm, told = run(tmp_path, ROOTS)
+    assert warm == "False"
+    # Our own directories are shut; one above them is not ours to change.
+    assert ("others may write to" in told) == (lenient == "above")
+    assert (kept.read(path.parent) is None) == (lenient == "above")
+
+
+def test_code_of_another_user_is_not_loaded(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = copied(cache, tmp_path)
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(path).st_uid + 1)
+    if os.stat(path).st_uid:
+        assert kept.read(path.parent) is None
+    else:
+        # Root's are the system's.
+        assert kept.read(path.parent) is not None
+        os.chown(path, 12345, -1)
+        assert kept.read(path.parent) is None
+
+
 def test_an_interrupt_ends_the_compilation(tmp_path: Path) -> None:
     process = started(tmp_path, KERNELS + MORE + INTERRUPTED)
     out, err = process.communicate()

@@ -1,0 +1,40 @@
+"""A sign of life while one thing takes long."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+INTERVAL = 1.0
+"""Seconds between two signs."""
+
+
+class Heartbeat:
+    """Calls ``beat`` from a thread of its own, with the seconds since the last :meth:`touch`, about once per
+    ``interval`` while nothing else happens."""
+
+    def __init__(self, beat: Callable[[float], None], interval: float = INTERVAL) -> None:
+        self._beat = beat
+        self._interval = interval
+        self._since = time.monotonic()
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def touch(self) -> None:
+        """Something new is shown now; the first time starts the thread."""
+        self._since = time.monotonic()
+        if self._thread is None and not self._over.is_set():
+            # A daemon: a process that is interrupted does not wait for it.
+            self._thread = threading.Thread(target=self._run, daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """No more signs."""
+        self._over.set()
+
+    def _run(self) -> None:
+        while not self._over.wait(self._interval):
+            still = time.monotonic() - self._since
+            if still >= self._interval:
+                self._beat(still)

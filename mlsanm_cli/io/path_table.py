@@ -1,0 +1,75 @@
+"""path.csv: the load path as a table, one row per finished step, for spreadsheets and pandas."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.io.atomic import write_text
+
+FloatArray = NDArray[np.float64]
+
+
+def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
+    """Columns (S+1,) of the path in an open run.h5 ``root``; none where it has no path.
+
+    Position and stage, factors of the loads, displacements of platens and the work of their forces, forces of
+    loads and supports; of every contact the force on the slave, the largest pressure, the length of surface
+    that is closed, and the work of friction.
+    """
+    if "path" not in root:
+        return {}
+    position = root["path/position"][...]
+    columns: dict[str, NDArray[Any]] = {
+        "position": position,
+        # The end of a stage is its own, and the start the first one's.
+        "stage": np.maximum(np.ceil(position), 1.0).astype(np.int64),
+    }
+    columns |= {f"factor.{name}": data[...] for name, data in _items(root, "path/factors")}
+    forces = {name: data[...] for name, data in _items(root, "path/resultants")}
+    for name, data in _items(root, "path/displacements"):
+        moved = data[...]
+        columns |= _vector(f"displacement.{name}", moved)
+        if name in forces:
+            columns[f"work.{name}"] = _work(forces[name], moved)
+    for name, force in forces.items():
+        columns |= _vector(f"force.{name}", force)
+    for name, group in _items(root, "contacts"):
+        columns |= _contact(name, group)
+    return columns
+
+
+def write_path_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write the columns; floats read back equal. RunError if the file cannot be written."""
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _contact(name: str, group: Any) -> dict[str, NDArray[Any]]:
+    weight, normal, pressure = group["weight"][...], group["normal"][...], group["pressure"][...]
+    tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+    force = (pressure * weight) @ normal + (group["traction"][...] * weight) @ tangent
+    columns = _vector(f"contact.{name}.force", force)
+    columns[f"contact.{name}.peak_pressure"] = pressure.max(axis=1, initial=0.0)
+    columns[f"contact.{name}.closed_length"] = (group["status"][...] != 0) @ weight
+    columns[f"contact.{name}.dissipated_work"] = group["dissipated_work"][...]
+    return columns
+
+
+def _work(force: FloatArray, moved: FloatArray) -> FloatArray:
+    """What a force (S+1, 2) has worked along displacements (S+1, 2), by the trapezoidal rule."""
+    steps = (0.5 * (force[1:] + force[:-1]) * np.diff(moved, axis=0)).sum(axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _vector(name: str, values: FloatArray) -> dict[str, NDArray[Any]]:
+    return {f"{name}_x": values[:, 0], f"{name}_y": values[:, 1]}
+
+
+def _items(root: Any, place: str) -> list[tuple[str, Any]]:
+    return list(root[place].items()) if place in root else []

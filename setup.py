@@ -1,0 +1,46 @@
+"""What pyproject.toml cannot say: the commit that is built goes into wheels and source distributions."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+from setuptools import setup
+from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
+
+PACKAGE = "mlsanm_cli"
+
+
+def write_commit(package: Path) -> None:
+    """Write the commit of this source tree into a copy of the package, unless the tree has none."""
+    source = Path(__file__).resolve().parent
+    # By its path: the package itself needs what is not installed while it is built.
+    spec = importlib.util.spec_from_file_location("commit", source / PACKAGE / "commit.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    commit = module.git_state(source)
+    if commit:
+        # Not through a link: sdist links files of the source tree.
+        (package / module.FILE).unlink(missing_ok=True)
+        (package / module.FILE).write_text(f"{commit}\n", encoding="utf-8")
+
+
+class BuildWithCommit(build_py):
+    """Wheels."""
+
+    def run(self) -> None:
+        super().run()
+        if not getattr(self, "editable_mode", False):
+            write_commit(Path(self.build_lib) / PACKAGE)
+
+
+class SdistWithCommit(sdist):
+    """Source distributions."""
+
+    def make_release_tree(self, base_dir: str, files: list[str]) -> None:
+        super().make_release_tree(base_dir, files)
+        write_commit(Path(base_dir) / PACKAGE)
+
+
+setup(cmdclass={"build_py": BuildWithCommit, "sdist": SdistWithCommit})

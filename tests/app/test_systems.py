@@ -1,0 +1,134 @@
+"""macOS and Windows as far as Linux can play them: functions are missing, and sizes have other units."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mlsanm_cli import system
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import BAR
+
+ROOT = Path(__file__).parents[2]
+
+WITHOUT = """
+import os, platform, signal, sys, types
+import h5py, meshio, numpy, scipy.linalg  # which use what the system has
+for name in sys.argv[1].split():
+    module, _, attribute = name.rpartition(".")
+    if module:
+        delattr(sys.modules[module], attribute)
+    else:
+        sys.modules[name] = None
+if "fcntl" in sys.argv[1]:
+    windows = sys.modules["msvcrt"] = types.ModuleType("msvcrt")
+    windows.LK_NBLCK, windows.locking = 2, lambda fd, mode, count: None
+from mlsanm_cli.cli import main
+code = main(sys.argv[2:])
+sys.exit(code)
+"""
+MACOS = "os.posix_fallocate"
+WINDOWS = (
+    "fcntl resource os.posix_fallocate os.pread os.pwrite os.uname os.sysconf os.getuid os.O_CLOEXEC "
+    "os.O_NOFOLLOW os.O_NONBLOCK signal.SIGUSR1 signal.SIGALRM signal.setitimer"
+)
+
+
+def mlsanm(directory: Path, missing: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", WITHOUT, missing, *arguments],
+        cwd=directory,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("missing", [MACOS, WINDOWS], ids=["macos", "windows"])
+def test_a_run_without_what_other_systems_lack(missing: str, tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(BAR)
+    for arguments in (["run", "case.toml", "--out", "run", "--max-wall", "100"], ["info", "run"]):
+        done = mlsanm(tmp_path, missing, *arguments)
+        assert (done.returncode, "bug" in done.stderr) == (0, False), done.stderr
+    assert read_run(tmp_path / "run").status == "done"
+
+
+def test_a_wall_time_without_timers_of_the_system(tmp_path: Path) -> None:
+    positions = ", ".join(str(0.0002 * k) for k in range(1, 4001))
+    (tmp_path / "case.toml").write_text(
+        BAR.partition("[output]")[0] + f"\n[output]\nvtu = false\nat = [{positions}]\n"
+    )
+    done = mlsanm(tmp_path, WINDOWS, "run", "case.toml", "--max-wall", "0.5")
+    assert done.returncode == 75, done.stderr
+    assert "the wall time of 0.5 s is over" in done.stdout + done.stderr
+
+
+def test_memory_in_the_unit_of_the_system(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Usage:
+        ru_maxrss = 300 * 2**20
+
+    monkeypatch.setattr(resource, "getrusage", lambda who: Usage)
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert system.peak_memory_mb() == 300.0
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert system.peak_memory_mb() == 300.0 * 1024.0
+
+
+def test_room_is_made_by_zeros_where_it_cannot_be_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fd = system.open_regular(tmp_path / "file", os.O_RDWR | os.O_CREAT)
+    for name in ("posix_fallocate", "pread", "pwrite"):
+        monkeypatch.delattr(os, name)
+    system.write_at(fd, b"abc", 2)
+    system.reserve(fd, 5, 3 * 2**20)
+    assert system.read_at(fd, 8, 0) == b"\0\0abc\0\0\0"
+    assert os.fstat(fd).st_size == 5 + 3 * 2**20
+    os.close(fd)
+
+
+def test_links_and_pipes_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "target").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "target")
+    os.mkfifo(tmp_path / "pipe")
+
+    def refused(name: str, words: str, flags: int = os.O_RDWR | os.O_CREAT) -> None:
+        with pytest.raises(OSError, match=words):
+            system.open_regular(tmp_path / name, flags)
+
+    refused("link", "symbolic link")
+    refused("pipe", "pipe")
+    refused("pipe", "pipe", os.O_RDONLY)
+    monkeypatch.delattr(os, "O_NOFOLLOW")
+    refused("link", "symbolic link")
+    assert (tmp_path / "target").read_text() == "mine"
+
+
+def test_directories_of_a_container_may_belong_to_its_host(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "a" / "b" / "c"
+    place.mkdir(parents=True)
+    (place / "file").write_text("")
+    assert system.who_else_may_write(place / "file") == ""
+    owned = {tmp_path / "a": 65534}
+    real = Path.stat
+
+    def stat(path: Path, **options: bool) -> os.stat_result:
+        found = list(real(path, **options))
+        found[4] = owned.get(path, found[4])
+        return os.stat_result(found)
+
+    monkeypatch.setattr(Path, "stat", stat)
+    assert "belongs to another user" in system.who_else_may_write(place / "file")
+    monkeypatch.setattr(system, "_outsider", lambda: 65534)
+    assert system.who_else_may_write(place / "file") == ""
+    # What lies nearest must be this user's own all the same.
+    owned[place] = 65534
+    assert "belongs to another user" in system.who_else_may_write(place / "file")
