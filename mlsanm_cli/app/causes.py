@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.app.surfaces import surface_at
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.case.loads import Platen, Traction
 from mlsanm_cli.case.obstacles import PolylineObstacle
