@@ -34,6 +34,7 @@ from mlsanm_cli.app.series_path import (
     stopped,
 )
 from mlsanm_cli.app.states import PathStep, wanted_positions
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.rubbing import RubbingContact, Tally
 from mlsanm_cli.contact.set_search import NoStateError
 from mlsanm_cli.contact.sets import Sets
@@ -98,15 +99,25 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> Point:
     nothing, begin = np.zeros(len(c.rubbing)), built.stages[0]
     x = np.concatenate([drawn(built, coupling), nothing])
     pressure = x[: len(c.weight)]
-    anchor, full, tally = nothing, law.threshold, Tally()
-    for _ in range(OPENINGS):
+    full, tally = law.threshold, Tally()
+
+    def problem_at(pressure: FloatArray, sticking: bool, anchor: FloatArray) -> RubbingContact:
         pressed = np.zeros(len(pressure), dtype=bool)
         pressed[c.rubbing] = pressure[c.rubbing] > -FREE * law.eta[c.rubbing]
-        stuck = pressed[c.rubbing]
+        stuck = pressed[c.rubbing] & sticking
         own = 0.5 * np.maximum(pressure[c.rubbing], 0.0)
-        law = replace(law, threshold=np.where(stuck, np.minimum(full, own), full))
-        base = replace(coupling, law=law)
-        problem = RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor, tally)
+        threshold = np.where(stuck, np.minimum(full, own), full)
+        base = replace(coupling, law=replace(law, threshold=threshold))
+        return RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor, tally)
+
+    free = _without_friction(problem_at(x[: len(c.weight)], False, nothing), x, options)
+    if free is not None:
+        pressure, _, motion, _ = free[0].split(free[1])
+        rest = c.slip(begin, coupling.told_apart(motion)[0], pressure, nothing)
+        return Point(problem_at(pressure, True, rest), free[1], 0.0, nothing)
+    anchor, pressure = nothing, x[: len(c.weight)]
+    for _ in range(OPENINGS):
+        problem = problem_at(pressure, True, anchor)
         try:
             x = correct(problem, x, 0.0, options).x
         except NumericalError as error:
@@ -114,12 +125,28 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> Point:
                 raise
             raise NumericalError(APART, APART_HINT) from error
         pressure, _, motion, traction = problem.split(x)
-        if (np.abs(traction) <= FREE * c.friction * np.maximum(pressure[c.rubbing], 0.0))[stuck].all():
+        limit = FREE * c.friction * np.maximum(pressure[c.rubbing], 0.0)
+        if (np.abs(traction) <= limit)[problem.sets.stuck].all():
             break
         traction[:] = 0.0
         # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
         anchor = c.slip(begin, coupling.told_apart(motion)[0], pressure, nothing)
+    else:
+        problem = problem_at(pressure, True, anchor)
+        return inside(Point(problem, correct(problem, x, 0.0, options).x, 0.0, nothing))
     return Point(problem, x, 0.0, nothing)
+
+
+def _without_friction(
+    problem: RubbingContact,
+    x: FloatArray,
+    options: AnmOptions | NewtonOptions,
+) -> tuple[RubbingContact, FloatArray] | None:
+    """The state before the first load where nothing rubs; None where only friction holds bodies."""
+    try:
+        return problem, correct(problem, x, 0.0, options).x
+    except (NumericalError, np.linalg.LinAlgError):
+        return None
 
 
 class _Walk:
