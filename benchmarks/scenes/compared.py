@@ -1,0 +1,124 @@
+"""What the variants of a scene differ by."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+from scipy.interpolate import CloughTocher2DInterpolator
+from scipy.spatial import cKDTree
+
+from benchmarks.scenes.judge import Ran, run_case
+from benchmarks.scenes.scene import FORCE, PEAK, PLACE, Array, Scene, Table
+from benchmarks.scenes.variants import Variant, halved, variants
+
+SMALL = 0.05
+"""Forces and displacements below this part of the scene's largest are compared with it instead."""
+FACTOR = 3.0
+"""How far an error estimate may be from the error."""
+NOISE = 3e-4
+"""Errors below this are not what an estimate is judged by."""
+
+
+def through_variants(scene: Scene, base: Ran, folder: Path) -> list[Table]:
+    """Run all variants of a scene that was solved, and compare."""
+    found = []
+    for variant in (halved(scene.case, spacings(base)), *variants()):
+        if variant.name == "swapped" and not any("master" in one for one in scene.case.get("contact", [])):
+            continue
+        ran = run_case(scene, variant.change(scene.case), folder / variant.name, variant.move())
+        found.append(_line(variant, base, ran))
+    return found
+
+
+def spacings(ran: Ran) -> dict[str, float]:
+    """Median distance of the nodes of every body to their nearest neighbour."""
+    told = {}
+    with h5py.File(ran.folder / "run.h5") as file:
+        for name, one in file["bodies"].items():
+            points = one["points"][:]
+            told[name] = float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
+    return told
+
+
+def _line(variant: Variant, base: Ran, ran: Ran) -> Table:
+    if ran.code:
+        text = f"refused: {ran.message[:300]}"
+        return {"variant": variant.name, "agrees": False, "text": text}
+    force = difference(vectors(base, "contacts", "force"), vectors(ran, "contacts", "force", variant))
+    place = difference(vectors(base, "probes", "displacement"), vectors(ran, "probes", "displacement", variant))
+    peak = peaks(base, ran, variant)
+    agrees = force <= FORCE and place <= PLACE and peak <= PEAK
+    text = f"force {force:.2f} %, peak {peak:.2f} %, displacement {place:.2f} %"
+    if variant.name == "halved":
+        ratio, told = estimates(base, ran)
+        text += told
+        agrees = agrees and ratio
+    return {
+        "variant": variant.name, "agrees": agrees, "text": text, "force": force, "peak": peak, "place": place
+    }
+
+
+def vectors(ran: Ran, table: str, key: str, variant: Variant | None = None) -> dict[str, Array]:
+    """Forces or displacements by name, turned back and in the units of the scene."""
+    unit = 1.0
+    if variant is not None:
+        unit = variant.length * (variant.stress if key == "force" else 1.0)
+    matrix = np.eye(2) if variant is None else variant.matrix
+    sign = -1.0 if variant is not None and variant.name == "swapped" and key == "force" else 1.0
+    found = {}
+    for name, one in (ran.summary.get(table) or {}).items():
+        turned = matrix.T @ np.array(one[key]) / unit
+        found[name] = turned if sign > 0.0 else np.abs(turned)
+    return found
+
+
+def difference(base: dict[str, Array], other: dict[str, Array]) -> float:
+    """Largest in percent."""
+    largest = max((float(np.hypot(*one)) for one in base.values()), default=0.0)
+    if not largest:
+        return 0.0
+    worst = 0.0
+    for name, one in base.items():
+        unsigned = np.abs(one) if (other[name] >= 0.0).all() and (one < 0.0).any() else one
+        scale = max(float(np.hypot(*one)), SMALL * largest)
+        away = min(float(np.hypot(*(each - other[name]))) for each in (one, unsigned))
+        worst = max(worst, 100.0 * away / scale)
+    return worst
+
+
+def peaks(base: Ran, ran: Ran, variant: Variant) -> float:
+    """Largest difference of peak pressures in percent."""
+    found = [
+        100.0 * abs(ran.summary["contacts"][name]["peak_pressure"] / variant.stress / one["peak_pressure"] - 1.0)
+        for name, one in (base.summary.get("contacts") or {}).items()
+        if one["peak_pressure"]
+    ]
+    return max(found, default=0.0)
+
+
+def estimates(base: Ran, fine: Ran) -> tuple[bool, str]:
+    """Whether the estimated errors are near those against half of the spacing."""
+    told = base.summary.get("error_estimate") or {}
+    if told.get("displacement") is None:
+        return True, ""
+    away, size = 0.0, 0.0
+    with h5py.File(base.folder / "run.h5") as coarse, h5py.File(fine.folder / "run.h5") as other:
+        for name in coarse["bodies"]:
+            at, last = coarse[f"bodies/{name}/points"][:], _last(coarse)
+            points = other[f"bodies/{name}/points"][:]
+            values = other[f"fields/{_last(other)}/{name}/displacement"][: len(points)]
+            found = CloughTocher2DInterpolator(points, values)(at)
+            here = coarse[f"fields/{last}/{name}/displacement"][: len(at)]
+            inside = np.isfinite(found).all(axis=1)
+            away += float(((found - here)[inside] ** 2).sum())
+            size += float((found[inside] ** 2).sum())
+    true = float(np.sqrt(away / size)) if size else 0.0
+    ratio = told["displacement"] / true if true else 1.0
+    fair = true < NOISE and told["displacement"] < FACTOR * NOISE or 1.0 / FACTOR <= ratio <= FACTOR
+    return fair, f", estimated error {told['displacement']:.1e}, true {true:.1e}"
+
+
+def _last(file: h5py.File) -> str:
+    return max((key for key in file["fields"] if key != "position"), key=int)
