@@ -157,7 +157,16 @@ def closed_frame() -> Scene:
     return Scene("closed_frame", "clamped frame", given, files={"frame.msh": frame_mesh}, elements=True)
 
 
-C_FRAME = [(0.0, 0.0), (30.0, 0.0), (30.0, 6.0), (6.0, 6.0), (6.0, 30.0), (30.0, 30.0), (30.0, 36.0), (0.0, 36.0)]
+C_FRAME = [
+    (0.0, 0.0),
+    (30.0, 0.0),
+    (30.0, 6.0),
+    (6.0, 6.0),
+    (6.0, 30.0),
+    (30.0, 30.0),
+    (30.0, 36.0),
+    (0.0, 36.0),
+]
 
 
 @scene
@@ -176,7 +185,16 @@ def c_frame() -> Scene:
     return Scene("c_frame", "clamped frame", given, elements=True)
 
 
-PORTAL = [(0.0, 0.0), (4.0, 0.0), (4.0, 36.0), (46.0, 36.0), (46.0, 0.0), (50.0, 0.0), (50.0, 40.0), (0.0, 40.0)]
+PORTAL = [
+    (0.0, 0.0),
+    (4.0, 0.0),
+    (4.0, 36.0),
+    (46.0, 36.0),
+    (46.0, 0.0),
+    (50.0, 0.0),
+    (50.0, 40.0),
+    (0.0, 40.0),
+]
 
 
 def portal_case(rounding: float) -> dict:
@@ -366,7 +384,9 @@ def plate_weight_pins() -> Scene:
 def bimetal_stop() -> Scene:
     """Two layers of different expansion, one clamped end, the other against a stop."""
     return Scene(
-        "bimetal_stop", "bimetal against a stop", missing='contact.NAME.bonded (or body.regions with materials)'
+        "bimetal_stop",
+        "bimetal against a stop",
+        missing="contact.NAME.bonded (or body.regions with materials)",
     )
 
 

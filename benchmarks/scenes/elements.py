@@ -6,7 +6,6 @@ Only outlines and places of vertices are shared with mlsanm; stiffness, loads an
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +21,9 @@ from mlsanm_cli.cloud.spacing import Spacing
 
 POINTS, SHARES = np.polynomial.legendre.leggauss(4)
 POINTS, SHARES = 0.5 + 0.5 * POINTS, 0.5 * SHARES
-NAMES = {name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "hypot", "pi", "log", "atan2")}
+NAMES = {
+    name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "hypot", "pi", "log", "atan2")
+}
 NAMES |= {"abs": abs, "min": min, "max": max}
 Ints = NDArray[np.int64]
 
@@ -119,7 +120,9 @@ class Solid:
 
 
 def _mesh(cloud: Cloud) -> MeshTri:
-    return MeshTri(np.ascontiguousarray(cloud.points.T), np.ascontiguousarray(cloud.triangles.T.astype(np.int64)))
+    return MeshTri(
+        np.ascontiguousarray(cloud.points.T), np.ascontiguousarray(cloud.triangles.T.astype(np.int64))
+    )
 
 
 def _facets(mesh: MeshTri, ends: Ints) -> Ints:
@@ -140,5 +143,3 @@ def value_of(given: object, points: Array) -> Array:
         return np.full(len(points), float(given))  # type: ignore[arg-type]
     code = compile(given, "case", "eval")
     return np.array([float(eval(code, {"__builtins__": {}}, NAMES | {"x": x, "y": y})) for x, y in points])
-
-

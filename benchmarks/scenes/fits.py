@@ -89,14 +89,22 @@ def keyed_shaft_mesh(path: Path, move: Move) -> None:
     filled_mesh(path, move, np.vstack([arc, right, floor, left]), {"round": (0, 180)}, 0.6)
 
 
-def filled_mesh(path: Path, move: Move, outline: Array, groups: dict[str, tuple[int, int]], step: float) -> None:
+def filled_mesh(
+    path: Path, move: Move, outline: Array, groups: dict[str, tuple[int, int]], step: float
+) -> None:
     """Triangles inside an outline (n, 2), with inner nodes on a grid; groups are ranges of its sides."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     rows = np.arange(low[1] + 0.37 * step, high[1], 0.87 * step)
     grid = np.vstack(
         [
-            np.column_stack([np.arange(low[0] + 0.5 * step * (i % 2) + 0.21 * step, high[0], step),] * 2)
-            * [1.0, 0.0] + [0.0, y]
+            np.column_stack(
+                [
+                    np.arange(low[0] + 0.5 * step * (i % 2) + 0.21 * step, high[0], step),
+                ]
+                * 2
+            )
+            * [1.0, 0.0]
+            + [0.0, y]
             for i, y in enumerate(rows)
         ]
     )
@@ -110,7 +118,8 @@ def filled_mesh(path: Path, move: Move, outline: Array, groups: dict[str, tuple[
     cells = cells[side.contains_points(corners.mean(axis=1)) & thick]
     count = len(outline)
     lines = {
-        name: np.column_stack([np.arange(a, b), np.arange(a + 1, b + 1) % count]) for name, (a, b) in groups.items()
+        name: np.column_stack([np.arange(a, b), np.arange(a + 1, b + 1) % count])
+        for name, (a, b) in groups.items()
     }
     write_mesh(path, move(places), cells, lines)
 
@@ -237,8 +246,11 @@ def groove_case(friction: float, elastic: bool) -> dict:
         up_l = low + 14.0 * along_left
         base = float(low[1]) - 8.0
         points: list[Pair] = [
-            (float(up_l[0]), base), (float(up_r[0]), base), (float(up_r[0]), float(up_r[1])),
-            (float(low[0]), float(low[1])), (float(up_l[0]), float(up_l[1])),
+            (float(up_l[0]), base),
+            (float(up_r[0]), base),
+            (float(up_r[0]), float(up_r[1])),
+            (float(low[0]), float(low[1])),
+            (float(up_l[0]), float(up_l[1])),
         ]
         names = ["bottom", "side2", "right", "left", "side1"]
         bodies.append(polygon("groove", "alloy", points, names=names))
@@ -256,8 +268,13 @@ def groove_case(friction: float, elastic: bool) -> dict:
             one["obstacle"]["normal"] = [float(v) for v in one["obstacle"]["normal"]]
     materials = {"steel": STEEL, "alloy": ALLOY} if elastic else {"steel": STEEL}
     return case(
-        "strain", materials, bodies, support=supports, contact=contacts,
-        load=[weighed("weight", "disk", 0.0, -2.0)], probe=[probe("top", "disk", 0.0, 6.0)],
+        "strain",
+        materials,
+        bodies,
+        support=supports,
+        contact=contacts,
+        load=[weighed("weight", "disk", 0.0, -2.0)],
+        probe=[probe("top", "disk", 0.0, 6.0)],
     )
 
 
@@ -281,7 +298,13 @@ def disk_groove_rigid() -> Scene:
 
 @scene
 def disk_groove_elastic() -> Scene:
-    return Scene("disk_groove_elastic", "disk in a groove", groove_case(0.0, True), groove_figures(False), elements=True)
+    return Scene(
+        "disk_groove_elastic",
+        "disk in a groove",
+        groove_case(0.0, True),
+        groove_figures(False),
+        elements=True,
+    )
 
 
 @scene
@@ -291,7 +314,9 @@ def disk_groove_friction() -> Scene:
 
 @scene
 def disk_groove_elastic_friction() -> Scene:
-    return Scene("disk_groove_elastic_friction", "disk in a groove", groove_case(0.3, True), groove_figures(True))
+    return Scene(
+        "disk_groove_elastic_friction", "disk in a groove", groove_case(0.3, True), groove_figures(True)
+    )
 
 
 def eye_mesh(path: Path, move: Move) -> None:
@@ -365,7 +390,12 @@ def rod_eye_outline() -> Scene:
     bodies = [dict(one, shape={**one["shape"]}) for one in base.case["body"]]
     bodies[0]["shape"]["use"] = "outline"
     return Scene(
-        "rod_eye_outline", base.kind, {**base.case, "body": bodies}, base.figures, files=base.files, elements=True
+        "rod_eye_outline",
+        base.kind,
+        {**base.case, "body": bodies},
+        base.figures,
+        files=base.files,
+        elements=True,
     )
 
 
@@ -380,7 +410,16 @@ def rod_eye_gap() -> Scene:
 @scene
 def o_ring() -> Scene:
     """A soft ring in a rectangular groove, squeezed by a lid until it meets the walls."""
-    groove = [(-10.0, -5.0), (10.0, -5.0), (10.0, 4.5), (3.1, 4.5), (3.1, 0.0), (-3.1, 0.0), (-3.1, 4.5), (-10.0, 4.5)]
+    groove = [
+        (-10.0, -5.0),
+        (10.0, -5.0),
+        (10.0, 4.5),
+        (3.1, 4.5),
+        (3.1, 0.0),
+        (-3.1, 0.0),
+        (-3.1, 4.5),
+        (-10.0, 4.5),
+    ]
     names = ["bottom", "right", "top2", "wall2", "floor", "wall1", "top1", "left"]
     given = case(
         "strain",
@@ -515,7 +554,9 @@ def flank_mesh(side: float):
         base = 30.0 * np.cos(angle)
         at = np.tan(angle)  # roll angle at the pitch point
         roll = at + np.linspace(-0.24, 0.24, 97)
-        curve = base * np.column_stack([np.sin(roll) - roll * np.cos(roll), np.cos(roll) + roll * np.sin(roll)])
+        curve = base * np.column_stack(
+            [np.sin(roll) - roll * np.cos(roll), np.cos(roll) + roll * np.sin(roll)]
+        )
         pitch = base * np.array([np.sin(at) - at * np.cos(at), np.cos(at) + at * np.sin(at)])
         # The normal of an involute is tangent to its base circle: turned upright.
         normal = np.array([np.cos(at), -np.sin(at)])
@@ -550,7 +591,10 @@ def pinned_disk() -> Scene:
     given = case(
         "strain",
         {"steel": STEEL},
-        [make_body("disk", "steel", "disk", center=[0.0, 5.0], radius=5.0), box("block", "steel", (-20.0, 20.0), (-20.0, 0.0))],
+        [
+            make_body("disk", "steel", "disk", center=[0.0, 5.0], radius=5.0),
+            box("block", "steel", (-20.0, 20.0), (-20.0, 0.0)),
+        ],
         support=[held("block.bottom"), pinned("disk", (0.0, 10.0), "ux")],
         contact=[pair("foot", "disk.arc", "block.top")],
         load=[weighed("weight", "disk", 0.0, -5.0)],

@@ -33,7 +33,9 @@ def rough_contact(profile: Array, modulus: float, mean: float, points: int = 240
     closed = gap < np.quantile(gap, 0.2)
     for _ in range(400):
         j = np.flatnonzero(closed)
-        matrix = np.block([[compliance[np.ix_(j, j)], -np.ones((len(j), 1))], [np.ones((1, len(j))), np.zeros((1, 1))]])
+        matrix = np.block(
+            [[compliance[np.ix_(j, j)], -np.ones((len(j), 1))], [np.ones((1, len(j))), np.zeros((1, 1))]]
+        )
         found = np.linalg.solve(matrix, np.concatenate([-gap[j], [mean * points]]))
         pressure = np.zeros(points)
         pressure[j] = found[:-1]

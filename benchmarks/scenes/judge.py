@@ -76,7 +76,12 @@ def run_case(scene: Scene, given: Table, folder: Path, move: Move, patience: flo
     try:
         done = subprocess.run(
             [*command, "--no-cache", "-q"],
-            cwd=folder, env=environment, capture_output=True, text=True, timeout=patience, check=False,
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=patience,
+            check=False,
         )
     except subprocess.TimeoutExpired:
         return Ran(-1, {}, f"over {time.monotonic() - began:.0f} s", folder / "run")
@@ -95,7 +100,7 @@ def by_elements(name: str) -> list[Figure]:
     figures = []
     for what, entry in known().get(name, {}).get("figures", {}).items():
         sort, _, key = what.partition(" ")
-        limit = {"force": FORCE, "peak": PEAK, "moved": PLACE}[sort]
+        limit = {"force": FORCE, "peak": PEAK, "moved": PLACE, "apart": PLACE}[sort]
         if entry["change"] <= limit / 3.0:
             figures.append(_figure(sort, key, entry["value"], limit))
     return figures
@@ -109,7 +114,13 @@ def _figure(sort: str, key: str, value: float | list[float], limit: float) -> Fi
 
     def along(result: Result) -> float:
         """The size, plus what is across."""
-        got = result.force(key) if sort == "force" else result.moved(key)
+        if sort == "force":
+            got = result.force(key)
+        elif sort == "moved":
+            got = result.moved(key)
+        else:
+            first, other = key.split(",")
+            got = result.moved(other) - result.moved(first)
         return size + float(np.hypot(*(got - vector))) * (1.0 if got @ vector >= size**2 else -1.0)
 
     return Figure(f"{sort} {key} (FE)", along, size, limit)
@@ -126,7 +137,9 @@ def judged(scene: Scene, ran: Ran) -> Verdict:
         "estimate": summary.get("error_estimate"),
     }
 
-    def verdict(outcome: str, figures: Sequence[tuple[str, float, float, float, float]] = (), **more: object) -> Verdict:
+    def verdict(
+        outcome: str, figures: Sequence[tuple[str, float, float, float, float]] = (), **more: object
+    ) -> Verdict:
         return Verdict(scene.name, scene.kind, outcome, figures, **{**told, **more})  # type: ignore[arg-type]
 
     if ran.code not in (0, 2, 3) or "Traceback" in ran.said:
@@ -140,7 +153,9 @@ def judged(scene: Scene, ran: Ran) -> Verdict:
         got = figure.got(ran.result)
         figures.append((figure.what, got, figure.true, figure.error(got), figure.limit))
     sides = imbalance(scene.case, ran.result)
-    wrong = any(not abs(error) <= limit for *_, error, limit in figures) or (sides is not None and sides > SIDES)
+    wrong = any(not abs(error) <= limit for *_, error, limit in figures) or (
+        sides is not None and sides > SIDES
+    )
     if not figures:
         return verdict("without a reference", sides=sides)
     outcome = ("wrong with a warning" if told["warnings"] else "silently wrong") if wrong else "right"

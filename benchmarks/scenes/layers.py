@@ -90,7 +90,10 @@ def receding_layer() -> Scene:
     given = case(
         "strain",
         {"alloy": ALLOY, "steel": STEEL},
-        [box("layer", "alloy", (-20.0, 20.0), (0.0, 2.0)), box("block", "steel", (-25.0, 25.0), (-20.0, 0.0))],
+        [
+            box("layer", "alloy", (-20.0, 20.0), (0.0, 2.0)),
+            box("block", "steel", (-25.0, 25.0), (-20.0, 0.0)),
+        ],
         support=[held("block.bottom")],
         contact=[
             pair("seat", "layer.bottom", "block.top"),
@@ -117,7 +120,10 @@ def receding_layer_pressure() -> Scene:
     given = case(
         "strain",
         {"alloy": ALLOY},
-        [box("layer", "alloy", (-20.0, 20.0), (0.0, 2.0)), box("block", "alloy", (-25.0, 25.0), (-20.0, 0.0))],
+        [
+            box("layer", "alloy", (-20.0, 20.0), (0.0, 2.0)),
+            box("block", "alloy", (-25.0, 25.0), (-20.0, 0.0)),
+        ],
         support=[held("block.bottom")],
         contact=[pair("seat", "layer.bottom", "block.top")],
         load=[
@@ -145,7 +151,10 @@ def sheet_soft_base() -> Scene:
     given = case(
         "strain",
         {"steel": STEEL, "rubber": RUBBER},
-        [box("sheet", "steel", (-15.0, 15.0), (0.0, 1.0)), box("base", "rubber", (-20.0, 20.0), (-12.0, 0.0))],
+        [
+            box("sheet", "steel", (-15.0, 15.0), (0.0, 1.0)),
+            box("base", "rubber", (-20.0, 20.0), (-12.0, 0.0)),
+        ],
         support=[held("base.bottom")],
         contact=[
             pair("seat", "sheet.bottom", "base.top"),
@@ -202,7 +211,11 @@ def block_on_block() -> Scene:
         "stress",
         {"steel": STEEL},
         [box("upper", "steel", (0.0, 12.0), (8.0, 14.0)), box("lower", "steel", (0.0, 12.0), (0.0, 8.0))],
-        support=[held("lower.bottom", "uy"), pinned("lower", (0.0, 0.0), "ux"), pinned("upper", (0.0, 8.0), "ux")],
+        support=[
+            held("lower.bottom", "uy"),
+            pinned("lower", (0.0, 0.0), "ux"),
+            pinned("upper", (0.0, 8.0), "ux"),
+        ],
         contact=[pair("face", "upper.bottom", "lower.top")],
         load=[pressed("press", "upper.top", 80.0)],
         probe=[probe("top", "upper", 6.0, 14.0)],
@@ -284,8 +297,11 @@ def fretting_pad_face() -> Scene:
 def pad_mesh(path: Path, move: Move) -> None:
     """The pad's face and corners as one group of a mesh, corners of radius 2 by 24 pieces each."""
     across = np.concatenate(
-        [-2.0 - 2.0 * np.sin(np.linspace(0.5 * np.pi, 0.0, 25)), np.linspace(-2.0, 2.0, 41)[1:-1],
-         2.0 + 2.0 * np.sin(np.linspace(0.0, 0.5 * np.pi, 25))]
+        [
+            -2.0 - 2.0 * np.sin(np.linspace(0.5 * np.pi, 0.0, 25)),
+            np.linspace(-2.0, 2.0, 41)[1:-1],
+            2.0 + 2.0 * np.sin(np.linspace(0.0, 0.5 * np.pi, 25)),
+        ]
     )
     over = np.maximum(np.abs(across) - 2.0, 0.0)
     low = 2.0 - np.sqrt(np.maximum(4.0 - over**2, 0.0))
@@ -293,7 +309,9 @@ def pad_mesh(path: Path, move: Move) -> None:
     x = np.tile(across, (len(up), 1))
     y = low + up[:, None] * (6.0 - low)
     number = np.arange(x.size).reshape(x.shape)
-    cells = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=2).reshape(-1, 4)
+    cells = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=2).reshape(
+        -1, 4
+    )
     lines = {
         "face": np.column_stack([number[0, :-1], number[0, 1:]]),
         "top": np.column_stack([number[-1, :-1], number[-1, 1:]]),
@@ -361,7 +379,10 @@ def bricks_hold() -> Scene:
         "stack of bricks that slides or tips",
         given,
         [Figure(f"normal {i}", lambda r, i=i: r.force(f"joint{i}")[1], (3 - i) * weight) for i in range(3)]
-        + [Figure(f"shear {i}", lambda r, i=i: -r.force(f"joint{i}")[0], 0.3 * (3 - i) * weight) for i in range(3)],
+        + [
+            Figure(f"shear {i}", lambda r, i=i: -r.force(f"joint{i}")[0], 0.3 * (3 - i) * weight)
+            for i in range(3)
+        ],
     )
 
 
@@ -391,15 +412,25 @@ def dovetail_case(friction: float) -> dict:
     """A tongue in a slot whose flanks lean inward, pulled out; drawn touching."""
     run, rise = 2.0, 3.0
     tongue = [(-6.0, 0.0), (6.0, 0.0), (4.0, 3.0), (4.0, 8.0), (-4.0, 8.0), (-4.0, 3.0)]
-    slot = [(-15.0, -8.0), (15.0, -8.0), (15.0, 3.0), (4.0, 3.0), (6.0 + run / rise, -1.0), (-6.0 - run / rise, -1.0),
-            (-4.0, 3.0), (-15.0, 3.0)]
+    slot = [
+        (-15.0, -8.0),
+        (15.0, -8.0),
+        (15.0, 3.0),
+        (4.0, 3.0),
+        (6.0 + run / rise, -1.0),
+        (-6.0 - run / rise, -1.0),
+        (-4.0, 3.0),
+        (-15.0, 3.0),
+    ]
     return case(
         "strain",
         {"steel": STEEL},
         [
             polygon("tongue", "steel", tongue, names=["foot", "flank2", "neck2", "top", "neck1", "flank1"]),
             polygon(
-                "slot", "steel", slot,
+                "slot",
+                "steel",
+                slot,
                 names=["bottom", "right", "top2", "flank2", "floor", "flank1", "top1", "left"],
             ),
         ],

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.scenes.bending import STEEL, write_mesh
+from benchmarks.scenes.bending import write_mesh
 from benchmarks.scenes.halfplane import rough_contact
 from benchmarks.scenes.scene import Array, Figure, Move, Scene, box, case, held, platen, probe, scene, solid
 from benchmarks.scenes.scene import body as make_body
@@ -24,7 +24,11 @@ def polyline_case(profile: Array, wide: float, deep: float, force: float) -> dic
         [box("block", "alloy", (0.0, wide), (-deep, 0.0))],
         support=[held("block.bottom", "uy"), held("block.left", "ux"), held("block.right", "ux")],
         contact=[
-            {"name": "face", "slave": "block.top", "obstacle": {"kind": "polyline", "points": profile.tolist()}}
+            {
+                "name": "face",
+                "slave": "block.top",
+                "obstacle": {"kind": "polyline", "points": profile.tolist()},
+            }
         ],
         load=[{"name": "press", "kind": "obstacle", "obstacle": "face", "fy": -force}],
     )
@@ -86,7 +90,9 @@ def wavy_mesh(path: Path, move: Move) -> None:
     t = np.linspace(0.0, 1.0, 13) ** 1.5
     y = low + t[:, None] * (4.0 - low)
     number = np.arange(y.size).reshape(y.shape)
-    cells = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=2).reshape(-1, 4)
+    cells = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=2).reshape(
+        -1, 4
+    )
     lines = {
         "wavy": np.column_stack([number[0, :-1], number[0, 1:]]),
         "right": np.column_stack([number[:-1, -1], number[1:, -1]]),
@@ -109,7 +115,10 @@ def wavy_elastic() -> Scene:
             make_body("wavy", "alloy", "mesh", file="wavy.msh", use="outline"),
             box("block", "alloy", (0.0, 8.0), (-4.0, 0.0)),
         ],
-        support=[held("block.bottom", "uy"), *(held(f"{b}.{s}", "ux") for b in ("block", "wavy") for s in ("left", "right"))],
+        support=[
+            held("block.bottom", "uy"),
+            *(held(f"{b}.{s}", "ux") for b in ("block", "wavy") for s in ("left", "right")),
+        ],
         contact=[{"name": "face", "slave": "wavy.wavy", "master": "block.top"}],
         load=[platen("press", "wavy.top", fy=-mean * 8.0)],
     )
@@ -168,7 +177,11 @@ def rough_heavy() -> Scene:
 @scene
 def profile_table() -> Scene:
     """A body's side from a table of heights, without a mesh of the user's own."""
-    return Scene("profile_table", "wavy and rough profiles", missing="body.shape.kind = \"profile\" (spline, table of heights)")
+    return Scene(
+        "profile_table",
+        "wavy and rough profiles",
+        missing='body.shape.kind = "profile" (spline, table of heights)',
+    )
 
 
 @scene
@@ -176,11 +189,14 @@ def step_probe() -> Scene:
     """A single rigid wave of a probe over a strip, between walls: a whole wave, one patch."""
     height, mean = 0.003, 30.0
     peak, _ = westergaard(height, mean)
-    given = polyline_case(wave(1, height, 80) , 1.0, 2.0, mean)
+    given = polyline_case(wave(1, height, 80), 1.0, 2.0, mean)
     given["probe"] = [probe("deep", "block", 0.5, -1.5)]
     return Scene(
         "step_probe",
         "wavy and rough profiles",
         given,
-        [Figure("force", lambda r: abs(r.force("face")[1]), mean), Figure("peak", lambda r: r.peak("face"), peak, 3.0)],
+        [
+            Figure("force", lambda r: abs(r.force("face")[1]), mean),
+            Figure("peak", lambda r: r.peak("face"), peak, 3.0),
+        ],
     )

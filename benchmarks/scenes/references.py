@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sparse
 import scipy.sparse.linalg as linalg
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
@@ -37,8 +38,9 @@ from mlsanm_cli.case.reading import load_case
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
-SOFT = 3e-10
-"""Springs that hold loose bodies, relative to their modulus over their area."""
+SOFT = 1e-6
+"""Springs that hold loose bodies where they last were, relative to their modulus over their area."""
+SETTLED, ROUNDS = 1e-6, 60
 PASSES = 200
 LEVELS = ((0.5, 0.1, 0.1), (0.4, 0.03, 0.06), (0.3, 0.02, 0.04), (0.22, 0.01, 0.026), (0.17, 0.006, 0.02))
 """Spacings of the meshes: over the thickness, at corners, and of patches over their width."""
@@ -70,7 +72,9 @@ class Patch:
 class Model:
     """All equations of a case for given zones."""
 
-    def __init__(self, given: Table, outlines: dict[str, Outline], base: float, zones: dict[str, Zones]) -> None:
+    def __init__(
+        self, given: Table, outlines: dict[str, Outline], base: float, zones: dict[str, Zones]
+    ) -> None:
         self.given = given
         self.solids: dict[str, Solid] = {}
         first = 0
@@ -78,7 +82,13 @@ class Model:
             name, outline = one["name"], outlines[one["name"]]
             spacing = base * _thickness(outline)
             made = tuple(Zone.around(tuple(map(float, at)), h, r, 0.25) for at, h, r in zones.get(name, []))
-            solid = Solid(outline, Spacing(spacing, made), given["material"][one["material"]], given["model"]["plane"], first)
+            solid = Solid(
+                outline,
+                Spacing(spacing, made),
+                given["material"][one["material"]],
+                given["model"]["plane"],
+                first,
+            )
             self.solids[name] = solid
             first += solid.size
         self.dofs = first
@@ -86,8 +96,8 @@ class Model:
         self.moves: dict[str, list[tuple[float, int | None]]] = {}
         self.load = np.zeros(first)
         self.fixed: dict[int, tuple[float, int | None, float]] = {}
-        stiffness = [s.stiffness + sparse.diags(SOFT * s.young / s.mass.sum() * s.mass) for s in self.solids.values()]
-        self.stiffness = sparse.block_diag(stiffness).tocsr()
+        self.stiffness = sparse.block_diag([s.stiffness for s in self.solids.values()]).tocsr()
+        self.soft = np.concatenate([SOFT * s.young / s.mass.sum() * s.mass for s in self.solids.values()])
         self._supports()
         self._loads()
         self.patches = [self._contact(one) for one in given.get("contact", [])]
@@ -136,7 +146,9 @@ class Model:
                     self.load += side.rows(edge, t, vectors, self.dofs).T @ (weight * traction[:, axis])
             elif kind == "body-force":
                 solid = self.solids[one["body"]]
-                self.load[solid.first : solid.first + solid.size] += solid.uniform(np.array(one["body-force"]))
+                self.load[solid.first : solid.first + solid.size] += solid.uniform(
+                    np.array(one["body-force"])
+                )
             else:
                 plates.setdefault(one.get("boundary") or "obstacle " + one["obstacle"], []).append(one)
         for where, ones in plates.items():
@@ -165,13 +177,14 @@ class Model:
             _, other = self.side(one["master"])
             there = other.curve.closest(places)
             to, outward = other.curve.points(there), other.curve.normals(there)
+            other_bend = bend(other.curve.curvature(there))
         else:
             to, outward = _obstacle(one["obstacle"], places)
+            other_bend = 1.0 / one["obstacle"]["radius"] if one["obstacle"]["kind"] == "disk" else 0.0
             moves = self.moves.get("obstacle " + one["name"], moves)
-        # The mean of both normals, out of the master.
-        normal = outward - own
+        # Of the surface that is more curved, which is where the other one touches it whatever way that turns.
+        normal = -own if bend(side.curve.curvature(s)) > other_bend else outward
         facing = (outward * own).sum(axis=1) < -0.3
-        normal /= np.maximum(np.hypot(*normal.T), 1e-9)[:, None]
         gap = ((places - to) * outward).sum(axis=1) / np.maximum((normal * outward).sum(axis=1), 0.3)
         rows = side.rows(edge, t, normal, self.dofs)
         wide = sparse.csr_matrix((len(edge), len(self.extra)))
@@ -191,24 +204,32 @@ class Model:
         size = len(vertices)
         k = np.arange(len(edge))
         test = sparse.csr_matrix(
-            (np.concatenate([weight * (1 - t), weight * t]) * np.tile(facing, 2),
-             (np.concatenate([number[edge, 0], number[edge, 1]]), np.concatenate([k, k]))),
+            (
+                np.concatenate([weight * (1 - t), weight * t]) * np.tile(facing, 2),
+                (np.concatenate([number[edge, 0], number[edge, 1]]), np.concatenate([k, k])),
+            ),
             shape=(size, len(k)),
         )
         total = np.asarray(test.sum(axis=1)).ravel()
         keep = np.flatnonzero(total > 0.0)
         test = test[keep]
         mean = (test @ gap) / total[keep]
-        reach = np.flatnonzero(mean < self.reach(one, mean))
+        reach = np.flatnonzero(mean < self.reach(mean, side.curve.length))
         test, keep = test[reach], keep[reach]
         return Patch(
-            one["name"], side, test @ sparse.hstack([rows, wide]).tocsr(), test @ gap, test @ normal,
-            total[keep], solid.mesh.p.T[vertices[keep]],
+            one["name"],
+            side,
+            test @ sparse.hstack([rows, wide]).tocsr(),
+            test @ gap,
+            test @ normal,
+            total[keep],
+            solid.mesh.p.T[vertices[keep]],
         )
 
-    def reach(self, one: Table, gaps: Array) -> float:
-        """Initial gaps beyond which nothing can touch: ten times what moves, at least the closest third."""
-        return float(np.quantile(gaps, 0.6)) if len(gaps) > 60 else float("inf")
+    @staticmethod
+    def reach(gaps: Array, long: float) -> float:
+        """Initial gaps beyond which nothing is taken to touch."""
+        return max(float(np.quantile(gaps, 0.6)), 0.02 * long) if len(gaps) > 60 else float("inf")
 
     def solve(self) -> tuple[Array, dict[str, Array]]:
         """Displacements of all dofs, and pressures of each contact's candidates."""
@@ -229,34 +250,38 @@ class Model:
         change = sparse.csr_matrix(
             (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(count, size)
         )
-        stiffness = (change.T @ self.stiffness @ change).tolil()
         young = max(s.young for s in self.solids.values())
-        for k in range(len(self.extra)):
-            stiffness[inside + k, inside + k] += SOFT * young
+        soft = change.T @ sparse.diags(self.soft) @ change
+        soft = soft + sparse.diags(np.concatenate([np.zeros(inside), np.full(len(self.extra), SOFT * young)]))
+        lu = linalg.splu((change.T @ self.stiffness @ change + soft).tocsc())
         right = change.T @ (self.load - self.stiffness @ shift)
         right[inside:] += self.extra
-        lu = linalg.splu(stiffness.tocsc())
-        start = lu.solve(right)
         both = sparse.vstack([p.rows for p in self.patches]).tocsr()
         coupling = both[:, :count] @ change
         coupling = coupling + sparse.csr_matrix(
             sparse.hstack([sparse.csr_matrix((both.shape[0], inside)), both[:, count:]])
         )
-        gap = np.concatenate([p.gap for p in self.patches]) + both[:, :count] @ shift + coupling @ start
+        drawn = np.concatenate([p.gap for p in self.patches]) + both[:, :count] @ shift
         answer = lu.solve(coupling.T.toarray())
         compliance = coupling @ answer
-        pressure = signorini(compliance, gap)
-        moved = start + answer @ pressure
+        moved, pressure = np.zeros(size), np.zeros(len(drawn))
+        # The springs pull back to where the bodies last were: in the end they pull at nothing.
+        for _ in range(ROUNDS):
+            start = lu.solve(right + soft @ moved)
+            found = signorini(compliance, drawn + coupling @ start, pressure > 0.0)
+            away = float(np.abs(found - pressure).max())
+            moved, pressure = start + answer @ found, found
+            if away <= SETTLED * np.abs(pressure).max():
+                break
         ends = np.cumsum([0, *(len(p.gap) for p in self.patches)])
         split = {p.name: pressure[a:b] for p, a, b in zip(self.patches, ends[:-1], ends[1:], strict=True)}
         return change @ moved + shift, split
 
 
-def signorini(compliance: Array, gap: Array) -> Array:
-    """Pressures p >= 0 with C p + g >= 0 and no product of both."""
-    closed = gap < 0.0
+def signorini(compliance: Array, gap: Array, closed: NDArray[np.bool_]) -> Array:
+    """Pressures p >= 0 with C p + g >= 0 and no product of both; ``closed`` is a guess."""
     if not closed.any():
-        closed = gap <= gap.min() + 1e-9 * np.ptp(gap)
+        closed = gap < 0.0
     size = np.sqrt(np.diag(compliance))
     for _ in range(PASSES):
         j = np.flatnonzero(closed)
@@ -272,6 +297,11 @@ def signorini(compliance: Array, gap: Array) -> Array:
     factor = np.linalg.cholesky(0.5 * (scaled + scaled.T) + 1e-13 * np.eye(len(gap)))
     found, _ = nnls(factor.T, -solve_triangular(factor, gap / size, lower=True), maxiter=40 * len(gap))
     return found / size
+
+
+def bend(curvature: Array) -> float:
+    """Of a surface, in the middle."""
+    return float(np.median(np.abs(curvature)))
 
 
 def _obstacle(obstacle: Table, places: Array) -> tuple[Array, Array]:
@@ -318,12 +348,18 @@ def corners(given: Table, outlines: dict[str, Outline], share: float) -> dict[st
     zones: dict[str, Zones] = {}
     busy = [one["boundary"] for key in ("support", "load") for one in given.get(key, []) if "boundary" in one]
     busy += [one[key] for one in given.get("contact", []) for key in ("slave", "master") if key in one]
+    partners: dict[str, list[str]] = {}
+    for one in given.get("contact", []):
+        if "master" in one:
+            for a, b in ((one["slave"], one["master"]), (one["master"], one["slave"])):
+                partners.setdefault(a, []).append(b.split(".")[0])
     for name, outline in outlines.items():
         fine = share * _thickness(outline)
         for side, curve in zip(outline.names, outline.curves, strict=True):
             if f"{name}.{side}" in busy and not curve.closed:
                 for at in curve.points(np.array([0.0, curve.length])):
-                    zones.setdefault(name, []).append((at, fine, 0.0))
+                    for owner in {name, *partners.get(f"{name}.{side}", [])}:
+                        zones.setdefault(owner, []).append((at, fine, 0.0))
         for loop in outline.loops:
             parts = outline.curves[loop]
             for one, after in zip(parts, (*parts[1:], parts[0]), strict=True):
@@ -343,8 +379,8 @@ def found_zones(model: Model, pressures: dict[str, Array], share: float) -> dict
             continue
         # Parts by gaps between neighbours larger than three of their own lengths.
         at = patch.places[closed]
-        order = np.lexsort((at[:, 1], at[:, 0])) if np.ptp(at[:, 0]) > np.ptp(at[:, 1]) else np.lexsort((at[:, 0], at[:, 1]))
-        at, long, press = at[order], patch.weight[closed][order], p[closed][order]
+        order = np.argsort(patch.side.curve.closest(at))
+        at, long = at[order], patch.weight[closed][order]
         breaks = np.flatnonzero(np.hypot(*np.diff(at, axis=0).T) > 2.2 * np.maximum(long[1:], long[:-1]))
         for group in np.split(np.arange(len(at)), breaks + 1):
             wide = float(long[group].sum())
@@ -356,10 +392,13 @@ def found_zones(model: Model, pressures: dict[str, Array], share: float) -> dict
                 owner = boundary.split(".")[0]
                 limit = share * 2.5 * _thickness(model.outlines[owner])  # type: ignore[attr-defined]
                 for k in group[:: max(1, len(group) // 40)]:
-                    zones.setdefault(owner, []).append((at[k], min(h, limit), max(0.75 * wide / min(len(group), 40), 1.5 * h)))
+                    zones.setdefault(owner, []).append(
+                        (at[k], min(h, limit), max(0.75 * wide / min(len(group), 40), 1.5 * h))
+                    )
                 for k in (group[0], group[-1]):
-                    zones.setdefault(owner, []).append((at[k], 0.5 * min(h, limit), h))
-        assert len(press)
+                    zones.setdefault(owner, []).extend(
+                        [(at[k], 0.5 * min(h, limit), h), (at[k], 0.1 * min(h, limit), 0.0)]
+                    )
     return zones
 
 
@@ -372,11 +411,27 @@ def figures(model: Model, moved: Array, pressures: dict[str, Array]) -> Table:
         told[f"peak {patch.name}"] = float(p.max())
     for one in model.given.get("probe", []):
         told[f"moved {one['name']}"] = model.solids[one["body"]].at(one["point"], moved).tolist()
-    return told
+    return told if "support" in model.given else floating(told)
+
+
+def floating(told: Table) -> Table:
+    """Nothing holds the bodies in common: displacements count from that of the first probe."""
+    probes = [what for what in told if what.startswith("moved ")]
+    if len(probes) < 2:
+        return told
+    rest = {what: value for what, value in told.items() if what not in probes}
+    first = np.array(told[probes[0]])
+    names = [what.split()[1] for what in probes]
+    return rest | {
+        f"apart {names[0]},{name}": (np.array(told[what]) - first).tolist()
+        for name, what in zip(names[1:], probes[1:], strict=True)
+    }
 
 
 def joined(*several: dict[str, Zones]) -> dict[str, Zones]:
-    return {name: [zone for each in several for zone in each.get(name, [])] for each in several for name in each}
+    return {
+        name: [zone for each in several for zone in each.get(name, [])] for each in several for name in each
+    }
 
 
 def reference(scene: Scene) -> Table:
@@ -396,9 +451,16 @@ def reference(scene: Scene) -> Table:
         model.outlines = outlines  # type: ignore[attr-defined]
         moved, pressures = model.solve()
         results.append(figures(model, moved, pressures))
-        print(f"  {scene.name} {level}: {model.dofs} dofs, {time.process_time() - began:.0f} s", results[-1], flush=True)
+        print(
+            f"  {scene.name} {level}: {model.dofs} dofs, {time.process_time() - began:.0f} s",
+            results[-1],
+            flush=True,
+        )
         zones = joined(corners(scene.case, outlines, edge), found_zones(model, pressures, share))
-    told = {what: {"value": value, "change": change(results[-2], results[-1], what)} for what, value in results[-1].items()}
+    told = {
+        what: {"value": value, "change": change(results[-2], results[-1], what)}
+        for what, value in results[-1].items()
+    }
     return {"figures": told, "dofs": int(model.dofs), "seconds": round(time.process_time() - began, 1)}
 
 
@@ -411,7 +473,9 @@ def change(coarse: Table, fine: Table, what: str) -> float:
 
 def main() -> None:
     """All frictionless scenes that ask for it."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", nargs="+", default=[])
     given = parser.parse_args()
     for name, make in SCENES.items():

@@ -27,7 +27,13 @@ from benchmarks.scenes.scene import SCENES
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 OUTCOMES = (
-    "right", "refused", "wrong with a warning", "silently wrong", "without a reference", "too long", "crashed",
+    "right",
+    "refused",
+    "wrong with a warning",
+    "silently wrong",
+    "without a reference",
+    "too long",
+    "crashed",
     "cannot be expressed",
 )
 
@@ -68,7 +74,9 @@ def told(verdict: Verdict) -> str:
 
 def main() -> None:
     """Run, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
     parser.add_argument("--variants", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
@@ -77,7 +85,8 @@ def main() -> None:
     parser.add_argument("--fails", type=Path, help="a folder for the cases of scenes that are not right")
     given = parser.parse_args()
     names = [
-        name for name, make in SCENES.items()
+        name
+        for name, make in SCENES.items()
         if not given.only or any(part in name or part in make().kind for part in given.only)
     ]
     kept = json.loads(given.out.read_text())["scenes"] if given.out.exists() and given.only else []
@@ -88,7 +97,9 @@ def main() -> None:
             print(told(verdict), flush=True)
             found[verdict.scene] = verdict.table()
             totals = {outcome: sum(v["outcome"] == outcome for v in found.values()) for outcome in OUTCOMES}
-            given.out.write_text(json.dumps({"totals": totals, "scenes": list(found.values())}, indent=1) + "\n")
+            given.out.write_text(
+                json.dumps({"totals": totals, "scenes": list(found.values())}, indent=1) + "\n"
+            )
     print("\n" + ", ".join(f"{count} {outcome}" for outcome, count in totals.items() if count))
 
 

@@ -19,10 +19,14 @@ LENGTH, STRESS = 1e3, 1e-6
 
 TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 MIRROR = np.array([[-1.0, 0.0], [0.0, 1.0]])
-SIDES = {"turned": dict(zip(("right", "top", "left", "bottom"), ("top", "left", "bottom", "right"), strict=True))}
+SIDES = {
+    "turned": dict(zip(("right", "top", "left", "bottom"), ("top", "left", "bottom", "right"), strict=True))
+}
 SIDES["mirrored"] = {"left": "right", "right": "left", "bottom": "bottom", "top": "top"}
 HALVES = {
-    "turned": dict(zip(("right", "upper", "left", "lower"), ("upper", "left", "lower", "right"), strict=True)),
+    "turned": dict(
+        zip(("right", "upper", "left", "lower"), ("upper", "left", "lower", "right"), strict=True)
+    ),
     "mirrored": {"left": "right", "right": "left", "upper": "upper", "lower": "lower"},
 }
 
@@ -53,12 +57,21 @@ def variants() -> list[Variant]:
     ]
 
 
-def halved(given: Table, spacings: dict[str, float]) -> Variant:
-    """Half of the spacing of every body, which its first run had."""
+def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) -> Variant:
+    """Half of the spacing that every body had in its first run, and of finer ones along its contacts."""
     made = copy.deepcopy(given)
+    sides = {one[key] for one in made.get("contact", []) for key in ("slave", "master") if key in one}
     for one in made["body"]:
-        if not _file(one):
-            one["spacing"] = 0.5 * spacings[one["name"]]
+        if _file(one):
+            continue
+        name = one["name"]
+        far, along = spacings[name]
+        one["spacing"] = 0.5 * far
+        one["refine"] = [
+            {"along": side, "spacing": 0.5 * h, "radius": 0.0, "growth": 0.3}
+            for side, h in along.items()
+            if f"{name}.{side}" in sides and h < 0.5 * far
+        ]
     return Variant("halved", lambda _: made, np.eye(2))
 
 
