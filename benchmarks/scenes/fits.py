@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -348,7 +349,7 @@ def eye_mesh(path: Path, move: Move) -> None:
         places.append(np.column_stack([x0 + step * (start + 30.0 - x0), y]))
         columns.append(np.arange(last, last + shank_n + 1))
         last += shank_n + 1
-    for a, b in zip(columns[:-1], columns[1:], strict=True):
+    for a, b in itertools.pairwise(columns):
         cells += [[a[j], b[j], b[j + 1], a[j + 1]] for j in range(shank_n)]
     bore = number[0]
     lines = {
@@ -519,7 +520,7 @@ def wheel_whole() -> Scene:
 @scene
 def gear_flanks() -> Scene:
     """Two involute flanks that touch on the line of action: curves from points."""
-    # An involute flank near its pitch point, of either gear: curvature radius r sin(20 degrees) at the pitch point.
+    # Of either involute at its pitch point: r sin(20 degrees).
     radius = 30.0 * float(np.sin(np.radians(20.0)))
     given = case(
         "strain",

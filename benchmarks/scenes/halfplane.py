@@ -1,4 +1,4 @@
-"""A rough rigid profile on a half-plane, periodic and even: Fourier compliance and a primal-dual active set."""
+"""A rough rigid profile on a half-plane, periodic and even: Fourier compliance, primal-dual active set."""
 
 from __future__ import annotations
 

@@ -264,7 +264,7 @@ PAD = [(-4.0, 0.0), (4.0, 0.0), (4.0, 6.0), (-4.0, 6.0)]
 
 @scene
 def fretting_pad() -> Scene:
-    """Flat pad with rounded corners, as polygon: contact over face and arcs is one surface of three pieces."""
+    """Flat pad with rounded corners as a polygon: its face and arcs are one surface of three pieces."""
     return Scene(
         "fretting_pad",
         "fretting pad with rounded corners",

@@ -17,7 +17,6 @@ PLANE = YOUNG / (1.0 - POISSON**2)
 
 def polyline_case(profile: Array, wide: float, deep: float, force: float) -> dict:
     """A rigid profile (n, 2), pressed on a block between smooth walls."""
-    # The obstacle lies above: it is on the left of a way to the left... of one to the right it is on the left too.
     return case(
         "strain",
         {"alloy": solid(YOUNG, POISSON)},
@@ -51,7 +50,7 @@ def westergaard(height: float, mean: float) -> tuple[float, float]:
 def wavy_rigid() -> Scene:
     """Ten waves of a rigid profile by a polyline of 401 points; Westergaard."""
     height, mean, count = 0.002, 20.0, 10
-    peak, half = westergaard(height, mean)
+    peak, _half = westergaard(height, mean)
     given = polyline_case(wave(count, height, 40), float(count), 5.0, mean * count)
     return Scene(
         "wavy_rigid",
@@ -69,7 +68,7 @@ def wavy_rigid() -> Scene:
 def wavy_rigid_40() -> Scene:
     """Forty waves."""
     height, mean, count = 0.002, 20.0, 40
-    peak, half = westergaard(height, mean)
+    peak, _half = westergaard(height, mean)
     given = polyline_case(wave(count, height, 40), float(count), 20.0, mean * count)
     return Scene(
         "wavy_rigid_40",

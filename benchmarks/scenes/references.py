@@ -26,6 +26,8 @@ from scipy.optimize import nnls
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+import itertools
+
 import tomli_w
 
 from benchmarks.scenes import bending, fits, layers, profiles  # noqa: F401  (they register their scenes)
@@ -318,7 +320,7 @@ def _obstacle(obstacle: Table, places: Array) -> tuple[Array, Array]:
     points = np.array(obstacle["points"], float)
     best = np.full(len(places), np.inf)
     to, out = np.zeros_like(places), np.zeros_like(places)
-    for a, b in zip(points[:-1], points[1:], strict=True):
+    for a, b in itertools.pairwise(points):
         way = b - a
         t = np.clip((places - a) @ way / (way @ way), 0.0, 1.0)
         near = a + t[:, None] * way

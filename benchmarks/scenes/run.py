@@ -5,7 +5,8 @@
 A scene is right, refused (with its message), wrong with a warning or silently wrong: figures within the
 limits of statics, closed formulas or finite elements (reference.json, by elements.py). ``--variants`` runs
 what came through again, with half of the spacing, other seeds, slave and master swapped, turned by 90
-degrees, mirrored, in other units. NAME is a part of a scene's or class's name. Writes scenes.json (``--out``).
+degrees, mirrored, in other units. NAME is a part of a scene's or class's name. Writes scenes.json
+(``--out``).
 """
 
 from __future__ import annotations
