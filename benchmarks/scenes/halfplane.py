@@ -19,7 +19,7 @@ class Rough:
     pressure: Array
 
 
-def rough_contact(profile: Array, modulus: float, mean: float, points: int = 2400) -> Rough:
+def rough_contact(profile: Array, modulus: float, mean: float, points: int = 1200) -> Rough:
     """Contact of the profile (n, 2), mirrored at both ends, on a half-plane of plane modulus E/(1-nu²).
 
     The half-plane answers a pressure cos(k x) by a surface displacement 2 cos(k x) / (modulus k).

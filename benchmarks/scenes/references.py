@@ -42,7 +42,7 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 SOFT = 1e-6
 """Springs that hold loose bodies where they last were, relative to their modulus over their area."""
-SETTLED, ROUNDS = 1e-6, 60
+SETTLED, ROUNDS = 1e-4, 60
 PASSES = 200
 LEVELS = ((0.5, 0.1, 0.1), (0.4, 0.03, 0.06), (0.3, 0.02, 0.04), (0.22, 0.01, 0.026), (0.17, 0.006, 0.02))
 """Spacings of the meshes: over the thickness, at corners, and of patches over their width."""
@@ -101,7 +101,7 @@ class Model:
         self.stiffness = sparse.block_diag([s.stiffness for s in self.solids.values()]).tocsr()
         self.soft = np.concatenate([SOFT * s.young / s.mass.sum() * s.mass for s in self.solids.values()])
         self._supports()
-        self._loads()
+        self._loads(outlines)
         self.patches = [self._contact(one) for one in given.get("contact", [])]
 
     def side(self, boundary: str) -> tuple[Solid, Side]:
@@ -130,7 +130,7 @@ class Model:
                 for axis in axes:
                     self.fixed[int(solid.basis.nodal_dofs[axis, node]) + solid.first] = (0.0, None, 0.0)
 
-    def _loads(self) -> None:
+    def _loads(self, outlines: dict[str, Outline]) -> None:
         plates: dict[str, list[Table]] = {}
         for one in self.given.get("load", []):
             kind = one["kind"]
@@ -332,17 +332,19 @@ def _obstacle(obstacle: Table, places: Array) -> tuple[Array, Array]:
     return to, out
 
 
-def _thickness(outline: Outline) -> float:
-    """Twice the area over the perimeter, from points of the outline."""
-    area, long = 0.0, 0.0
+def _area(outline: Outline) -> float:
+    """From points of the outline, its arcs by 4000 chords."""
+    area = 0.0
     for curve in outline.curves:
-        s = np.linspace(0.0, curve.length, 401)
-        p = curve.points(s)
-        d = np.diff(p, axis=0)
-        m = 0.5 * (p[1:] + p[:-1])
+        p = curve.points(np.linspace(0.0, curve.length, 4001))
+        m, d = 0.5 * (p[1:] + p[:-1]), np.diff(p, axis=0)
         area += 0.5 * float((m[:, 0] * d[:, 1] - m[:, 1] * d[:, 0]).sum())
-        long += curve.length
-    return 2.0 * area / long
+    return area
+
+
+def _thickness(outline: Outline) -> float:
+    """Twice the area over the perimeter."""
+    return 2.0 * _area(outline) / sum(curve.length for curve in outline.curves)
 
 
 def corners(given: Table, outlines: dict[str, Outline], share: float) -> dict[str, Zones]:

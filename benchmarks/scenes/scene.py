@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -115,8 +116,8 @@ SCENES: dict[str, Callable[[], Scene]] = {}
 
 
 def scene(make: Callable[[], Scene]) -> Callable[[], Scene]:
-    """Registers a function that makes a scene of its own name."""
-    SCENES[make.__name__] = make
+    """Registers a function that makes a scene of its own name; it is made once."""
+    SCENES[make.__name__] = cache(make)
     return make
 
 

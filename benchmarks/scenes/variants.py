@@ -33,7 +33,7 @@ HALVES = {
 
 @dataclass(frozen=True)
 class Variant:
-    """``change`` makes its case of the scene's, ``matrix`` (2, 2) turns places; ``length``, ``stress``: units."""
+    """``change`` makes its case of the scene's, ``matrix`` (2, 2) turns places, the others scale units."""
 
     name: str
     change: Callable[[Table], Table]
