@@ -386,7 +386,7 @@ def heated_bar_stop() -> Scene:
         "stress",
         {"alloy": solid(E, 0.33, alpha=alpha)},
         [box("bar", "alloy", (0.0, length), (-3.0, 3.0))],
-        support=[held("bar.left", "ux"), pinned("bar", (0.0, 0.0), "uy")],
+        support=[held("bar.left", "ux"), pinned("bar", (0.0, -3.0), "uy")],
         contact=[on_plane("stop", "bar.right", (length + gap, 0.0), (-1.0, 0.0))],
         load=[{"name": "heat", "kind": "temperature", "body": "bar", "temperature": rise}],
         probe=[probe("mid", "bar", 50.0, 0.0)],

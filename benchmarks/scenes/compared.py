@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 import h5py
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks.scenes.judge import Ran, run_case
+from benchmarks.scenes.judge import Ran, known, run_case
 from benchmarks.scenes.scene import FORCE, PEAK, PLACE, Array, Scene, Table
 from benchmarks.scenes.variants import Variant, halved, variants
 
@@ -29,7 +30,7 @@ def through_variants(scene: Scene, base: Ran, folder: Path) -> list[Table]:
         if variant.change(scene.case) == scene.case:  # the halves of meshes whose nodes are taken
             continue
         ran = run_case(scene, variant.change(scene.case), folder / variant.name, variant.move())
-        found.append(_line(variant, base, ran))
+        found.append(_line(scene, variant, base, ran))
     return found
 
 
@@ -49,15 +50,18 @@ def spacings(ran: Ran) -> dict[str, tuple[float, dict[str, float]]]:
     return told
 
 
-def _line(variant: Variant, base: Ran, ran: Ran) -> Table:
+def _line(scene: Scene, variant: Variant, base: Ran, ran: Ran) -> Table:
     if ran.code:
         text = f"refused: {ran.message[:300]}"
         return {"variant": variant.name, "agrees": False, "text": text}
-    force = difference(vectors(base, "contacts", "force"), vectors(ran, "contacts", "force", variant))
+    pressed = max((base.result.pressed(name) for name in base.summary.get("contacts") or {}), default=0.0)
+    force = difference(
+        vectors(base, "contacts", "force"), vectors(ran, "contacts", "force", variant), least=pressed
+    )
     place = difference(
         vectors(base, "probes", "displacement"), vectors(ran, "probes", "displacement", variant)
     )
-    peak = peaks(base, ran, variant)
+    peak = peaks(base, ran, variant, without=unbounded(scene.name))
     agrees = force <= FORCE and place <= PLACE and peak <= PEAK
     text = f"force {force:.2f} %, peak {peak:.2f} %, displacement {place:.2f} %"
     if variant.name == "halved":
@@ -88,9 +92,16 @@ def vectors(ran: Ran, table: str, key: str, variant: Variant | None = None) -> d
     return found
 
 
-def difference(base: dict[str, Array], other: dict[str, Array]) -> float:
-    """Largest in percent."""
+def unbounded(name: str) -> set[str]:
+    """Contacts whose peaks finite elements do not agree upon: pressures without a bound at corners."""
+    figures = known().get(name, {}).get("figures", {})
+    return {what[5:] for what, one in figures.items() if what[:5] == "peak " and one["change"] > PEAK / 3.0}
+
+
+def difference(base: dict[str, Array], other: dict[str, Array], least: float = 0.0) -> float:
+    """Largest in percent; of forces that cancel around a body, of the pressure's integral ``least``."""
     largest = max((float(np.hypot(*one)) for one in base.values()), default=0.0)
+    largest = max(largest, least)
     if not largest:
         return 0.0
     worst = 0.0
@@ -102,13 +113,13 @@ def difference(base: dict[str, Array], other: dict[str, Array]) -> float:
     return worst
 
 
-def peaks(base: Ran, ran: Ran, variant: Variant) -> float:
+def peaks(base: Ran, ran: Ran, variant: Variant, without: Collection[str] = ()) -> float:
     """Largest difference of peak pressures in percent."""
     found = [
         100.0
         * abs(ran.summary["contacts"][name]["peak_pressure"] / variant.stress / one["peak_pressure"] - 1.0)
         for name, one in (base.summary.get("contacts") or {}).items()
-        if one["peak_pressure"]
+        if one["peak_pressure"] and name not in without
     ]
     return max(found, default=0.0)
 
