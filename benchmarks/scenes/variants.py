@@ -62,7 +62,7 @@ def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) ->
     made = copy.deepcopy(given)
     sides = {one[key] for one in made.get("contact", []) for key in ("slave", "master") if key in one}
     for one in made["body"]:
-        if _file(one):
+        if brings_nodes(one):
             continue
         name = one["name"]
         far, along = spacings[name]
@@ -75,14 +75,15 @@ def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) ->
     return Variant("halved", lambda _: made, np.eye(2))
 
 
-def _file(one: Table) -> bool:
+def brings_nodes(one: Table) -> bool:
+    """Whether a body's nodes are those of its file."""
     return one["shape"]["kind"] in ("mesh", "points") and one["shape"].get("use", "nodes") == "nodes"
 
 
 def _seeded(given: Table) -> Table:
     made = copy.deepcopy(given)
     for number, one in enumerate(made["body"]):
-        if not _file(one):
+        if not brings_nodes(one):
             one["seed"] = 11 + number
     return made
 
