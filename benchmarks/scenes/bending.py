@@ -1,0 +1,404 @@
+"""Scenes of bodies that bend: rings, frames, cantilevers, hooks, plates on posts and pins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+
+from benchmarks.scenes.scene import (
+    FORCE,
+    Figure,
+    Move,
+    Scene,
+    box,
+    case,
+    held,
+    on_disk,
+    on_plane,
+    pair,
+    pinned,
+    platen,
+    polygon,
+    pressed,
+    probe,
+    pushed,
+    scene,
+    solid,
+    weighed,
+)
+from benchmarks.scenes.scene import body as make_body
+
+STEEL, ALLOY, NYLON, RUBBER = (
+    solid(210e3, 0.3),
+    solid(71e3, 0.33),
+    solid(2.8e3, 0.38),
+    solid(900.0, 0.4),
+)
+
+
+@scene
+def ring_plates() -> Scene:
+    """Radius over thickness 20, squeezed by rigid plates; nothing else holds it."""
+    given = case(
+        "strain",
+        {"alloy": ALLOY},
+        [make_body("ring", "alloy", "annulus", center=[0.0, 0.0], radii=[29.25, 30.75])],
+        contact=[
+            on_plane("lower", "ring.outer", (0.0, -30.75), (0.0, 1.0)),
+            on_plane("upper", "ring.outer", (0.0, 30.75), (0.0, -1.0)),
+        ],
+        load=[pushed("press", "upper", uy=-0.9)],
+        probe=[probe("side", "ring", 30.75, 0.0)],
+    )
+    return Scene("ring_plates", "thin ring between plates", given, elements=True)
+
+
+@scene
+def ring_blocks() -> Scene:
+    """The same ring between elastic blocks, by force: what each block hands on is the load."""
+    given = case(
+        "strain",
+        {"alloy": ALLOY, "steel": STEEL},
+        [
+            make_body("ring", "alloy", "annulus", center=[0.0, 0.0], radii=[29.25, 30.75]),
+            box("lower", "steel", (-10.0, 10.0), (-40.75, -30.75)),
+            box("upper", "steel", (-10.0, 10.0), (30.75, 40.75)),
+        ],
+        support=[held("lower.bottom")],
+        contact=[pair("foot", "ring.outer", "lower.top"), pair("head", "ring.outer", "upper.bottom")],
+        load=[platen("press", "upper.top", fy=-8.0)],
+        probe=[probe("side", "ring", 30.75, 0.0)],
+    )
+    return Scene(
+        "ring_blocks",
+        "thin ring between plates",
+        given,
+        [
+            Figure("foot", lambda r: r.force("foot")[1], 8.0),
+            Figure("head", lambda r: r.force("head")[1], -8.0),
+        ],
+        elements=True,
+    )
+
+
+@scene
+def ring_turned_plates() -> Scene:
+    """Plates at 17 degrees: no symmetry about an axis of the drawing."""
+    c, s = float(np.cos(np.radians(73.0))), float(np.sin(np.radians(73.0)))
+    given = case(
+        "strain",
+        {"alloy": ALLOY},
+        [make_body("ring", "alloy", "annulus", center=[0.0, 0.0], radii=[29.25, 30.75])],
+        contact=[
+            on_plane("lower", "ring.outer", (-30.75 * c, -30.75 * s), (c, s)),
+            on_plane("upper", "ring.outer", (30.75 * c, 30.75 * s), (-c, -s)),
+        ],
+        load=[pushed("press", "upper", ux=-0.9 * c, uy=-0.9 * s)],
+    )
+    return Scene("ring_turned_plates", "thin ring between plates", given, elements=True)
+
+
+def frame_mesh(path: Path, move: Move) -> None:
+    """A closed frame of 40 x 30, 3 thick, of quads of 0.75."""
+    wide, high, thick = 40.0, 30.0, 3.0
+    nx, ny = 53, 40
+    x, y = np.linspace(0.0, wide, nx + 1), np.linspace(0.0, high, ny + 1)
+    x[np.argmin(np.abs(x - thick))], x[np.argmin(np.abs(x - wide + thick))] = thick, wide - thick
+    cells, lines, used = [], {"bottom": [], "top": []}, {}
+
+    def node(i: int, j: int) -> int:
+        return used.setdefault((i, j), len(used))
+
+    for i in range(nx):
+        for j in range(ny):
+            mid = 0.5 * (x[i] + x[i + 1]), 0.5 * (y[j] + y[j + 1])
+            hollow = thick < mid[0] < wide - thick and thick < mid[1] < high - thick
+            if not hollow:
+                cells.append([node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)])
+    for i in range(nx):
+        lines["bottom"].append([node(i, 0), node(i + 1, 0)])
+        lines["top"].append([node(i, ny), node(i + 1, ny)])
+    places = np.array([[x[i], y[j]] for i, j in used])
+    write_mesh(path, move(places), np.array(cells), {name: np.array(each) for name, each in lines.items()})
+
+
+def write_mesh(path: Path, places: np.ndarray, cells: np.ndarray, lines: dict[str, np.ndarray]) -> None:
+    """Gmsh's format 2.2, with a physical group for every set of lines."""
+    kind = "quad" if cells.shape[1] == 4 else "triangle"
+    blocks = [(kind, cells), *(("line", each) for each in lines.values())]
+    tags = [np.full(len(each), number) for number, (_, each) in enumerate(blocks, 1)]
+    meshio.write(
+        path,
+        meshio.Mesh(
+            np.column_stack([places, np.zeros(len(places))]),
+            blocks,
+            cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+            field_data={name: np.array([number, 1]) for number, name in enumerate(lines, 2)},
+        ),
+        file_format="gmsh22",
+        binary=False,
+    )
+
+
+@scene
+def closed_frame() -> Scene:
+    """A closed frame from a mesh, clamped below, pressed by a rigid roller off its middle."""
+    given = case(
+        "stress",
+        {"steel": STEEL},
+        [make_body("frame", "steel", "mesh", file="frame.msh")],
+        support=[held("frame.bottom")],
+        contact=[on_disk("roller", "frame.top", (16.0, 36.0), 6.0)],
+        load=[pushed("press", "roller", uy=-0.2)],
+        probe=[probe("corner", "frame", 40.0, 30.0)],
+    )
+    return Scene("closed_frame", "clamped frame", given, files={"frame.msh": frame_mesh}, elements=True)
+
+
+C_FRAME = [
+    (0.0, 0.0),
+    (30.0, 0.0),
+    (30.0, 6.0),
+    (6.0, 6.0),
+    (6.0, 30.0),
+    (30.0, 30.0),
+    (30.0, 36.0),
+    (0.0, 36.0),
+]
+
+
+@scene
+def c_frame() -> Scene:
+    """A C-frame with filleted corners, held at its back, opened by a rigid roller in its mouth."""
+    names = ["bottom", "tip", "lower", "back", "upper", "tip2", "top", "rear"]
+    given = case(
+        "stress",
+        {"steel": STEEL},
+        [polygon("frame", "steel", C_FRAME, names=names, rounding=[0.0, 0.0, 0.0, 2.0, 2.0, 0.0, 0.0, 0.0])],
+        support=[held("frame.bottom")],
+        contact=[on_disk("roller", "frame.upper", (25.0, 25.0), 5.0)],
+        load=[pushed("open", "roller", uy=0.3)],
+        probe=[probe("tip", "frame", 30.0, 36.0)],
+    )
+    return Scene("c_frame", "clamped frame", given, elements=True)
+
+
+PORTAL = [
+    (0.0, 0.0),
+    (4.0, 0.0),
+    (4.0, 36.0),
+    (46.0, 36.0),
+    (46.0, 0.0),
+    (50.0, 0.0),
+    (50.0, 40.0),
+    (0.0, 40.0),
+]
+
+
+def portal_case(rounding: float) -> dict:
+    names = ["foot1", "inside1", "under", "inside2", "foot2", "right", "top", "left"]
+    corners = [0.0, 0.0, rounding, rounding, 0.0, 0.0, 0.0, 0.0]
+    return case(
+        "stress",
+        {"steel": STEEL},
+        [polygon("portal", "steel", PORTAL, names=names, rounding=corners)],
+        support=[held("portal.foot1"), held("portal.foot2")],
+        contact=[on_disk("roller", "portal.top", (18.0, 48.0), 8.0)],
+        load=[pushed("press", "roller", uy=-0.25)],
+        probe=[probe("corner", "portal", 50.0, 40.0)],
+    )
+
+
+@scene
+def portal() -> Scene:
+    """Two clamped posts and a beam with fillets under a rigid roller off the middle."""
+    return Scene("portal", "portal frame", portal_case(2.0), elements=True)
+
+
+@scene
+def portal_sharp() -> Scene:
+    """The same with sharp inner corners."""
+    return Scene("portal_sharp", "portal frame", portal_case(0.0), elements=True)
+
+
+@scene
+def late_cantilever() -> Scene:
+    """The tip comes to rest on a round elastic stop at about half of the load."""
+    given = case(
+        "stress",
+        {"nylon": NYLON, "steel": STEEL},
+        [
+            box("beam", "nylon", (0.0, 40.0), (0.0, 3.0)),
+            make_body("stop", "steel", "half-disk", center=[37.0, -8.5], radius=6.0, side="upper"),
+        ],
+        support=[held("beam.left"), held("stop.flat")],
+        contact=[pair("rest", "beam.bottom", "stop.arc")],
+        load=[pressed("push", "beam.top", 0.1)],
+        probe=[probe("tip", "beam", 40.0, 1.5)],
+    )
+    return Scene("late_cantilever", "late contact of a cantilever", given, elements=True)
+
+
+@scene
+def late_cantilever_rigid() -> Scene:
+    """The same over a rigid disk."""
+    given = case(
+        "stress",
+        {"nylon": NYLON},
+        [box("beam", "nylon", (0.0, 40.0), (0.0, 3.0))],
+        support=[held("beam.left")],
+        contact=[on_disk("rest", "beam.bottom", (37.0, -8.5), 6.0)],
+        load=[pressed("push", "beam.top", 0.1)],
+        probe=[probe("tip", "beam", 40.0, 1.5)],
+    )
+    return Scene("late_cantilever_rigid", "late contact of a cantilever", given, elements=True)
+
+
+HOOK = [(0.0, 0.0), (20.0, 0.0), (22.0, -1.5), (25.0, -1.5), (26.5, 0.0), (26.5, 1.6), (0.0, 1.6)]
+
+
+def hook_case(friction: float) -> dict:
+    names = ["under", "ramp", "nose", "back", "tip", "top", "root"]
+    rounding = [0.0, 0.5, 0.4, 0.4, 0.0, 0.0, 0.0]
+    return case(
+        "stress",
+        {"nylon": NYLON},
+        [polygon("hook", "nylon", HOOK, names=names, rounding=rounding)],
+        support=[held("hook.root")],
+        contact=[on_disk("cam", "hook.nose", (23.5, -5.5), 4.0, friction)],
+        load=[pushed("lift", "cam", uy=1.0)],
+        probe=[probe("tip", "hook", 26.5, 1.6)],
+    )
+
+
+@scene
+def snap_hook() -> Scene:
+    """A thin hook lifted by a cam below its nose, frictionless."""
+    return Scene("snap_hook", "snap hook on a cam", hook_case(0.0), elements=True)
+
+
+@scene
+def snap_hook_friction() -> Scene:
+    """A thin hook lifted by a cam with friction, that then moves on."""
+    given = hook_case(0.2)
+    given["load"][0] = pushed("lift", "cam", uy=1.0, ux=0.0)
+    given["load"].append(pushed("slide", "cam", uy=0.0, ux=0.3))
+    given["stage"] = [{"lift": 1.0}, {"slide": 1.0}]
+    return Scene("snap_hook_friction", "snap hook on a cam", given)
+
+
+@scene
+def beam_two_posts() -> Scene:
+    """A beam that lies on two posts of another material, pressed from above."""
+    given = case(
+        "stress",
+        {"steel": STEEL, "alloy": ALLOY},
+        [
+            box("beam", "steel", (0.0, 80.0), (20.0, 26.0)),
+            box("post1", "alloy", (5.0, 15.0), (0.0, 20.0)),
+            box("post2", "alloy", (60.0, 70.0), (0.0, 20.0)),
+        ],
+        support=[held("post1.bottom"), held("post2.bottom")],
+        contact=[pair("left", "post1.top", "beam.bottom"), pair("right", "post2.top", "beam.bottom")],
+        load=[pressed("push", "beam.top", 1.0)],
+        probe=[probe("mid", "beam", 37.5, 20.0), probe("end", "beam", 80.0, 20.0)],
+    )
+    return Scene(
+        "beam_two_posts",
+        "beam on two posts",
+        given,
+        [Figure("both", lambda r: abs(r.force("left")[1] + r.force("right")[1]), 80.0)],
+        elements=True,
+    )
+
+
+@scene
+def plate_rigid_pins() -> Scene:
+    """A plate under pressure on two rigid pins."""
+    given = case(
+        "strain",
+        {"cast": solid(110e3, 0.25)},
+        [box("plate", "cast", (-20.0, 20.0), (0.0, 8.0))],
+        contact=[
+            on_disk("left", "plate.bottom", (-14.0, -5.0), 5.0),
+            on_disk("right", "plate.bottom", (16.0, -5.0), 5.0),
+        ],
+        load=[pressed("push", "plate.top", 50.0)],
+        probe=[probe("mid", "plate", 0.0, 0.0)],
+    )
+    return Scene(
+        "plate_rigid_pins",
+        "plate on two pins",
+        given,
+        [
+            Figure("left", lambda r: r.force("left")[1], 2000.0 * 16.0 / 30.0),
+            Figure("right", lambda r: r.force("right")[1], 2000.0 * 14.0 / 30.0),
+        ],
+        elements=True,
+    )
+
+
+@scene
+def plate_weight_pins() -> Scene:
+    """A plate of its own weight on two elastic pins."""
+    given = case(
+        "strain",
+        {"cast": solid(110e3, 0.25), "steel": STEEL},
+        [
+            box("plate", "cast", (-20.0, 20.0), (0.0, 8.0)),
+            make_body("pin1", "steel", "half-disk", center=[-14.0, -5.0], radius=5.0, side="upper"),
+            make_body("pin2", "steel", "half-disk", center=[16.0, -5.0], radius=5.0, side="upper"),
+        ],
+        support=[held("pin1.flat"), held("pin2.flat")],
+        contact=[pair("left", "pin1.arc", "plate.bottom"), pair("right", "pin2.arc", "plate.bottom")],
+        load=[weighed("weight", "plate", 0.0, -6.25)],
+        probe=[probe("mid", "plate", 0.0, 0.0)],
+    )
+    return Scene(
+        "plate_weight_pins",
+        "plate on two pins",
+        given,
+        [
+            Figure("left", lambda r: abs(r.force("left")[1]), 2000.0 * 16.0 / 30.0),
+            Figure("right", lambda r: abs(r.force("right")[1]), 2000.0 * 14.0 / 30.0),
+        ],
+        elements=True,
+    )
+
+
+@scene
+def bimetal_stop() -> Scene:
+    """Two layers of different expansion, one clamped end, the other against a stop."""
+    return Scene(
+        "bimetal_stop",
+        "bimetal against a stop",
+        missing="contact.NAME.bonded (or body.regions with materials)",
+    )
+
+
+@scene
+def heated_bar_stop() -> Scene:
+    """What can be written of it: a bar that grows by heat until it meets a wall; plane stress, 1D formula."""
+    E, alpha, rise, length, gap = 71e3, 23e-6, 60.0, 100.0, 0.05
+    given = case(
+        "stress",
+        {"alloy": solid(E, 0.33, alpha=alpha)},
+        [box("bar", "alloy", (0.0, length), (-3.0, 3.0))],
+        support=[held("bar.left", "ux"), pinned("bar", (0.0, -3.0), "uy")],
+        contact=[on_plane("stop", "bar.right", (length + gap, 0.0), (-1.0, 0.0))],
+        load=[{"name": "heat", "kind": "temperature", "body": "bar", "temperature": rise}],
+        probe=[probe("mid", "bar", 50.0, 0.0)],
+    )
+    stress = E * (alpha * rise - gap / length)
+    return Scene(
+        "heated_bar_stop",
+        "bimetal against a stop",
+        given,
+        [
+            Figure("force", lambda r: abs(r.force("stop")[0]), stress * 6.0, FORCE),
+            Figure("peak", lambda r: r.peak("stop"), stress, 3.0),
+            Figure("mid", lambda r: r.moved("mid")[0], 0.5 * gap, 1.0),
+        ],
+    )

@@ -1,0 +1,145 @@
+"""Quadratic triangles of a case's bodies, as a reference: scikit-fem's stiffness, our clouds as vertices.
+
+Only outlines and places of vertices are shared with mlsanm; stiffness, loads and contact are not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+from skfem import Basis, ElementTriP2, ElementVector, LinearForm, MeshTri
+from skfem.models.elasticity import linear_elasticity
+
+from benchmarks.scenes.scene import Array, Table
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.spacing import Spacing
+
+POINTS, SHARES = np.polynomial.legendre.leggauss(4)
+POINTS, SHARES = 0.5 + 0.5 * POINTS, 0.5 * SHARES
+NAMES = {
+    name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "hypot", "pi", "log", "atan2")
+}
+NAMES |= {"abs": abs, "min": min, "max": max}
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Side:
+    """A boundary: its curve, and per edge the vertices (e, 2), arc lengths (e, 2) and dofs (e, 3, 2)."""
+
+    curve: Curve
+    ends: Ints
+    arc: Array
+    dofs: Ints
+
+    def shapes(self, t: Array) -> Array:
+        """Quadratic shape functions (n, 3) of start, end and middle at ``t`` (n,) of an edge."""
+        return np.stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)], axis=1)
+
+    def at(self, s: Array) -> tuple[Ints, Array]:
+        """Edges and places in them of arc lengths."""
+        edge = np.clip(np.searchsorted(self.arc[:, 0], s, side="right") - 1, 0, len(self.arc) - 1)
+        t = (s - self.arc[edge, 0]) / (self.arc[edge, 1] - self.arc[edge, 0])
+        return edge, np.clip(t, 0.0, 1.0)
+
+    def rows(self, edge: Ints, t: Array, vectors: Array, size: int) -> sparse.csr_matrix:
+        """Displacement along ``vectors`` (n, 2) at places of edges, as a matrix on all dofs."""
+        values = self.shapes(t)[:, :, None] * vectors[:, None, :]
+        rows = np.repeat(np.arange(len(edge)), 6)
+        return sparse.csr_matrix((values.ravel(), (rows, self.dofs[edge].ravel())), shape=(len(edge), size))
+
+    def quadrature(self) -> tuple[Ints, Array, Array, Array]:
+        """Edges, places in them, arc lengths and weights of all Gauss points."""
+        edge = np.repeat(np.arange(len(self.ends)), len(POINTS))
+        t = np.tile(POINTS, len(self.ends))
+        long = self.arc[edge, 1] - self.arc[edge, 0]
+        return edge, t, self.arc[edge, 0] + t * long, np.tile(SHARES, len(self.ends)) * long
+
+
+class Solid:
+    """One body: stiffness on its own dofs, shifted by ``first`` among those of all bodies."""
+
+    def __init__(self, outline: Outline, spacing: Spacing, material: Table, plane: str, first: int) -> None:
+        cloud = build_cloud(outline, spacing, 3)
+        self.cloud, self.first = cloud, first
+        self.mesh = _mesh(cloud)
+        self.basis = Basis(self.mesh, ElementVector(ElementTriP2()), intorder=3)
+        E, nu = material["E"], material["nu"]
+        shear, lame = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+        if plane == "stress":
+            lame = 2 * lame * shear / (lame + 2 * shear)
+        self.young = E
+        self.stiffness = linear_elasticity(lame, shear).assemble(self.basis)
+        self.size = self.basis.N
+        self.mass = self._weights()
+        self.sides = {name: self._side(surface) for name, surface in cloud.surfaces.items()}
+
+    def _side(self, surface) -> Side:  # type: ignore[no-untyped-def]
+        index, arc = surface.index, surface.arc_length
+        if surface.curve.closed:
+            index, arc = np.append(index, index[0]), np.append(arc, surface.curve.length)
+        ends = np.column_stack([index[:-1], index[1:]])
+        facet = _facets(self.mesh, ends)
+        nodal, middle = self.basis.nodal_dofs.T, self.basis.facet_dofs.T
+        dofs = np.stack([nodal[ends[:, 0]], nodal[ends[:, 1]], middle[facet]], axis=1) + self.first
+        return Side(surface.curve, ends, np.column_stack([arc[:-1], arc[1:]]), dofs)
+
+    def _weights(self) -> Array:
+        """Area that every dof stands for."""
+
+        @LinearForm
+        def both(v, w):  # type: ignore[no-untyped-def]
+            return v[0] + v[1]
+
+        return both.assemble(self.basis)
+
+    def uniform(self, force: Array) -> Array:
+        """Forces of a body force."""
+
+        @LinearForm
+        def form(v, w):  # type: ignore[no-untyped-def]
+            return force[0] * v[0] + force[1] * v[1]
+
+        return form.assemble(self.basis)
+
+    def at(self, point: Array, values: Array) -> Array:
+        """Displacement at a point, inside or on the outline."""
+        place = np.array(point, float)[None, :]
+        for side in self.sides.values():
+            s = side.curve.closest(place)
+            if np.hypot(*(side.curve.points(s) - place)[0]) < 1e-9 * np.ptp(self.mesh.p):
+                edge, t = side.at(s)
+                return np.asarray(side.shapes(t)[0] @ values[side.dofs[edge[0]]])
+        own = values[self.first : self.first + self.size]
+        return np.asarray(self.basis.probes(place.T) @ own).ravel()
+
+
+def _mesh(cloud: Cloud) -> MeshTri:
+    return MeshTri(
+        np.ascontiguousarray(cloud.points.T), np.ascontiguousarray(cloud.triangles.T.astype(np.int64))
+    )
+
+
+def _facets(mesh: MeshTri, ends: Ints) -> Ints:
+    """Numbers of the facets between vertices."""
+    count = mesh.p.shape[1]
+    keys = mesh.facets.min(axis=0) * count + mesh.facets.max(axis=0)
+    order = np.argsort(keys)
+    asked = ends.min(axis=1) * count + ends.max(axis=1)
+    found = order[np.clip(np.searchsorted(keys[order], asked), 0, len(keys) - 1)]
+    if not np.array_equal(keys[found], asked):
+        raise RuntimeError("a side of the outline is no side of a triangle")
+    return found
+
+
+def value_of(given: object, points: Array) -> Array:
+    """A number or an expression at points (n, 2)."""
+    if not isinstance(given, str):
+        return np.full(len(points), float(given))  # type: ignore[arg-type]
+    code = compile(given, "case", "eval")
+    return np.array([float(eval(code, {"__builtins__": {}}, NAMES | {"x": x, "y": y})) for x, y in points])

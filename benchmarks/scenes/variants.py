@@ -1,0 +1,244 @@
+"""The same scene written differently: turned, mirrored, in other units, with other clouds, roles swapped.
+
+Every variant changes the case, and knows how vectors of its results turn back.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.scenes.scene import Array, Move, Table
+
+LENGTH, STRESS = 1e3, 1e-6
+"""From metres and pascals to millimetres and megapascals; the other way round is as good a test."""
+
+TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
+MIRROR = np.array([[-1.0, 0.0], [0.0, 1.0]])
+SIDES = {
+    "turned": dict(zip(("right", "top", "left", "bottom"), ("top", "left", "bottom", "right"), strict=True))
+}
+SIDES["mirrored"] = {"left": "right", "right": "left", "bottom": "bottom", "top": "top"}
+HALVES = {
+    "turned": dict(
+        zip(("right", "upper", "left", "lower"), ("upper", "left", "lower", "right"), strict=True)
+    ),
+    "mirrored": {"left": "right", "right": "left", "upper": "upper", "lower": "lower"},
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """``change`` makes its case of the scene's, ``matrix`` (2, 2) turns places, the others scale units."""
+
+    name: str
+    change: Callable[[Table], Table]
+    matrix: Array
+    length: float = 1.0
+    stress: float = 1.0
+
+    def move(self) -> Move:
+        return lambda places: self.length * places @ self.matrix.T
+
+
+def variants() -> list[Variant]:
+    """All of them but for the halved spacing, which needs the run's own clouds: see ``halved``."""
+    still = np.eye(2)
+    return [
+        Variant("seed", _seeded, still),
+        Variant("swapped", _swapped, still),
+        Variant("turned", lambda given: _moved(given, TURN, "turned"), TURN),
+        Variant("mirrored", lambda given: _moved(given, MIRROR, "mirrored"), MIRROR),
+        Variant("units", _scaled, still, LENGTH, STRESS),
+    ]
+
+
+def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) -> Variant:
+    """Half of the spacing that every body had in its first run, and of finer ones along its contacts."""
+    made = copy.deepcopy(given)
+    sides = {one[key] for one in made.get("contact", []) for key in ("slave", "master") if key in one}
+    for one in made["body"]:
+        if brings_nodes(one):
+            continue
+        name = one["name"]
+        far, along = spacings[name]
+        one["spacing"] = 0.5 * far
+        one["refine"] = [
+            {"along": side, "spacing": 0.5 * h, "radius": 0.0, "growth": 0.3}
+            for side, h in along.items()
+            if f"{name}.{side}" in sides and h < 0.5 * far
+        ]
+    return Variant("halved", lambda _: made, np.eye(2))
+
+
+def brings_nodes(one: Table) -> bool:
+    """Whether a body's nodes are those of its file."""
+    return one["shape"]["kind"] in ("mesh", "points") and one["shape"].get("use", "nodes") == "nodes"
+
+
+def _seeded(given: Table) -> Table:
+    made = copy.deepcopy(given)
+    for number, one in enumerate(made["body"]):
+        if not brings_nodes(one):
+            one["seed"] = 11 + number
+    return made
+
+
+def _swapped(given: Table) -> Table:
+    made = copy.deepcopy(given)
+    for one in made.get("contact", []):
+        if "master" in one:
+            one["slave"], one["master"] = one["master"], one["slave"]
+    return made
+
+
+def _scaled(given: Table) -> Table:
+    """Lengths by LENGTH, stresses by STRESS, forces per thickness by both."""
+    made = copy.deepcopy(given)
+    for one in made["material"].values():
+        one["E"] *= STRESS
+    for one in made["body"]:
+        shape = one["shape"]
+        for key in ("x", "y", "center", "radius", "radii", "points", "rounding"):
+            if key in shape:
+                shape[key] = _times(shape[key], LENGTH)
+        for hole in shape.get("holes", []):
+            hole.update({key: _times(hole[key], LENGTH) for key in ("center", "radius")})
+        if isinstance(one.get("spacing"), float):
+            one["spacing"] *= LENGTH
+    for one in made.get("support", []):
+        if "near" in one:
+            one["near"] = _times(one["near"], LENGTH)
+        if "spring" in one:
+            one["spring"] = _times(one["spring"], STRESS / LENGTH)
+    for one in made.get("load", []):
+        for keys, by in (
+            (("traction", "pressure"), STRESS),
+            (("force", "fx", "fy"), STRESS * LENGTH),
+            (("displacement", "ux", "uy"), LENGTH),
+            (("body-force",), STRESS / LENGTH),
+        ):
+            one.update({key: _expressed(one[key], by) for key in keys if key in one})
+    for one in made.get("contact", []):
+        one.update({key: one[key] * LENGTH for key in ("interference", "reach") if key in one})
+        if "obstacle" in one:
+            obstacle = one["obstacle"]
+            for key in ("point", "center", "radius", "points"):
+                if key in obstacle:
+                    obstacle[key] = _times(obstacle[key], LENGTH)
+    for one in made.get("probe", []):
+        one["point"] = _times(one["point"], LENGTH)
+    return made
+
+
+def _times(value: object, by: float) -> object:
+    return [_times(one, by) for one in value] if isinstance(value, list) else value * by  # type: ignore[operator]
+
+
+def _expressed(value: object, by: float) -> object:
+    if isinstance(value, str):
+        inside = re.sub(r"\b([xy])\b", rf"(\1/{LENGTH})", value)
+        return f"{by}*({inside})"
+    if isinstance(value, list):
+        return [_expressed(one, by) for one in value]
+    return value * by  # type: ignore[operator]
+
+
+def _moved(given: Table, matrix: Array, how: str) -> Table:
+    """Places, directions and names of sides."""
+    made = copy.deepcopy(given)
+    shapes = {one["name"]: one["shape"]["kind"] for one in made["body"]}
+    for one in made["body"]:
+        _shape(one["shape"], matrix, how)
+    for one in made.get("support", []):
+        _conditions(one, matrix)
+        if "spring" in one:
+            one["spring"] = [abs(v) for v in (matrix @ np.array(one["spring"])).tolist()]
+    for one in made.get("load", []):
+        _load(one, matrix)
+    for one in made.get("contact", []):
+        if "obstacle" in one:
+            _obstacle(one["obstacle"], matrix, how)
+    for one in made.get("probe", []):
+        one["point"] = _turn(one["point"], matrix)
+    for key in ("support", "load", "contact"):
+        for one in made.get(key, []):
+            for side in ("boundary", "slave", "master"):
+                if side in one:
+                    one[side] = _side(one[side], shapes, how)
+    return made
+
+
+def _turn(place: list[float], matrix: Array) -> list[float]:
+    return [float(v) for v in matrix @ np.array(place)]
+
+
+def _side(boundary: str, shapes: dict[str, str], how: str) -> str:
+    name, _, side = boundary.partition(".")
+    if shapes[name] == "rectangle":
+        side = SIDES[how][side]
+    if shapes[name] == "sector" and how == "mirrored":
+        side = {"start": "end", "end": "start"}.get(side, side)
+    return f"{name}.{side}"
+
+
+def _shape(shape: Table, matrix: Array, how: str) -> None:
+    if shape["kind"] == "rectangle":
+        corners = np.array([[shape["x"][i], shape["y"][i]] for i in (0, 1)]) @ matrix.T
+        shape["x"], shape["y"] = ([float(v) for v in sorted(axis)] for axis in corners.T)
+    if "center" in shape:
+        shape["center"] = _turn(shape["center"], matrix)
+    if "side" in shape:
+        shape["side"] = HALVES[how][shape["side"]]
+    if "angles" in shape:
+        a, b = shape["angles"]
+        shape["angles"] = [a + 90.0, b + 90.0] if how == "turned" else [180.0 - b, 180.0 - a]
+    if "points" in shape:
+        shape["points"] = [_turn(place, matrix) for place in shape["points"]]
+    for hole in shape.get("holes", []):
+        hole["center"] = _turn(hole["center"], matrix)
+
+
+def _conditions(one: Table, matrix: Array) -> None:
+    """Zero displacements in the directions that are named."""
+    if "near" in one:
+        one["near"] = _turn(one["near"], matrix)
+    given = [key in one for key in ("ux", "uy")]
+    for key in ("ux", "uy"):
+        one.pop(key, None)
+    for key, yes in zip(("ux", "uy"), np.abs(matrix) @ np.array(given, float), strict=True):
+        if yes:
+            one[key] = 0.0
+
+
+def _load(one: Table, matrix: Array) -> None:
+    for key in ("traction", "force", "displacement", "body-force"):
+        if key in one:
+            one[key] = _turn(one[key], matrix)
+    if isinstance(one.get("pressure"), str):
+        one["pressure"] = _replaced(one["pressure"], matrix)
+    for x, y in (("fx", "fy"), ("ux", "uy")):
+        named = [key in one for key in (x, y)]
+        values = matrix @ np.array([one.pop(x, 0.0), one.pop(y, 0.0)])
+        yes = np.abs(matrix) @ np.array(named, float)
+        one.update({key: float(v) for key, v, on in zip((x, y), values, yes, strict=True) if on})
+
+
+def _replaced(text: str, matrix: Array) -> str:
+    """An expression of x and y, of the places it is moved to."""
+    back = matrix.T
+    new = {"x": f"({back[0, 0]:g}*x+{back[0, 1]:g}*y)", "y": f"({back[1, 0]:g}*x+{back[1, 1]:g}*y)"}
+    return re.sub(r"\b[xy]\b", lambda found: new[found[0]], text)
+
+
+def _obstacle(obstacle: Table, matrix: Array, how: str) -> None:
+    for key in ("point", "normal", "center"):
+        if key in obstacle:
+            obstacle[key] = _turn(obstacle[key], matrix)
+    if "points" in obstacle:
+        places = [_turn(place, matrix) for place in obstacle["points"]]
+        obstacle["points"] = places[::-1] if how == "mirrored" else places

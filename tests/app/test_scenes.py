@@ -1,0 +1,94 @@
+"""The scenes of benchmarks/scenes: valid cases in all variants, judged without mercy."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+
+from benchmarks.scenes import bending, fits, layers
+from benchmarks.scenes.judge import Ran, judged
+from benchmarks.scenes.scene import SCENES, Figure, Refusal, Scene, Table
+from benchmarks.scenes.variants import LENGTH, STRESS, halved, variants
+from mlsanm_cli.app.foreign import load_with_files
+
+HERE = (bending.__name__, fits.__name__, layers.__name__)
+
+
+def scenes() -> Iterator[Scene]:
+    """All but profiles, whose references take a second each."""
+    for make in SCENES.values():
+        if inspect.unwrap(make).__module__ in HERE and not (scene := make()).missing:
+            yield scene
+
+
+def test_scenes_and_their_variants_are_valid_cases(tmp_path: Path) -> None:
+    for scene in scenes():
+        spacings = {one["name"]: (0.5, {"left": 0.1}) for one in scene.case["body"]}
+        for variant in (*variants(), halved(scene.case, spacings)):
+            for name, write in scene.files.items():
+                write(tmp_path / name, variant.move())
+            (tmp_path / "case.toml").write_text(tomli_w.dumps(variant.change(scene.case)))
+            load_with_files(tmp_path / "case.toml")
+
+
+def test_variants_come_back_to_the_scene() -> None:
+    turned = next(one for one in variants() if one.name == "turned")
+    scaled = next(one for one in variants() if one.name == "units")
+    for scene in scenes():
+        four = scene.case
+        for _ in range(4):
+            four = turned.change(four)
+        for key in ("support", "contact"):
+            assert [one.get("boundary") for one in four.get(key, [])] == [
+                one.get("boundary") for one in scene.case.get(key, [])
+            ]
+        for was, now in zip(scene.case.get("load", []), four.get("load", []), strict=True):
+            for key in ("ux", "uy", "fx", "fy"):
+                assert now.get(key, np.nan) == pytest.approx(was.get(key, np.nan), nan_ok=True)
+        E = [one["E"] for one in scene.case["material"].values()]
+        assert [one["E"] for one in scaled.change(scene.case)["material"].values()] == pytest.approx(
+            [STRESS * value for value in E]
+        )
+    assert LENGTH * STRESS != 1.0  # forces change as well
+
+
+CASE: Table = {"body": [{"name": "a"}], "contact": []}
+
+
+@pytest.mark.parametrize(
+    ("code", "got", "warnings", "outcome"),
+    [
+        (0, 1.005, [], "right"),
+        (0, 1.02, [], "silently wrong"),
+        (0, float("nan"), [], "silently wrong"),
+        (0, 1.02, ["coarse"], "wrong with a warning"),
+        (3, 1.0, [], "refused"),
+        (70, 1.0, [], "crashed"),
+    ],
+)
+def test_outcomes(tmp_path: Path, code: int, got: float, warnings: list[str], outcome: str) -> None:
+    scene = Scene("one", "any", CASE, [Figure("force", lambda _: got, 1.0)])
+    ran = Ran(code, {"warnings": warnings, "forces": {}, "contacts": {}}, "", tmp_path)
+    assert judged(scene, ran).outcome == outcome
+
+
+@pytest.mark.parametrize(
+    ("code", "position", "reason", "outcome"),
+    [
+        (3, 1.5, "the contact slides as a whole", "right"),
+        (3, 1.5, "singular tangent", "refused"),
+        (3, 1.2, "the contact slides as a whole", "refused"),
+        (0, 2.0, "end of the last stage", "silently wrong"),
+    ],
+)
+def test_a_scene_without_equilibrium_must_be_refused_for_its_reason(
+    tmp_path: Path, code: int, position: float, reason: str, outcome: str
+) -> None:
+    scene = Scene("one", "any", CASE, refusal=Refusal(("slide",), 1.5))
+    ran = Ran(code, {"position": position, "stop_reason": reason}, "", tmp_path)
+    assert judged(scene, ran).outcome == outcome
