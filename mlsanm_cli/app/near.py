@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.near_geometry import Clear
+from mlsanm_cli.app.near_turns import turns
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.contact.active_set import ExactState
@@ -51,6 +52,8 @@ ROUNDS = 60
 MOST, SHORTEST = 2000, 1e-5
 """Grids of more intervals are not halved any more, nor intervals below this part of the range: pressures
 under corners of obstacles have no bound."""
+TURNED, TURNINGS = 3e-4, 4
+"""Directions that differ by this angle are found anew, so many times at most."""
 PLENTY = 300
 """Grids of more intervals are refined to less, by the square of how many more: obstacles of many corners, or
 of many patches, would cost minutes otherwise."""
@@ -84,7 +87,7 @@ def find_grids(
     grids = {name: _first(one) for name, one in clear.items()}
     answers: Answers | None = None
     starts: list[Sets] = []
-    every = False
+    every, turnings = False, TURNINGS
     condensed: Condensed | None = None
     for _ in range(ROUNDS):
         some = _on_grids(pairings, grids)
@@ -102,16 +105,36 @@ def find_grids(
         if _same(wanted, grids):
             wanted = _refined(condensed, grids, states, accuracy, tractions=not every)
         if _same(wanted, grids):
-            if every:
+            turned = _turned(condensed, scene, states, grids) if every and turnings else None
+            if turned is None and every:
                 return condensed, search(condensed, starts, False)
             every = True
-            continue
+            if turned is None:
+                continue
+            turnings -= 1
+            wanted = turned
+            clear = {name: replace(one, facing=turned[name].facing) for name, one in clear.items()}
         if any(wanted[name].samples_differ(grids[name]) for name in grids):
             answers = None
         grids = wanted
         starts = [_moved(condensed, _on_grids(pairings, grids), state) for state in states]
         condensed = None
     return None
+
+
+def _turned(
+    condensed: Condensed, scene: Scene, states: Sequence[ExactState], grids: Mapping[str, Near]
+) -> dict[str, Near] | None:
+    """The grids with directions as the bodies have turned in the last states where they touch; None where
+    these are so already."""
+    now: dict[str, float] = {}
+    for state in states:
+        now.update(turns(condensed, scene, state))
+    result = dict(grids)
+    for name, angle in now.items():
+        if abs(angle - grids[name].facing.turn) > TURNED:
+            result[name] = replace(grids[name], facing=replace(grids[name].facing, turn=angle))
+    return None if _same(result, grids) else result
 
 
 def _effort(contact: Contact, count: int) -> float:

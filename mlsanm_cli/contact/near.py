@@ -21,7 +21,14 @@ from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.contact.grid import Hats, chebyshev, lagrange
 from mlsanm_cli.contact.obstacles import Shape
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
-from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex, by_component
+from mlsanm_cli.mechanics.near_field import (
+    ComplexArray,
+    Kernel,
+    SurfaceForces,
+    as_complex,
+    as_real,
+    by_component,
+)
 from mlsanm_cli.values import dataclass
 
 STEP = 1e-4
@@ -41,13 +48,15 @@ class Facing:
 
     If the slave is the other one, not the ``slave_first``, s is minus the arc length, so that it always
     increases along the slave. On a closed base it may go on past the start. Which of two surfaces is the base
-    is a matter of their shapes alone, so that roles have no part in what comes out.
+    is a matter of their shapes alone, so that roles have no part in what comes out. The directions of
+    pressures ``turn`` by an angle as bodies move.
     """
 
     base: Curve
     other: Curve | None
     obstacle: Shape | None = None
     slave_first: bool = True
+    turn: float = 0.0
 
     @property
     def curves(self) -> tuple[Curve, ...]:
@@ -72,6 +81,8 @@ class Facing:
         """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on
         the slave: those of the other surface's normals."""
         points, there, normal, _ = self._places(s)
+        if self.turn:
+            normal = as_real(as_complex(normal) * np.exp(1j * self.turn))
         return (points, there, normal) if self.slave_first else (there, points, -normal)
 
     def normal(self, s: FloatArray) -> FloatArray:
