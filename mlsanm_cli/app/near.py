@@ -52,8 +52,9 @@ ROUNDS = 60
 MOST, SHORTEST = 2000, 1e-5
 """Grids of more intervals are not halved any more, nor intervals below this part of the range: pressures
 under corners of obstacles have no bound."""
-TURNED, TURNINGS = 3e-4, 4
-"""Directions that differ by this angle are found anew, so many times at most."""
+TURNED, SETTLED, TURNINGS = 3e-3, 3e-4, 4
+"""Directions turn where they are off by the first angle, and then until they are off by less than the second,
+so many times at most."""
 PLENTY = 300
 """Grids of more intervals are refined to less, by the square of how many more: obstacles of many corners, or
 of many patches, would cost minutes otherwise."""
@@ -132,7 +133,8 @@ def _turned(
         now.update(turns(condensed, scene, state))
     result = dict(grids)
     for name, angle in now.items():
-        if abs(angle - grids[name].facing.turn) > TURNED:
+        before = grids[name].facing.turn
+        if abs(angle - before) > (SETTLED if before else TURNED):
             result[name] = replace(grids[name], facing=replace(grids[name].facing, turn=angle))
     return None if _same(result, grids) else result
 

@@ -15,7 +15,7 @@ from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.obstacles import Chain
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.scene import Obstacle, Scene
 
 ASIDE = 0.02
 """Curvatures are looked at over this part of the range on both sides."""
@@ -81,11 +81,13 @@ def _moved(
 
 
 def _of_obstacle(scene: Scene, contact: str, state: ExactState) -> complex:
-    total, unknown = 0j, 0
+    total: complex = 0j
+    unknown = 0
     for mover in scene.movers:
         for motion in mover.motions:
-            amount = state.motion[unknown] if motion.prescribed is None else motion.prescribed @ state.factors
-            if mover in scene.obstacles and mover.contact == contact and motion.component < 2:
-                total += amount * (1.0, 1j)[motion.component]
+            given = motion.prescribed
+            amount = float(state.motion[unknown] if given is None else given @ state.factors)
+            if isinstance(mover, Obstacle) and mover.contact == contact and motion.component < 2:
+                total += complex(amount) if motion.component == 0 else 1j * amount
             unknown += motion.prescribed is None
     return complex(total)
