@@ -106,7 +106,7 @@ def find_grids(
         if _same(wanted, grids):
             wanted = _refined(condensed, grids, states, accuracy, tractions=not every)
         if _same(wanted, grids):
-            turned = _turned(condensed, scene, states, grids) if every and turnings else None
+            turned = _turned(condensed, states, grids) if every and turnings else None
             if turned is None and every:
                 return condensed, search(condensed, starts, False)
             every = True
@@ -124,13 +124,13 @@ def find_grids(
 
 
 def _turned(
-    condensed: Condensed, scene: Scene, states: Sequence[ExactState], grids: Mapping[str, Near]
+    condensed: Condensed, states: Sequence[ExactState], grids: Mapping[str, Near]
 ) -> dict[str, Near] | None:
     """The grids with directions as the bodies have turned in the last states where they touch; None where
     these are so already."""
     now: dict[str, float] = {}
     for state in states:
-        now.update(turns(condensed, scene, state))
+        now.update(turns(condensed, state))
     result = dict(grids)
     for name, angle in now.items():
         before = grids[name].facing.turn
