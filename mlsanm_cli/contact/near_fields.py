@@ -28,6 +28,8 @@ BESIDE = 1e-3
 jump."""
 BEYOND, CLOSE = 1.0 / 6.0, 48
 """Farther away than this part of the range so many samples stand for all pressures, to 1e-7."""
+AT_TIP = 2e-3
+"""Points nearer to a corner's tip than this part of its faces are moved so far inside."""
 AT_ONCE = 100_000
 """Pairs of points and places that are worked on together, for the sake of memory."""
 
@@ -82,6 +84,10 @@ def fields_of(
     """Displacements (e, 2, c) and stresses (e, 3, c) at points ``z`` (e,) of a body by nodal ``pressure`` and
     ``traction`` (m, c) on the hats, as these act on the slave: on the master it is the opposite."""
     pressure, traction = near.uneven(pressure), near.uneven(traction)
+    for corner in near.corners_of(slave):
+        # At the tip itself fields of what is spread along both faces have no meaning.
+        within = np.abs(z - corner.tip) < AT_TIP * corner.length
+        z = np.where(within, corner.tip + AT_TIP * corner.length * corner.bisector, z)
     close = replace(near, count=CLOSE)
     away = np.abs(z[:, None] - close.facing.side(close.samples, slave)[0]).min(axis=1, initial=np.inf)
     away = away / (near.last - near.first)

@@ -93,6 +93,12 @@ class Corner:
         """Unit vectors along the face that bears forces, and the other, away from the tip."""
         return self.wedge.along, self.wedge.other
 
+    @property
+    def bisector(self) -> complex:
+        """The unit vector from the tip midway between the faces."""
+        middle = self.wedge.along + self.wedge.other
+        return middle / abs(middle)
+
     def distance(self, z: ComplexArray) -> FloatArray:
         """Distances (e,) of places on the first face from the tip."""
         return np.asarray(((z - self.tip) * np.conj(self.wedge.along)).real)

@@ -72,6 +72,7 @@ def test_only_what_has_changed_is_made_again(tmp_path: Path) -> None:
     assert figures(tmp_path, ROUGH, "body.upper.spacing=0.24") == [1, 3]
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_what_is_observed_and_the_equations_themselves_count(tmp_path: Path) -> None:
     figures(tmp_path, ROUGH)
     probe = '[[probe]]\nname = "tip"\nbody = "upper"\npoint = [1.0, 1.5]\n'
@@ -84,6 +85,7 @@ def test_what_is_observed_and_the_equations_themselves_count(tmp_path: Path) -> 
         assert figures(tmp_path, ROUGH.replace(held, sprung)) == known
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_a_load_of_another_magnitude_leaves_the_other_answers(tmp_path: Path) -> None:
     moved = ROUGH.replace("fy = -200.0", "uy = -0.001")
     assert figures(tmp_path, moved) == [0, 5]

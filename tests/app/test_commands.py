@@ -93,6 +93,7 @@ def test_unequal_spacings_are_told(spacing: float, warned: int, noted: int, tmp_
     assert found["warnings"] == console.warnings
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_stiff_slaves_and_degree_one_are_warned_of(tmp_path: Path) -> None:
     text = PATCH.replace("[[body]]", "[material.soft]\nE = 1e3\nnu = 0.3\n\n[[body]]", 1)
     head, tail = text.split('name = "lower"')

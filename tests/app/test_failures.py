@@ -88,6 +88,7 @@ def test_a_certificate(
     assert {"normal", "partner", "spacing"} <= mesh.point_data.keys()
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_like_spacings_are_not_what_a_contact_fails_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,6 +164,7 @@ def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
     assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
 
 
+@pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("bad", [9.0, float("nan")])
 def test_a_ratio_of_spacings(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(judge, "spacing_ratio", lambda *arguments: bad)

