@@ -311,11 +311,16 @@ def _incremented(
     except NoStateError as lost:
         # What touches without friction is near to what does with it, if loads balance without it.
         try:
-            closed = solve_exact(condensed, factors).active
+            free = solve_exact(condensed, factors)
         except NumericalError:
             raise lost from None
-        stuck = closed[condensed.rubbing]
-        return increment(condensed, state, factors, guess=Sets(closed, stuck, np.zeros(len(stuck))))
+        closed, none = free.active, np.zeros(len(condensed.rubbing))
+        slip = condensed.slip(factors, free.motion, free.pressure, none) - state.values.slip
+        for stuck in (closed[condensed.rubbing], np.zeros(len(none), dtype=bool)):
+            sense = np.where(closed[condensed.rubbing] & ~stuck, -np.sign(slip), 0.0)
+            with suppress(NoStateError):
+                return increment(condensed, state, factors, guess=Sets(closed, stuck, sense))
+        raise lost from None
 
 
 def _first_end(condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:

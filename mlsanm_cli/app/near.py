@@ -23,6 +23,7 @@ from mlsanm_cli.contact.grid import Hats
 from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.pairing import Pairing, on_grid
 from mlsanm_cli.contact.sets import Sets
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 
@@ -89,6 +90,7 @@ def find_grids(
     answers: Answers | None = None
     starts: list[Sets] = []
     every, turnings = False, TURNINGS
+    coarser: tuple[Condensed, tuple[ExactState, ...]] | None = None
     condensed: Condensed | None = None
     for _ in range(ROUNDS):
         some = _on_grids(pairings, grids)
@@ -97,13 +99,21 @@ def find_grids(
         if condensed is None:
             condensed = condense(scene, some, memo, answers)
         starts = starts or [_near_enough(some)]
-        states = search(condensed, starts, every)
+        try:
+            states = search(condensed, starts, every)
+        except NumericalError:
+            # With friction there may be no way to the states of a finer grid: its error is estimated.
+            if coarser is None:
+                raise
+            return coarser
+        coarser = None
         wanted = _ranged(condensed, grids, clear, states)
         if wanted is None:
             return None
         if _same(wanted, grids):
             wanted = _sampled(scene, answers, grids)
         if _same(wanted, grids):
+            coarser = (condensed, states) if not every else None
             wanted = _refined(condensed, grids, states, accuracy, tractions=not every)
         if _same(wanted, grids):
             turned = _turned(condensed, states, grids) if every and turnings else None

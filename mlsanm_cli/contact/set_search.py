@@ -20,6 +20,9 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-10
+ALL, WORST, ONE = range(3)
+"""Which of the nodes that break a rule are exchanged at once: the more of them, the sooner the search ends,
+or comes to sets that free what friction holds, or to some it has had."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,23 +92,32 @@ def find_sets(
     ``solve`` gives the system of some sets, the values that the rules are about, and the slips (n,) whose
     signs must be against friction; SingularSystemError where there are none. Raises NoStateError.
     """
-    sets, seen, one_by_one = first, set(), False
-    limit = 60 + 6 * len(first.closed)
+    sets, seen, care = first, set[bytes](), ALL
+    limit = 60 + 12 * len(first.closed)
     for count in range(1, limit + 1):
         try:
             system, values, slipped = solve(sets)
         except SingularSystemError:
-            if one_by_one:
+            if care == ONE:
                 raise NoStateError(sliding=slides_freely(condensed, sets)) from None
             # Too many exchanges at once have freed what friction holds.
-            sets, one_by_one = first, True
+            sets, care = first, care + 1
+            seen.clear()
             continue
         better, wrong = _exchange(condensed, sets, watch, values, slipped)
         if not wrong.any():
             return sets, system, values, count
-        one_by_one |= sets.key in seen
+        if sets.key in seen and care < ONE:
+            care += 1
+            seen.clear()
         seen.add(sets.key)
-        sets = _only(condensed, sets, better, int(np.flatnonzero(wrong)[0])) if one_by_one else better
+        if care == ALL:
+            sets = better
+        elif care == WORST:
+            off = np.where(wrong, _violation(condensed, sets, values, slipped), 0.0)
+            sets = _only(condensed, sets, better, off >= 0.5 * off.max())
+        else:
+            sets = _only(condensed, sets, better, np.arange(len(wrong)) == np.flatnonzero(wrong)[0])
     raise EndlessError(limit)
 
 
@@ -144,16 +156,27 @@ def _exchange(
     return Sets(closed, stuck, sense), wrong
 
 
+def _violation(condensed: Condensed, sets: Sets, values: Values, slipped: FloatArray) -> FloatArray:
+    """By how much places (m,) may break their rules, as pressures."""
+    rub, m = condensed.rubbing, len(sets.closed)
+    own = np.diagonal(condensed.whole)
+    p, t = values.pressure, values.traction
+    off = np.where(sets.closed, np.maximum(-p, 0.0), np.maximum(-values.gap / own[:m], 0.0))
+    beyond = np.maximum(np.abs(t) - condensed.friction * np.maximum(p[rub], 0.0), 0.0)
+    against = np.abs(slipped / own[m : m + len(rub)])
+    off[rub] += np.where(sets.stuck, beyond, np.where(sets.closed[rub], against, 0.0))
+    return off
+
+
 def moving(condensed: Condensed, values: Values) -> float:
     """A pressure that would move the surfaces as far as the platens do."""
     moved = float(np.abs(condensed.gap.motion @ values.motion).max(initial=0.0))
     return moved / condensed.softest if moved else 0.0
 
 
-def _only(condensed: Condensed, sets: Sets, better: Sets, node: int) -> Sets:
-    """The exchange of one node alone."""
-    closed, stuck, sense = sets.closed.copy(), sets.stuck.copy(), sets.sense.copy()
-    closed[node] = better.closed[node]
-    own = condensed.rubbing == node
-    stuck[own], sense[own] = better.stuck[own], better.sense[own]
+def _only(condensed: Condensed, sets: Sets, better: Sets, chosen: BoolArray) -> Sets:
+    """The exchange of the ``chosen`` nodes (m,) alone."""
+    own = chosen[condensed.rubbing]
+    closed = np.where(chosen, better.closed, sets.closed)
+    stuck, sense = np.where(own, better.stuck, sets.stuck), np.where(own, better.sense, sets.sense)
     return Sets(closed, stuck, sense)
