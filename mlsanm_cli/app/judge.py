@@ -158,11 +158,11 @@ def judge_energy(verdict: EnergyVerdict) -> str:
 
 def judge_polish(levels: Sequence[Polish]) -> str:
     """A warning where the smooth law is far from the exact one, "" where it is not."""
-    change = max((max(level.pressure, level.traction) for level in levels), default=0.0)
+    change = max((level.overall for level in levels), default=0.0)
     if change <= POLISH_WARNING:
         return ""
     return (
-        f"polishing changed contact pressures or tractions by up to {100 * change:.2g} % of the peak; "
+        f"polishing changed contact pressures or tractions by up to {100 * change:.2g} % overall; "
         f"between the saved levels the path is that far from the exact laws: lower "
         f"contact.regularization.eta"
     )

@@ -20,6 +20,7 @@ from mlsanm_cli.app.friction_path import coulomb_state, friction_path
 from mlsanm_cli.app.marks import Start
 from mlsanm_cli.app.paths import exact_step, path_of, unloaded_state
 from mlsanm_cli.app.states import PathStep, Polish, State
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.active_set import solve_exact
 from mlsanm_cli.contact.coulomb import increment, unloaded
 from mlsanm_cli.contact.sets import STICK, Sets
@@ -94,8 +95,18 @@ def _improved(built: Built, polish: Polisher, state: State) -> PathStep:
         pressure=float(np.abs(pressure).max(initial=0.0)) / peak,
         traction=float(np.abs(traction).max(initial=0.0)) / peak,
         factorizations=row.factorizations,
+        overall=_overall(built, pressure, traction),
     )
     return replace(row, saved=(row.state,), polish=changed)
+
+
+def _overall(built: Built, pressure: FloatArray, traction: FloatArray) -> float:
+    """Changes of pressures (m,) and tractions (n,) over the largest pressures at the ends of the stages, as
+    norms over the surfaces: at edges of contacts single places tell little."""
+    weight, rubbing = built.condensed.weight, built.condensed.rubbing
+    whole = max(float(weight @ end.pressure**2) for end in built.ends)
+    changed = max(float(weight @ pressure**2), float(weight[rubbing] @ traction**2))
+    return float(np.sqrt(changed / whole)) if whole > 0.0 else 0.0
 
 
 def _polisher(built: Built, before: float | None) -> Polisher:

@@ -54,11 +54,13 @@ class State:
 @dataclass(frozen=True)
 class Polish:
     """What polishing a state with the exact laws changed of pressures and tractions, at most, over the
-    largest exact pressure at the ends of the stages; and the dense systems it took."""
+    largest exact pressure at the ends of the stages; the dense systems it took; and the change ``overall``,
+    as a norm."""
 
     pressure: float
     traction: float
     factorizations: int
+    overall: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -83,8 +83,8 @@ def test_a_large_change_is_warned_of(tmp_path: Path) -> None:
     summary = solve(hertz(), tmp_path / "soft", eta, POLISH, console=console)
     assert summary["polish"]["pressure"] > POLISH_WARNING
     assert any("lower contact.regularization.eta" in warning for warning in console.warnings)
-    assert judge_polish([Polish(0.9 * POLISH_WARNING, 0.0, 1)]) == judge_polish([]) == ""
-    assert judge_polish([Polish(0.0, 1.1 * POLISH_WARNING, 1)])
+    assert judge_polish([Polish(0.0, 0.0, 1, 0.9 * POLISH_WARNING)]) == judge_polish([]) == ""
+    assert judge_polish([Polish(0.0, 0.0, 1, 1.1 * POLISH_WARNING)])
 
 
 def test_friction_without_memory_is_polished_without_memory(tmp_path: Path) -> None:
