@@ -56,6 +56,8 @@ under corners of obstacles have no bound."""
 TURNED, SETTLED, TURNINGS = 3e-3, 3e-4, 4
 """Directions turn where they are off by the first angle, and then until they are off by less than the second,
 so many times at most."""
+FLAT = 1e-9
+"""Surfaces whose gap varies by less than this part of the range are parallel."""
 PLENTY = 300
 """Grids of more intervals are refined to less, by the square of how many more: obstacles of many corners, or
 of many patches, would cost minutes otherwise."""
@@ -162,7 +164,12 @@ def _same(one: Mapping[str, Near], other: Mapping[str, Near]) -> bool:
 
 
 def _first(clear: Clear) -> Near:
-    """A coarse grid over all that faces, finer towards where the surfaces are nearest."""
+    """A coarse grid over all that faces, finer towards where the surfaces are nearest; even where they touch
+    all along."""
+    looks = clear.facing.gap(np.linspace(clear.first, clear.last, FIRST + 1))
+    if float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
+        even = _hats(np.linspace(clear.first, clear.last, FIRST + 1), clear)
+        return Near(clear.facing, clear.first, clear.last, SAMPLES, even, clear.centers, clear.corners)
     widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)
     parts = [np.array([clear.first, clear.nearest, clear.last])]
     for sign, room in ((-1.0, clear.nearest - clear.first), (1.0, clear.last - clear.nearest)):

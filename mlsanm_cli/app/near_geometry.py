@@ -19,7 +19,7 @@ from mlsanm_cli.contact.near import Facing
 from mlsanm_cli.contact.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.corner import Corner, Mirror
-from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
+from mlsanm_cli.mechanics.near_field import ComplexArray, Isotropic, as_complex, as_real
 from mlsanm_cli.mechanics.wedge import Wedge
 from mlsanm_cli.values import dataclass
 
@@ -174,10 +174,10 @@ def _corners(pairing: Pairing, models: Mapping[str, BodyModel], held: Mapping[st
 
 
 def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
-    """The corner at one end of a surface, if both its faces are straight and the other one is free, or slides
-    along a wall at a right angle; and neither blunt nor very sharp."""
+    """The corner at one end of a surface of an isotropic body, if both its faces are straight and the other
+    one is free, or slides along a wall at a right angle; and neither blunt nor very sharp."""
     face = _straight(surface)
-    if face is None:
+    if face is None or not isinstance(model.kernel, Isotropic):
         return None
     tip, along = (face[1], face[0] - face[1]) if at_end else (face[0], face[1] - face[0])
     for name, beside in model.cloud.surfaces.items():
@@ -197,7 +197,7 @@ def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) 
             model.cloud.spacing[surface.index[-1 if at_end else 0]],
         )
         if name in held:
-            if not _slides(model, ways, held[name]):
+            if not _slides(ways, held[name]):
                 return None
             return Corner(Mirror(model.kernel, *ways), tip, length, CLEAR * float(spacing))
         # The wedge's forces go on where the faces end: not so into the body.
@@ -208,14 +208,11 @@ def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) 
     return None
 
 
-def _slides(model: BodyModel, ways: tuple[complex, complex], held: tuple[bool, bool] | None) -> bool:
-    """Whether a face is held along the other of two ways, x or y, alone, and the material the same on both
-    sides of a mirror there."""
-    stiffness = model.material.stiffness
+def _slides(ways: tuple[complex, complex], held: tuple[bool, bool] | None) -> bool:
+    """Whether a face at a right angle is held along the other of two ways, x or y, alone."""
     across = [abs(ways[0].real) > 1.0 - ALIKE, abs(ways[0].imag) > 1.0 - ALIKE]
     square = abs((ways[0] * np.conj(ways[1])).real) <= ALIKE
-    even = float(np.abs(stiffness[:2, 2]).max()) <= ALIKE * float(np.abs(stiffness).max())
-    return held is not None and square and even and list(held) == across
+    return held is not None and square and list(held) == across
 
 
 def _straight(surface: Surface) -> tuple[complex, complex] | None:
