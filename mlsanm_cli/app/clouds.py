@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from mlsanm_cli.app.contacts import shape_of
 from mlsanm_cli.app.foreign import foreign
 from mlsanm_cli.app.surfaces import curve_at, drawn, numbers_of, outline_of, with_cuts
@@ -40,9 +42,21 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
             for role, place in zip(("slave", "master"), contact.sides, strict=False)
         ]
         obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
-        for place, (own, rest), (other, _) in zip(contact.sides, found, found[::-1], strict=True):
+        partners = contact.sides[::-1]
+        for place, partner, (own, rest), (other, _) in zip(
+            contact.sides, partners, found, found[::-1], strict=True
+        ):
             if place.body == body.name:
-                yield from contact_zone(rest, own, other if len(found) > 1 else None, obstacle, far)
+                facing = other if len(found) > 1 else None
+                yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
+
+
+def _far(case: Case, name: str) -> float:
+    """The spacing of a body far from everything, infinite where it brings its nodes."""
+    body = next(one for one in case.body if one.name == name)
+    if isinstance(body.spacing, float):
+        return body.spacing
+    return np.inf if body.brings_nodes else usual_spacing(drawn(body.shape))
 
 
 def clouds(

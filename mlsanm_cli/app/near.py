@@ -59,7 +59,7 @@ so many times at most."""
 FLAT = 1e-9
 """Surfaces whose gap varies by less than this part of the range are parallel."""
 PLENTY = 300
-"""Grids of more intervals are refined to less, by the square of how many more: obstacles of many corners, or
+"""Grids of more intervals are refined to less, by the cube of how many more: obstacles of many corners, or
 of many patches, would cost minutes otherwise."""
 SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
@@ -326,7 +326,7 @@ def _refined(
     for name, near in grids.items():
         errors = grid_errors(condensed, name, states, tractions)
         total = float(np.sqrt((errors**2).sum()))
-        aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 2
+        aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 3
         if total <= aim or len(errors) >= MOST:
             continue
         share = max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))

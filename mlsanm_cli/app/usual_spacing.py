@@ -112,13 +112,19 @@ def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, Flo
 
 
 def contact_zone(
-    rest: Iterable[Curve], own: Curve, other: Curve | None, obstacle: Shape | None, far: float
+    rest: Iterable[Curve],
+    own: Curve,
+    other: Curve | None,
+    obstacle: Shape | None,
+    far: float,
+    others_far: float,
 ) -> Iterator[Zone]:
     """Finer nodes of a body where its boundary ``own`` comes nearest to the ``other`` surface, or to a rigid
-    ``obstacle``, if the ``rest`` of its outline or an end is close to that place."""
+    ``obstacle``, if the ``rest`` of its outline or an end is close to that place; and where surfaces lie in
+    each other, which needs like spacings on both."""
     if isinstance(own, Arc) and isinstance(other, Arc) and _conform(own, other):
         # Contact and bodies have one scale.
-        yield Zone(own, own.radius / IN_EACH_OTHER, 0.0, GROWTH)
+        yield Zone(own, min(own.radius / IN_EACH_OTHER, others_far), 0.0, GROWTH)
     points = _along(own)
     if other is not None:
         partner = other.points(other.closest(points))
