@@ -110,12 +110,7 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> Point:
         base = replace(coupling, law=replace(law, threshold=threshold))
         return RubbingContact(base, begin, begin, Sets(pressed, stuck, nothing), anchor, tally)
 
-    free = _without_friction(problem_at(x[: len(c.weight)], False, nothing), x, options)
-    if free is not None:
-        pressure, _, motion, _ = free[0].split(free[1])
-        rest = c.slip(begin, coupling.told_apart(motion)[0], pressure, nothing)
-        return Point(problem_at(pressure, True, rest), free[1], 0.0, nothing)
-    anchor, pressure = nothing, x[: len(c.weight)]
+    drawn_x, anchor, pressure = x, nothing, x[: len(c.weight)]
     for _ in range(OPENINGS):
         problem = problem_at(pressure, True, anchor)
         try:
@@ -132,8 +127,14 @@ def _first(built: Built, options: AnmOptions | NewtonOptions) -> Point:
         # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
         anchor = c.slip(begin, coupling.told_apart(motion)[0], pressure, nothing)
     else:
-        problem = problem_at(pressure, True, anchor)
-        return inside(Point(problem, correct(problem, x, 0.0, options).x, 0.0, nothing))
+        # Tractions that go from node to node, as in wedges and grooves: normals alone may hold the bodies.
+        free = _without_friction(problem_at(drawn_x[: len(c.weight)], False, nothing), drawn_x, options)
+        if free is None:
+            problem = problem_at(pressure, True, anchor)
+            return inside(Point(problem, correct(problem, x, 0.0, options).x, 0.0, nothing))
+        pressure, _, motion, _ = free[0].split(free[1])
+        rest = c.slip(begin, coupling.told_apart(motion)[0], pressure, nothing)
+        return Point(problem_at(pressure, True, rest), free[1], 0.0, nothing)
     return Point(problem, x, 0.0, nothing)
 
 
