@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -106,7 +107,9 @@ def frame_mesh(path: Path, move: Move) -> None:
     nx, ny = 53, 40
     x, y = np.linspace(0.0, wide, nx + 1), np.linspace(0.0, high, ny + 1)
     x[np.argmin(np.abs(x - thick))], x[np.argmin(np.abs(x - wide + thick))] = thick, wide - thick
-    cells, lines, used = [], {"bottom": [], "top": []}, {}
+    cells: list[Any] = []
+    lines: dict[str, list[Any]] = {"bottom": [], "top": []}
+    used: dict[tuple[int, int], int] = {}
 
     def node(i: int, j: int) -> int:
         return used.setdefault((i, j), len(used))
@@ -197,7 +200,7 @@ PORTAL = [
 ]
 
 
-def portal_case(rounding: float) -> dict:
+def portal_case(rounding: float) -> dict[str, Any]:
     names = ["foot1", "inside1", "under", "inside2", "foot2", "right", "top", "left"]
     corners = [0.0, 0.0, rounding, rounding, 0.0, 0.0, 0.0, 0.0]
     return case(
@@ -259,7 +262,7 @@ def late_cantilever_rigid() -> Scene:
 HOOK = [(0.0, 0.0), (20.0, 0.0), (22.0, -1.5), (25.0, -1.5), (26.5, 0.0), (26.5, 1.6), (0.0, 1.6)]
 
 
-def hook_case(friction: float) -> dict:
+def hook_case(friction: float) -> dict[str, Any]:
     names = ["under", "ramp", "nose", "back", "tip", "top", "root"]
     rounding = [0.0, 0.5, 0.4, 0.4, 0.0, 0.0, 0.0]
     return case(

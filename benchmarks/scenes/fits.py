@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.path import Path as PathInside
@@ -26,6 +28,7 @@ from benchmarks.scenes.scene import (
     polygon,
     probe,
     scene,
+    size_of,
     solid,
     weighed,
 )
@@ -41,7 +44,7 @@ def fit_pressure(inner: float, outer: float, fit: float) -> float:
     return fit / (inner * (ring + 0.7 / 210e3))
 
 
-def shrink_case(spacing: float | None) -> dict:
+def shrink_case(spacing: float | None) -> dict[str, Any]:
     ring = make_body("ring", "brass", "annulus", center=[0.0, 0.0], radii=[INNER, OUTER])
     shaft = make_body("shaft", "steel", "disk", center=[0.0, 0.0], radius=INNER)
     if spacing is not None:
@@ -148,7 +151,7 @@ def shaft_places(count: int, radius: float, width: float) -> Array:
     return np.array([[radius + (i % 2) * across, radius + i * rise] for i in range(count)])
 
 
-def disks_case(count: int, friction: float, walls: str) -> tuple[dict, float]:
+def disks_case(count: int, friction: float, walls: str) -> tuple[dict[str, Any], float]:
     """Disks of radius 5 and weight 1 per area in a shaft 17 wide; the tangent of their lean."""
     radius, width = 5.0, 17.0
     places = shaft_places(count, radius, width)
@@ -196,10 +199,10 @@ def disk_figures(count: int, lean: float) -> list[Figure]:
     figures = [Figure("floor", lambda r: abs(r.force("floor")[1]), count * weight)]
     for i in range(1, count):
         above = (count - i) * weight
-        figures.append(Figure(f"pair{i}", lambda r, i=i: abs(r.force(f"pair{i}")[0]), above * lean))
+        figures.append(Figure(f"pair{i}", size_of(f"pair{i}"), above * lean))
     for i in range(count):
         above = ((count - i) if i else 0) + ((count - i - 1) if i + 1 < count else 0)
-        figures.append(Figure(f"wall{i}", lambda r, i=i: abs(r.force(f"wall{i}")[0]), above * weight * lean))
+        figures.append(Figure(f"wall{i}", size_of(f"wall{i}"), above * weight * lean))
     return figures
 
 
@@ -230,7 +233,7 @@ def disks_shaft_friction() -> Scene:
     )
 
 
-def groove_case(friction: float, elastic: bool) -> dict:
+def groove_case(friction: float, elastic: bool) -> dict[str, Any]:
     """A disk of radius 6 in a groove with flanks at 30 and 50 degrees, of its weight."""
     a, b, radius = np.radians(30.0), np.radians(50.0), 6.0
     # Touching points below the centre at (0, 0): normals lean to the left by a on the right flank.
@@ -547,7 +550,7 @@ def gear_flanks() -> Scene:
     )
 
 
-def flank_mesh(side: float):
+def flank_mesh(side: float) -> Callable[[Path, Move], None]:
     """Writes a tooth's flank about its pitch point at the origin, the line of action upright, 8 deep."""
 
     def write(path: Path, move: Move) -> None:

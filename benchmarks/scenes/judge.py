@@ -7,9 +7,10 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tomli_w
@@ -108,7 +109,7 @@ def by_elements(name: str) -> list[Figure]:
 
 def _figure(sort: str, key: str, value: float | list[float], limit: float) -> Figure:
     if sort == "peak":
-        return Figure(f"peak {key} (FE)", lambda r: r.peak(key), float(value), limit)  # type: ignore[arg-type]
+        return Figure(f"peak {key} (FE)", lambda r: r.peak(key), float(value), limit)
     vector = np.array(value)
     size = float(np.hypot(*vector))
 
@@ -138,9 +139,9 @@ def judged(scene: Scene, ran: Ran) -> Verdict:
     }
 
     def verdict(
-        outcome: str, figures: Sequence[tuple[str, float, float, float, float]] = (), **more: object
+        outcome: str, figures: Sequence[tuple[str, float, float, float, float]] = (), **more: Any
     ) -> Verdict:
-        return Verdict(scene.name, scene.kind, outcome, figures, **{**told, **more})  # type: ignore[arg-type]
+        return Verdict(scene.name, scene.kind, outcome, figures, **{**told, **more})
 
     if ran.code not in (0, 2, 3) or "Traceback" in ran.said:
         return verdict("too long" if ran.code == -1 else "crashed", message=ran.said[-600:])
@@ -162,7 +163,7 @@ def judged(scene: Scene, ran: Ran) -> Verdict:
     return verdict(outcome, figures, sides=sides)
 
 
-def _refusal(scene: Scene, ran: Ran, verdict) -> Verdict:  # type: ignore[no-untyped-def]
+def _refusal(scene: Scene, ran: Ran, verdict: Callable[..., Verdict]) -> Verdict:
     """Where there is no equilibrium: refused at the right place, with words that tell why."""
     refusal = scene.refusal
     assert refusal is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from benchmarks.scenes.scene import (
     Scene,
     box,
     case,
+    force_at,
     held,
     on_disk,
     on_plane,
@@ -33,7 +35,7 @@ from benchmarks.scenes.scene import body as make_body
 FRICTION = 0.3
 
 
-def lap_case(pull: float, friction: float) -> dict:
+def lap_case(pull: float, friction: float) -> dict[str, Any]:
     """Two strips of 60 x 3 that overlap on 20, clamped by pressure, pulled apart along x."""
     clamp = "20.0 if abs(x - 50.0) < 10.0 else 0.0"
     return case(
@@ -253,7 +255,7 @@ def block_on_wider_block() -> Scene:
     )
 
 
-def pad_load(given: dict) -> dict:
+def pad_load(given: dict[str, Any]) -> dict[str, Any]:
     given["load"] = [platen("press", "pad.top", fy=-600.0), platen("shear", "pad.top", fx=90.0)]
     given["stage"] = [{"press": 1.0}, {"shear": 1.0}]
     return given
@@ -272,7 +274,7 @@ def fretting_pad() -> Scene:
     )
 
 
-def pad_base(pad: dict, slave: str, friction: float) -> dict:
+def pad_base(pad: dict[str, Any], slave: str, friction: float) -> dict[str, Any]:
     return case(
         "strain",
         {"steel": STEEL},
@@ -352,7 +354,7 @@ def fretting_pad_friction() -> Scene:
     )
 
 
-def bricks(wide: float, high: float, friction: float, push: float) -> dict:
+def bricks(wide: float, high: float, friction: float, push: float) -> dict[str, Any]:
     """Three bricks on the ground, of their own weight of 1 per area, then a body force sideways."""
     names = [f"brick{i}" for i in range(3)]
     contacts = [on_plane("joint0", "brick0.bottom", (0.0, 0.0), (0.0, 1.0), friction)]
@@ -378,11 +380,8 @@ def bricks_hold() -> Scene:
         "bricks_hold",
         "stack of bricks that slides or tips",
         given,
-        [Figure(f"normal {i}", lambda r, i=i: r.force(f"joint{i}")[1], (3 - i) * weight) for i in range(3)]
-        + [
-            Figure(f"shear {i}", lambda r, i=i: -r.force(f"joint{i}")[0], 0.3 * (3 - i) * weight)
-            for i in range(3)
-        ],
+        [Figure(f"normal {i}", force_at(f"joint{i}", 1), (3 - i) * weight) for i in range(3)]
+        + [Figure(f"shear {i}", force_at(f"joint{i}", 0, -1.0), 0.3 * (3 - i) * weight) for i in range(3)],
     )
 
 
@@ -408,7 +407,7 @@ def bricks_tip() -> Scene:
     )
 
 
-def dovetail_case(friction: float) -> dict:
+def dovetail_case(friction: float) -> dict[str, Any]:
     """A tongue in a slot whose flanks lean inward, pulled out; drawn touching."""
     run, rise = 2.0, 3.0
     tongue = [(-6.0, 0.0), (6.0, 0.0), (4.0, 3.0), (4.0, 8.0), (-4.0, 8.0), (-4.0, 3.0)]

@@ -82,6 +82,16 @@ class Figure:
         return 100.0 * (got - self.true) / (self.scale or abs(self.true))
 
 
+def force_at(contact: str, axis: int, sign: float = 1.0) -> Callable[[Result], float]:
+    """What reads one component of a contact's force."""
+    return lambda result: sign * float(result.force(contact)[axis])
+
+
+def size_of(contact: str) -> Callable[[Result], float]:
+    """What reads how large the horizontal force of a contact is."""
+    return lambda result: abs(float(result.force(contact)[0]))
+
+
 @dataclass(frozen=True)
 class Refusal:
     """That a scene has no equilibrium beyond a position on its path, and words that must tell so.
