@@ -107,7 +107,7 @@ def by_elements(name: str) -> list[Figure]:
     return figures
 
 
-def _figure(sort: str, key: str, value: float | list[float], limit: float) -> Figure:
+def _figure(sort: str, key: str, value: Any, limit: float) -> Figure:
     if sort == "peak":
         return Figure(f"peak {key} (FE)", lambda r: r.peak(key), float(value), limit)
     vector = np.array(value)
