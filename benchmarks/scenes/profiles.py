@@ -46,14 +46,13 @@ def westergaard(height: float, mean: float) -> tuple[float, float]:
     return 2.0 * float(np.sqrt(mean * full)), half
 
 
-@scene
-def wavy_rigid() -> Scene:
-    """Ten waves of a rigid profile by a polyline of 401 points; Westergaard."""
-    height, mean, count = 0.002, 20.0, 10
+def wavy(name: str, count: int, deep: float) -> Scene:
+    """So many waves of a rigid profile by a polyline, on a block so deep; Westergaard."""
+    height, mean = 0.002, 20.0
     peak, _half = westergaard(height, mean)
-    given = polyline_case(wave(count, height, 40), float(count), 5.0, mean * count)
+    given = polyline_case(wave(count, height, 40), float(count), deep, mean * count)
     return Scene(
-        "wavy_rigid",
+        name,
         "wavy and rough profiles",
         given,
         [
@@ -62,24 +61,18 @@ def wavy_rigid() -> Scene:
             Figure("patches", lambda r: float(r.patches("face")), float(count), 0.1),
         ],
     )
+
+
+@scene
+def wavy_rigid() -> Scene:
+    """Ten waves, 401 points."""
+    return wavy("wavy_rigid", 10, 5.0)
 
 
 @scene
 def wavy_rigid_40() -> Scene:
     """Forty waves."""
-    height, mean, count = 0.002, 20.0, 40
-    peak, _half = westergaard(height, mean)
-    given = polyline_case(wave(count, height, 40), float(count), 20.0, mean * count)
-    return Scene(
-        "wavy_rigid_40",
-        "wavy and rough profiles",
-        given,
-        [
-            Figure("force", lambda r: abs(r.force("face")[1]), mean * count),
-            Figure("peak", lambda r: r.peak("face"), peak, 4.0),
-            Figure("patches", lambda r: float(r.patches("face")), float(count), 0.1),
-        ],
-    )
+    return wavy("wavy_rigid_40", 40, 20.0)
 
 
 def wavy_mesh(path: Path, move: Move) -> None:

@@ -1,8 +1,8 @@
-"""Where a contact may have a grid of its own: surfaces that face each other away from corners."""
+"""Where a contact may have a grid of its own: surfaces that face each other, up to known corners."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -110,8 +110,8 @@ def _clear(
     faces = (across < OPPOSED) & (beside <= TOUCHING * base.length)
     if not faces.any():
         return None
-    corners = _corners(pairing, models, held)
-    off = faces & _off_corners(pairing, models, facing, sign * s, corners)
+    ends = [_ends(models[body], pairing.surface_of(slave), held[body]) for body, slave, _ in pairing.sides]
+    off = faces & _off_corners(pairing, models, facing, sign * s, ends)
     least = gap[faces].min() + TOUCHING * base.length
     touching = np.flatnonzero(off & (gap <= least))
     if not len(touching):
@@ -132,9 +132,11 @@ def _clear(
     if stretch is None:
         return None
     first, last = float(s[stretch[0]]), float(s[stretch[1]])
-    ends = _ends(ahead, corners)
+    corners = [tuple(one for one in both if one is not None) for both in ends]
+    tips = [corner.tip for both in corners for corner in both]
+    exact_ends = base.closest(as_real(np.array(tips, dtype=np.complex128))).tolist()
     step = SNAP * float(s[1] - s[0])
-    snapped = [_snapped(one, ends, step) for one in (first, last)]
+    snapped = [_snapped(one, exact_ends, step) for one in (first, last)]
     whole = snapped[0] is not None, snapped[1] is not None
     first, last = (one if exact is None else exact for one, exact in zip((first, last), snapped, strict=True))
     rays = np.linspace(first, last, RAYS)
@@ -148,29 +150,19 @@ def _clear(
     if not facing.slave_first:
         first, last, whole = -last, -first, whole[::-1]
     both = centers[0], centers[1] if len(centers) > 1 else None
-    of_bodies = tuple(one for one in corners["slave"] if one), tuple(one for one in corners["master"] if one)
+    of_bodies = corners[0], corners[1] if len(corners) > 1 else ()
     places = len(valleys(gap[stretch[0] : stretch[1] + 1], TOUCHING * base.length))
     return Clear(facing, first, last, sign * closest, both, of_bodies, whole, places)
 
 
-Ends: TypeAlias = Mapping[str, tuple[Corner | None, Corner | None]]
-"""The corners at the beginning and the end of the surfaces of slave and master, where fields know them."""
-
-
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
 """The surfaces of a body that are held, and which of their components; None where springs have a part."""
+Ends: TypeAlias = tuple[Corner | None, Corner | None]
+"""The corners at the beginning and the end of a surface, where fields know them."""
 
 
-def _corners(pairing: Pairing, models: Mapping[str, BodyModel], held: Mapping[str, Restraints]) -> Ends:
-    found: dict[str, tuple[Corner | None, Corner | None]] = {"slave": (None, None), "master": (None, None)}
-    for role, body, surface in (
-        ("slave", pairing.slave_body, pairing.slave),
-        ("master", pairing.master_body, pairing.master),
-    ):
-        if body is not None and surface is not None:
-            model, kept = models[body], held[body]
-            found[role] = _corner(model, surface, False, kept), _corner(model, surface, True, kept)
-    return found
+def _ends(model: BodyModel, surface: Surface, held: Restraints) -> Ends:
+    return _corner(model, surface, False, held), _corner(model, surface, True, held)
 
 
 def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
@@ -192,19 +184,17 @@ def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) 
         inside = angle < 0.0 if at_end else angle > 0.0
         if not inside or not SHARPEST <= abs(angle) <= BLUNTEST:
             return None
-        length, spacing = (
-            min(abs(along), abs(far - tip)),
-            model.cloud.spacing[surface.index[-1 if at_end else 0]],
-        )
+        length = min(abs(along), abs(far - tip))
+        reach = CLEAR * float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
         if name in held:
             if not _slides(ways, held[name]):
                 return None
-            return Corner(Mirror(model.kernel, *ways), tip, length, CLEAR * float(spacing))
+            return Corner(Mirror(model.kernel, *ways), tip, length, reach)
         # The wedge's forces go on where the faces end: not so into the body.
         ahead = np.concatenate([end + (end - tip) * BEYOND for end in (tip + along, far)])
         if model.cloud.holds(as_real(ahead)).any():
             return None
-        return Corner(Wedge(model.kernel, *ways), tip, length, CLEAR * float(spacing))
+        return Corner(Wedge(model.kernel, *ways), tip, length, reach)
     return None
 
 
@@ -223,21 +213,6 @@ def _straight(surface: Surface) -> tuple[complex, complex] | None:
     first, last = as_complex(curve.points(np.array([0.0, curve.length])))
     straight = abs(abs(last - first) - curve.length) <= ALIKE * curve.length
     return (complex(first), complex(last)) if straight else None
-
-
-def _ends(facing: Facing, corners: Ends) -> list[float]:
-    """Places along the base where one of the two surfaces ends in a corner that fields know."""
-    curves = {"slave": facing.base, "master": facing.other}
-    if not facing.slave_first:
-        curves = {"master": facing.base, "slave": facing.other}
-    tips = [
-        (role, corner.tip)
-        for role, both in corners.items()
-        if curves[role] is not None
-        for corner in both
-        if corner is not None
-    ]
-    return [float(facing.base.closest(as_real(np.array([tip])))[0]) for _, tip in tips]
 
 
 def _snapped(s: float, ends: list[float], step: float) -> float | None:
@@ -267,16 +242,12 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
 
 
 def _off_corners(
-    pairing: Pairing, models: Mapping[str, BodyModel], facing: Facing, s: FloatArray, known_ends: Ends
+    pairing: Pairing, models: Mapping[str, BodyModel], facing: Facing, s: FloatArray, ends: Sequence[Ends]
 ) -> BoolArray:
     """Whether places (e,) are off those ends of both surfaces that fields do not know."""
     off = np.ones(len(s), dtype=bool)
-    for body, surface, slave, known in (
-        (pairing.slave_body, pairing.slave, True, known_ends["slave"]),
-        (pairing.master_body, pairing.master, False, known_ends["master"]),
-    ):
-        if body is None or surface is None:
-            continue
+    for (body, slave, _), known in zip(pairing.sides, ends, strict=True):
+        surface = pairing.surface_of(slave)
         curve, spacing = surface.curve, models[body].cloud.spacing[surface.index]
         arc = curve.closest(as_real(facing.side(s, slave)[0]))
         corners = list(corners_of(curve))

@@ -18,8 +18,9 @@ from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.near import turned
 from mlsanm_cli.contact.observers import resultant
-from mlsanm_cli.contact.pairing import Pairing, turned
+from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import LooseBody, Mover, Obstacle, Platen, RigidMotion

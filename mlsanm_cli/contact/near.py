@@ -35,10 +35,16 @@ STEP = 1e-4
 """Difference quotients along a contact are taken over this part of its range."""
 
 STRAIGHT = 1e-9
+"""Directions, and parts of lengths, that differ by less are the same."""
 NOTHING = 1e-14
 """Components of directions that are none."""
 LEAST = 1e-12
 """Pressures are no nearer to a corner than this part of its faces."""
+
+
+def turned(normal: FloatArray) -> FloatArray:
+    """Vectors (n, 2) turned by -90 degrees: (x, y) becomes (y, -x)."""
+    return np.stack([normal[:, 1], -normal[:, 0]], axis=1)
 
 
 @dataclass(frozen=True)
@@ -89,6 +95,12 @@ class Facing:
         """The directions (e, 2) of pressures on the slave."""
         return self.opposite(s)[2]
 
+    def directions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Directions (e, 2) of pressures and of tractions on the slave: the master's outward normals, and
+        these turned by -90 degrees."""
+        normal = self.normal(s)
+        return normal, turned(normal)
+
     def gap(self, s: FloatArray) -> FloatArray:
         """Initial gaps (e,)."""
         points, partner, normal = self.opposite(s)
@@ -112,8 +124,8 @@ class Facing:
 class Near:
     """A contact's range from ``first`` to ``last``, the ``count`` of its samples, and the ``hats`` of its
     pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one,
-    ``corners`` those at the ends of their surfaces. A ``rough`` grid only serves to find out
-    where the contact is."""
+    ``corners`` those at the ends of their surfaces. A ``rough`` grid only serves to find out where the
+    contact is."""
 
     facing: Facing
     first: float
@@ -162,10 +174,8 @@ class Near:
 
     @cached_property
     def directions(self) -> tuple[FloatArray, FloatArray]:
-        """Directions (g, 2) of pressures and of tractions on the slave at the hats' points: the master's
-        outward normals, and these turned by -90 degrees."""
-        normal = self.facing.normal(self.hats.points)
-        return normal, np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+        """:meth:`Facing.directions` (g, 2) at the hats' points."""
+        return self.facing.directions(self.hats.points)
 
     def spread(self, direction: FloatArray) -> FloatArray:
         """Forces (2k, m) x and y at the samples that stand for tractions of the hats along a ``direction``
@@ -211,8 +221,18 @@ class Near:
         """What of nodal ``values`` (m, ...) acts by fields in closed form."""
         if not self.covers:
             return values
-        share = self.hats.weight / self.hats.weight.sum()
-        return np.asarray(values - share @ values)
+        return np.asarray(values - self._mean @ values)
+
+    @cached_property
+    def _mean(self) -> FloatArray:
+        """What makes the mean along the contact of nodal values (m,)."""
+        return np.asarray(self.hats.weight / self.hats.weight.sum())
+
+    def mean_traction(self, pressure: FloatArray, traction: FloatArray) -> FloatArray:
+        """The mean (2,) on the slave of nodal ``pressure`` and ``traction`` (m,) of a grid that
+        :attr:`covers` its surfaces."""
+        normal, tangent = (direction[0] for direction in self.directions)
+        return np.asarray((self._mean @ pressure) * normal + (self._mean @ traction) * tangent)
 
     @cached_property
     def driven(self) -> tuple[FloatArray, FloatArray]:
@@ -220,8 +240,7 @@ class Near:
         tractions."""
         if not self.covers:
             return self.spreads
-        share = self.hats.weight / self.hats.weight.sum()
-        unit = np.eye(len(share))
+        share, unit = self._mean, np.eye(len(self._mean))
         found = []
         for spread, direction in zip(self.spreads, self.directions, strict=True):
             parts = np.split(spread @ self.uneven(unit), 2)
@@ -266,8 +285,7 @@ class Near:
         if not self.corners_of(slave):
             return total
         points, integrals = hats.towards_ends
-        place, normal = self.facing.side(points, slave)[0], self.facing.normal(points)
-        directions = normal, np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+        place, directions = self.facing.side(points, slave)[0], self.facing.directions(points)
         present = [np.flatnonzero(np.abs(one).max(axis=0) > NOTHING).tolist() for one in directions]
         for corner in self.corners_of(slave):
             x = np.maximum(corner.distance(place), LEAST * corner.length)

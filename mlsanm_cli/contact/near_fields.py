@@ -69,11 +69,10 @@ class _Loads:
         tractions (e, 2, c) on the slave there."""
         s = self.ends[interval] + share * self.steps[interval]
         place, inward = self.near.facing.side(s, self.slave)
-        normal, part = self.near.facing.normal(s), share[:, None]
+        (normal, tangent), part = self.near.facing.directions(s), share[:, None]
         pressure, traction = (
             (1.0 - part) * one[interval] + part * one[interval + 1] for one in (self.pressure, self.traction)
         )
-        tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
         total = normal[:, :, None] * pressure[:, None] + tangent[:, :, None] * traction[:, None]
         return SurfaceForces(self.kernel, place, inward, self.near.centers[0 if self.slave else 1]), total
 

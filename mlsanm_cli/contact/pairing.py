@@ -12,7 +12,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.near import Near
+from mlsanm_cli.contact.near import Near, turned
 from mlsanm_cli.contact.obstacles import Shape
 from mlsanm_cli.values import dataclass
 
@@ -189,11 +189,6 @@ def on_grid(pairing: Pairing, near: Near) -> Pairing:
         candidate=np.arange(count + int(beyond.sum())) < count,
         near=near,
     )
-
-
-def turned(normal: FloatArray) -> FloatArray:
-    """Vectors (n, 2) turned by -90 degrees: (x, y) becomes (y, -x)."""
-    return np.stack([normal[:, 1], -normal[:, 0]], axis=1)
 
 
 def pair_surfaces(

@@ -9,6 +9,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.linear_map import Columns
+from mlsanm_cli.contact.near import turned
 from mlsanm_cli.contact.pairing import (
     OPPOSED,
     Pairing,
@@ -17,7 +18,6 @@ from mlsanm_cli.contact.pairing import (
     opposed,
     slave_normals,
     transfer,
-    turned,
 )
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.pieces import turned_along

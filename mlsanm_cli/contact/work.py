@@ -12,7 +12,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.near_fields import traction_beside
 from mlsanm_cli.contact.pairing import Pairing, facing_parts, opposed
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -144,9 +143,8 @@ def _given_tractions(
                         beside = traction_beside(pairing.near, kernel, slave, surface, pressure, traction)
                         total[name] -= sign * beside
                     if pairing.near.covers:
-                        total[pairing.surface_of(slave).name] += sign * _mean(
-                            pairing.near, pressure, traction
-                        )
+                        mean = pairing.near.mean_traction(pressure, traction)
+                        total[pairing.surface_of(slave).name] += sign * mean
         elif pairing.slave_body == body:
             given, chosen = _on_slave(pairing, pressure, traction), pairing.candidate
             position = pairing.position[chosen]
@@ -191,13 +189,6 @@ def _beyond_nodes(body: ElasticBody, load: SurfaceLoad, path: FloatArray) -> flo
     moved = share * path[own] + (1.0 - share) * path[other]
     whole = float((halves.length[:, None] * taken * load.between * moved).sum())
     return whole - along_surface(surface, taken * load.values, path[surface.index])
-
-
-def _mean(near: Near, pressure: FloatArray, traction: FloatArray) -> FloatArray:
-    """The mean (2,) of the tractions on a slave, of contacts that cover their surfaces."""
-    share = near.hats.weight / near.hats.weight.sum()
-    normal, tangent = (direction[0] for direction in near.directions)
-    return np.asarray((share @ pressure) * normal + (share @ traction) * tangent)
 
 
 def _on_slave(pairing: Pairing, pressure: FloatArray, traction: FloatArray) -> FloatArray:

@@ -71,12 +71,6 @@ class Wedge:
 
         return back(first), back(second)
 
-    def density(self, face: int, x: FloatArray, source: FloatArray) -> FloatArray:
-        """Forces per length (e, k, 2, 2) at distances ``x`` (e,) along a face by unit forces at distances
-        ``source`` (k,) along the first; at the tip itself none."""
-        where = np.maximum(x, np.finfo(float).tiny)[:, None]
-        return interpolated(self.densities[face], np.log(where / source)) / where[:, :, None, None]
-
     @cached_property
     def logarithm(self) -> FloatArray:
         """What displacements (2, 2) by a force change by with the logarithm of the unit of length."""
