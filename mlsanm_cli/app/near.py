@@ -23,7 +23,6 @@ from mlsanm_cli.contact.grid import Hats
 from mlsanm_cli.contact.near import Near
 from mlsanm_cli.contact.pairing import Pairing, on_grid
 from mlsanm_cli.contact.sets import Sets
-from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 
@@ -67,6 +66,8 @@ ACCURACY, RUBBING, SMOOTHED = 0.3, 2.0, 10.0
 """Grids are refined until their estimated error is this many times the accuracy asked for: without friction,
 which costs next to nothing; with it, where every place that begins to slide is an event of the path; and
 where friction is smoothed, which is 0.6 % off partial slip whatever the grid."""
+UNSEEN = 1e-3
+"""Overlaps between the nodes of grids are looked at closely from this part of the largest approach on."""
 FEW = 2
 """Contacts without friction in more places than these are refined to what is asked for only: unknowns of all
 are solved for together."""
@@ -92,7 +93,6 @@ def find_grids(
     answers: Answers | None = None
     starts: list[Sets] = []
     every, turnings = False, TURNINGS
-    coarser: tuple[Condensed, tuple[ExactState, ...]] | None = None
     condensed: Condensed | None = None
     for _ in range(ROUNDS):
         some = _on_grids(pairings, grids)
@@ -101,22 +101,14 @@ def find_grids(
         if condensed is None:
             condensed = condense(scene, some, memo, answers)
         starts = starts or [_near_enough(some)]
-        try:
-            states = search(condensed, starts, every)
-        except NumericalError:
-            # With friction there may be no way to the states of a finer grid: its error is estimated.
-            if coarser is None:
-                raise
-            return coarser
-        coarser = None
+        states = search(condensed, starts, every)
         wanted = _ranged(condensed, grids, clear, states)
         if wanted is None:
             return None
         if _same(wanted, grids):
             wanted = _sampled(scene, answers, grids)
         if _same(wanted, grids):
-            coarser = (condensed, states) if not every else None
-            wanted = _refined(condensed, grids, states, accuracy, tractions=not every)
+            wanted = _refined(condensed, grids, clear, states, accuracy, tractions=not every)
         if _same(wanted, grids):
             turned = _turned(condensed, states, grids) if every and turnings else None
             if turned is None and every:
@@ -246,7 +238,13 @@ def _ranged(
             continue
         near, room, nodes = grids[name], clear[name], grids[name].hats.nodes
         closed = np.any([state.active[condensed.spans[name]] for state in states], axis=0)
-        beyond = pairing.arc[np.any([masks[name] for masks in touched], axis=0)]
+        seen = _summits(condensed, name, room, states)
+        beyond = np.concatenate(
+            [
+                pairing.arc[np.any([masks[name] for masks in touched], axis=0)],
+                seen[(seen < near.first) | (seen > near.last)],
+            ]
+        )
         places = np.flatnonzero(closed)
         if not len(places):
             if len(beyond):
@@ -254,8 +252,8 @@ def _ranged(
             continue
         low, high = nodes[places[0]], nodes[places[-1] + 2]
         width = high - low
-        if len(beyond):
-            low, high = min(low, float(beyond.min())), max(high, float(beyond.max()))
+        reached = np.concatenate([[low, high], beyond, seen])
+        low, high = float(reached.min()), float(reached.max())
         short = low <= room.first and not room.whole[0], high >= room.last and not room.whole[1]
         if any(short):
             coarse = _coarse_ends(near, places)
@@ -313,6 +311,7 @@ def _sampled(scene: Scene, answers: Answers, grids: Mapping[str, Near]) -> dict[
 def _refined(
     condensed: Condensed,
     grids: Mapping[str, Near],
+    clear: Mapping[str, Clear],
     states: Sequence[ExactState],
     accuracy: Mapping[str, float],
     tractions: bool,
@@ -325,15 +324,43 @@ def _refined(
     result = dict(grids)
     for name, near in grids.items():
         errors = grid_errors(condensed, name, states, tractions)
-        total = float(np.sqrt((errors**2).sum()))
-        aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 3
-        if total <= aim or len(errors) >= MOST:
+        if len(errors) >= MOST:
             continue
-        share = max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
-        chosen = (errors > share) & (near.hats.steps > SHORTEST * (near.last - near.first))
+        summits = _summits(condensed, name, clear[name], states)
+        chosen = np.isin(np.arange(len(errors)), np.searchsorted(near.hats.nodes, summits) - 1)
+        aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 3
+        if float(np.sqrt((errors**2).sum())) > aim:
+            chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
+        chosen &= near.hats.steps > SHORTEST * (near.last - near.first)
         if chosen.any():
             result[name] = replace(near, hats=near.hats.halved(chosen))
     return result
+
+
+def _summits(condensed: Condensed, name: str, room: Clear, states: Sequence[ExactState]) -> FloatArray:
+    """Places (e,) where surfaces overlap in a state away from all that touches there: summits of a profile
+    that neither means over wide hats nor the nodes beyond them see."""
+    pairing = next(one for one in condensed.pairings if one.name == name)
+    assert pairing.near is not None
+    hats, span, watched = pairing.near.hats, condensed.spans[name], condensed.watched_of(name)
+    places, drawn = room.looks
+    own = hats.at_places(pairing.near.facing.gap(hats.points)[:, None])[:, 0]
+    others = pairing.gap[~pairing.candidate] + pairing.closed_by
+    at = np.concatenate([hats.place, pairing.arc[~pairing.candidate]])
+    order = np.argsort(at)
+    interval = np.clip(np.searchsorted(hats.nodes, places) - 1, 0, len(hats.steps) - 1)
+    beyond = (places < hats.nodes[0]) | (places > hats.nodes[-1])
+    chosen = np.zeros(len(places), dtype=bool)
+    for state in states:
+        gap = condensed.watched(state.factors, state.motion, state.pressure, state.traction)[watched]
+        moved = np.concatenate([state.gap[span] - own, gap - others])
+        closed = state.active[span]
+        touching = np.pad(closed, 2)
+        apart = ~(touching[:-3] | touching[1:-2] | touching[2:-1] | touching[3:])
+        shallow = UNSEEN * float(np.abs(moved[: len(own)][closed]).max(initial=0.0))
+        overlap = drawn + np.interp(places, at[order], moved[order]) < -shallow
+        chosen |= overlap & (apart[interval] | beyond)
+    return places[chosen]
 
 
 def grid_errors(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -39,6 +40,8 @@ SNAP = 1.5
 LOOKED_AT, LOOKS_PER_POINT = 800, 2
 RAYS = 17
 LOOKS = 8
+SIGHTS = 2000
+"""Places at which a range is looked at for summits of its profile."""
 CHORDS = 200
 
 
@@ -57,6 +60,12 @@ class Clear:
     corners: tuple[tuple[Corner, ...], tuple[Corner, ...]]
     whole: tuple[bool, bool]
     places: int = 1
+
+    @cached_property
+    def looks(self) -> tuple[FloatArray, FloatArray]:
+        """Places (e,) close to each other all over the range, and the gaps (e,) as drawn there."""
+        places = np.linspace(self.first, self.last, SIGHTS)
+        return places, self.facing.gap(places)
 
 
 def clear_contacts(

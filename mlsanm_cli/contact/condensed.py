@@ -109,14 +109,22 @@ class Condensed:
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
         """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""
         overlap = self.watched(f, q, p, t) < 0.0
-        masks, first = {}, 0
+        masks = {}
         for pairing in self.pairings:
-            left_out = np.flatnonzero(~pairing.candidate)
             mask = np.zeros(len(pairing.position), dtype=bool)
-            mask[left_out] = overlap[first : first + len(left_out)]
-            first += len(left_out)
+            mask[~pairing.candidate] = overlap[self.watched_of(pairing.name)]
             masks[pairing.name] = mask
         return masks
+
+    def watched_of(self, name: str) -> slice:
+        """Where the paired nodes of a contact that are no candidates stand among all of these."""
+        first = 0
+        for pairing in self.pairings:
+            last = first + int((~pairing.candidate).sum())
+            if pairing.name == name:
+                return slice(first, last)
+            first = last
+        raise KeyError(name)
 
     def source(
         self, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray

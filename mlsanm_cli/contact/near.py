@@ -87,9 +87,14 @@ class Facing:
         """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on
         the slave: those of the other surface's normals."""
         points, there, normal, _ = self._places(s)
+        normal = self._direction(normal)
+        return (points, there, normal) if self.slave_first else (there, points, normal)
+
+    def _direction(self, normal: FloatArray) -> FloatArray:
+        """Directions (e, 2) of pressures on the slave from the other surface's normals (e, 2)."""
         if self.turn:
             normal = as_real(as_complex(normal) * np.exp(1j * self.turn))
-        return (points, there, normal) if self.slave_first else (there, points, -normal)
+        return normal if self.slave_first else -normal
 
     def normal(self, s: FloatArray) -> FloatArray:
         """The directions (e, 2) of pressures on the slave."""
@@ -108,7 +113,20 @@ class Facing:
 
     def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
         """Places (e,) on one of the two surfaces and unit normals (e,) into its body."""
-        points, there, normal, outward = self._places(s)
+        return self._side(self._places(s), slave)
+
+    def loaded(
+        self, s: FloatArray, slave: bool
+    ) -> tuple[ComplexArray, ComplexArray, tuple[FloatArray, FloatArray]]:
+        """What :meth:`side` and :meth:`directions` say, from one search for the closest points."""
+        places = self._places(s)
+        normal = self._direction(places[2])
+        return *self._side(places, slave), (normal, turned(normal))
+
+    def _side(
+        self, places: tuple[FloatArray, FloatArray, FloatArray, FloatArray], slave: bool
+    ) -> tuple[ComplexArray, ComplexArray]:
+        points, there, normal, outward = places
         if slave == self.slave_first:
             return as_complex(points), -as_complex(outward)
         return as_complex(there), -as_complex(normal)

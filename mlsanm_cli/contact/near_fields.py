@@ -68,13 +68,19 @@ class _Loads:
         """Unit forces at places (e,) within intervals (e,), by the share of the way along these, and the
         tractions (e, 2, c) on the slave there."""
         s = self.ends[interval] + share * self.steps[interval]
-        place, inward = self.near.facing.side(s, self.slave)
-        (normal, tangent), part = self.near.facing.directions(s), share[:, None]
+        place, inward, (normal, tangent) = self.near.facing.loaded(s, self.slave)
+        part = share[:, None]
         pressure, traction = (
             (1.0 - part) * one[interval] + part * one[interval + 1] for one in (self.pressure, self.traction)
         )
         total = normal[:, :, None] * pressure[:, None] + tangent[:, :, None] * traction[:, None]
         return SurfaceForces(self.kernel, place, inward, self.near.centers[0 if self.slave else 1]), total
+
+    @cached_property
+    def even(self) -> list[tuple[float, SurfaceForces, FloatArray]]:
+        """Weights of the rule for whole intervals, with :meth:`forces` at its points in all of them."""
+        interval = np.arange(len(self.steps))
+        return [(weight, *self.forces(interval, np.full(len(interval), share))) for share, weight in RULE]
 
 
 def fields_of(
@@ -155,12 +161,9 @@ def _inside(loads: _Loads, z: ComplexArray, ends: ComplexArray, foot: FloatArray
 
 def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, FloatArray]:
     """What intervals that are not ``close`` (e, i) do."""
-    size, count = loads.steps, len(loads.steps)
-    interval = np.arange(count)
     total: list[FloatArray] = []
-    for share, weight in RULE:
-        forces, traction = loads.forces(interval, np.full(count, share))
-        factor = np.where(close, 0.0, weight * size)
+    for weight, forces, traction in loads.even:
+        factor = np.where(close, 0.0, weight * loads.steps)
         fields = forces.displacement(z), forces.stress(z)
         some = [np.einsum("ei,eicd,idk->eck", factor, field, traction, optimize=True) for field in fields]
         total = some if not total else [one + other for one, other in zip(total, some, strict=True)]
@@ -202,12 +205,10 @@ def traction_beside(
         found = near.forces(kernel, slave).traction(z, as_complex(surface.normal), curvature)
         return np.asarray(np.einsum("ekcd,kd->ec", found, on))
     loads = _Loads.of(near, slave, kernel, pressure[:, None], traction[:, None])
-    size, count = loads.steps, len(loads.steps)
     z = as_complex(surface.curve.points(surface.arc_length))
     curvature = surface.curve.curvature(surface.arc_length)
     total = np.zeros((len(z), 2))
-    for share, weight in RULE:
-        forces, on = loads.forces(np.arange(count), np.full(count, share))
+    for weight, forces, on in loads.even:
         found = forces.traction(z, as_complex(surface.normal), curvature)
-        total += np.einsum("i,eicd,id->ec", weight * size, found, on[:, :, 0])
+        total += np.einsum("i,eicd,id->ec", weight * loads.steps, found, on[:, :, 0])
     return total

@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import cached_property
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-9
+SHARP = np.deg2rad(15.0)
+"""Corners of a chain that turn by more are meant."""
+ALIKE, BESIDE = 0.6, 2
+"""Samples of a smooth curve turn by the mean of those before and after, but for this part of the largest turn
+among so many on either side. A corner alone among straight sides differs by all of it."""
+CANDIDATES = 8
+"""So many sides are looked at closely, where there are more than twice as many."""
+AT_ONCE = 200_000
+"""Pairs of points and sides worked on together, for the sake of memory."""
+RUN = 3
+"""So many corners in a row are a curve, two are a chamfer."""
+LONGER = 3.0
+"""Sides this many times as long as both beside them are straight."""
 
 
 class Shape(Protocol):
@@ -53,30 +72,93 @@ class Round:
         return np.array(self.center) + self.radius * radial, -radial if self.inside else radial
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chain:
     """A chain of straight sides through ``points`` (c, 2), with the obstacle on the left of the way along it.
 
-    Around a corner that points outward the normal turns with the direction from the corner.
+    Around a corner that points outward the normal turns with the direction from the corner. Where the points
+    are samples of a smooth curve, that is the obstacle: a spline through them. Under a corner, be it ever so
+    blunt, the pressure has no bound, which nobody means who gives a table of a profile.
     """
 
     points: FloatArray
 
+    @cached_property
+    def smooth(self) -> BoolArray:
+        """Which of the points (c,) are samples of a smooth curve, not corners; both ends are corners."""
+        count = len(self.points)
+        along = np.diff(self.points, axis=0)
+        result = np.zeros(count, dtype=bool)
+        if count < RUN + 2:
+            return result
+        angle = np.arctan2(along[:, 1], along[:, 0])
+        turn = np.angle(np.exp(1j * np.diff(angle)))
+        turn[np.abs(turn) <= ROUND_OFF] = 0.0
+        # Beyond the ends the curve goes on as it is there.
+        wide = np.pad(turn, BESIDE, mode="edge")
+        window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * BESIDE + 1)
+        mean = 0.5 * (wide[BESIDE - 1 : -BESIDE - 1] + wide[BESIDE + 1 : count - 2 + BESIDE + 1])
+        even = np.abs(turn - mean) <= ALIKE * window.max(axis=1)
+        result[1:-1] = even & (np.abs(turn) <= SHARP) & (window.max(axis=1) > 0.0)
+        for first, last in _runs(result):
+            result[first:last] &= last - first >= RUN
+        return result
+
+    @cached_property
+    def _middles(self) -> cKDTree:
+        return cKDTree(0.5 * (self.points[:-1] + self.points[1:]))
+
+    @cached_property
+    def _curves(self) -> tuple[tuple[int, int, SplinePart], ...]:
+        """First and last side, that one excluded, of every smooth part, and its curve."""
+        length = np.hypot(*np.diff(self.points, axis=0).T)
+        beside = np.pad(length, 1)
+        curved = (self.smooth[1:] | self.smooth[:-1]) & (
+            length <= LONGER * np.maximum(beside[:-2], beside[2:])
+        )
+        found = []
+        for first, last in _runs(curved):
+            inner = np.flatnonzero(~self.smooth[first + 1 : last]) + first + 1
+            ends = [first, *inner.tolist(), last]
+            for a, b in pairwise(ends):
+                if b - a >= RUN:
+                    spline = NodeSpline(self.points[a : b + 1], False)
+                    found.append((a, b, SplinePart(spline, 0, b - a)))
+        return tuple(found)
+
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
+        partner, normal, side, corner = self._on_sides(points, outward)
+        for first, last, curve in self._curves:
+            here = (side >= first) & (side < last)
+            here &= (corner == -1) | self.smooth[corner]
+            if here.any():
+                arc = curve.closest(points[here])
+                partner[here], normal[here] = curve.points(arc), curve.normals(arc)
+        return partner, normal
+
+    def _on_sides(
+        self, points: FloatArray, outward: FloatArray
+    ) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
+        """Closest points and normals of straight sides, whose side that is, and which inner corner decides
+        on the normal, -1 where none does."""
         start, along = self.points[:-1], np.diff(self.points, axis=0)
         length = np.hypot(along[:, 0], along[:, 1])
         tangent = along / length[:, None]
-        away = points[:, None, :] - start
-        s = np.clip((away * tangent).sum(axis=2), 0.0, length)
-        distance = np.linalg.norm(away - s[:, :, None] * tangent, axis=2)
-        # Two sides share a corner; the one that is faced more counts, of points just there by their surface.
-        nearest = distance <= distance.min(axis=1, keepdims=True) + ROUND_OFF * length.max()
-        across = away[:, :, 0] * tangent[:, 1] - away[:, :, 1] * tangent[:, 0]
-        facing = outward[:, :1] * tangent[:, 1] - outward[:, 1:] * tangent[:, 0]
-        faced = across - ROUND_OFF * length.max() * facing
-        side = np.argmax(np.where(nearest, faced, -np.inf), axis=1)
-        every = np.arange(len(points))
-        s = s[every, side]
+        side, s = np.zeros(len(points), dtype=np.int64), np.zeros(len(points))
+        for rows, chosen in self._candidates(points):
+            away = points[rows, None, :] - start[chosen]
+            way = np.clip((away * tangent[chosen]).sum(axis=2), 0.0, length[chosen])
+            distance = np.linalg.norm(away - way[:, :, None] * tangent[chosen], axis=2)
+            # Two sides share a corner; the one that is faced more counts, of points just there by their
+            # surface.
+            nearest = distance <= distance.min(axis=1, keepdims=True) + ROUND_OFF * length.max()
+            across = away[:, :, 0] * tangent[chosen, 1] - away[:, :, 1] * tangent[chosen, 0]
+            out = outward[rows, None, :]
+            facing = out[:, :, 0] * tangent[chosen, 1] - out[:, :, 1] * tangent[chosen, 0]
+            faced = across - ROUND_OFF * length.max() * facing
+            best = np.argmax(np.where(nearest, faced, -np.inf), axis=1)[:, None]
+            side[rows] = np.take_along_axis(chosen, best, axis=1)[:, 0]
+            s[rows] = np.take_along_axis(way, best, axis=1)[:, 0]
         partner = start[side] + s[:, None] * tangent[side]
         normal = np.stack([tangent[side, 1], -tangent[side, 0]], axis=1)
         # Beyond a corner the way there is the normal, above a side it is the side's own to all digits.
@@ -85,5 +167,28 @@ class Chain:
         size = np.hypot(past[:, 0], past[:, 1])
         corner = (beside > ROUND_OFF * length.max()) & ((past * normal).sum(axis=1) > 0.0)
         inner = ((s == 0.0) & (side > 0)) | ((s == length[side]) & (side < len(length) - 1))
-        turned = (corner & inner)[:, None]
-        return partner, np.where(turned, past / np.where(size > 0.0, size, 1.0)[:, None], normal)
+        turned = corner & inner
+        normal = np.where(turned[:, None], past / np.where(size > 0.0, size, 1.0)[:, None], normal)
+        return partner, normal, side, np.where(turned, np.where(s == 0.0, side, side + 1), -1)
+
+    def _candidates(self, points: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
+        """Rows (r,) of ``points`` and the sides (r, k) among which the closest to each is: those with the
+        nearest middles where that is certain, all where not."""
+        count, rows = len(self.points) - 1, np.arange(len(points))
+        if count > 2 * CANDIDATES:
+            reach = 0.5 * np.hypot(*np.diff(self.points, axis=0).T).max()
+            distance, chosen = nearest(self._middles, points, CANDIDATES)
+            # No side beyond the last of these comes nearer than the first does.
+            certain = distance[:, -1] - reach > distance[:, 0]
+            if certain.any():
+                yield rows[certain], np.sort(chosen[certain], axis=1)
+            rows = rows[~certain]
+        for first in range(0, len(rows), AT_ONCE // count + 1):
+            some = rows[first : first + AT_ONCE // count + 1]
+            yield some, np.tile(np.arange(count), (len(some), 1))
+
+
+def _runs(chosen: BoolArray) -> list[tuple[int, int]]:
+    """First and last place, that one excluded, of all that are ``chosen`` (n,) in a row."""
+    steps = np.flatnonzero(np.diff(np.pad(chosen.astype(np.int8), 1)))
+    return [(int(a), int(b)) for a, b in zip(steps[::2], steps[1::2], strict=True)]

@@ -168,7 +168,11 @@ def by_component(table: FloatArray) -> FloatArray:
 
 def _table(rows: list[list[FloatArray]]) -> FloatArray:
     """Rows of arrays (...) as one array (..., rows, columns)."""
-    return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
+    table = np.empty((len(rows), len(rows[0]), *np.broadcast_shapes(*(one.shape for one in rows[0]))))
+    for i, row in enumerate(rows):
+        for k, one in enumerate(row):
+            table[i, k] = one
+    return np.moveaxis(table, (0, 1), (-2, -1))
 
 
 @dataclass(frozen=True)

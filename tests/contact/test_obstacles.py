@@ -77,3 +77,63 @@ def test_nodes_well_beside_a_punch_have_no_partner() -> None:
     corner = float(np.hypot(0.05, 0.02))
     assert pairing.gap == pytest.approx(np.where(np.abs(x) < 0.35, 0.02, corner))
     assert (pairing.bodies, pairing.names) == (("block",), ("block.top",))
+
+
+def test_samples_of_a_smooth_curve_are_that_curve() -> None:
+    """Waves from a table: places and normals of the curve itself, fourth and third order in the spacing."""
+    off = []
+    for count in (161, 321):
+        x = np.linspace(0.0, 4.0, count)
+        chain = Chain(np.column_stack([x, 1e-2 * np.cos(2.0 * np.pi * x)]))
+        assert chain.smooth[1:-1].all()
+        points = np.column_stack([np.linspace(0.3, 3.7, 97), np.full(97, -0.02)])
+        partner, normal = chain.closest(points, np.tile([0.0, 1.0], (97, 1)))
+        slope = -2e-2 * np.pi * np.sin(2.0 * np.pi * partner[:, 0])
+        off.append(
+            [
+                np.abs(partner[:, 1] - 1e-2 * np.cos(2.0 * np.pi * partner[:, 0])).max(),
+                np.abs(normal[:, 0] - slope / np.hypot(1.0, slope)).max(),
+            ]
+        )
+    assert off[1][0] < 1e-8
+    assert (np.log2(np.divide(off[0], off[1])) > [3.7, 2.7]).all()
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [[-1.0, 0.02], [0.0, 0.0], [1.0, 0.02]],
+        [[-2.0, 0.1], [-1.0, 0.0], [1.0, 0.0], [2.0, 0.1]],
+        [[x, 0.05 * abs(x)] for x in np.linspace(-1.0, 1.0, 21)],
+        [[np.cos(t), np.sin(t)] for t in np.linspace(0.0, 2.0 * np.pi, 13)],
+        [[k, 0.01 * (-1.0) ** (k * k // 3)] for k in range(40)],
+    ],
+    ids=["blunt wedge", "chamfers", "sampled wedge", "dodecagon", "ragged"],
+)
+def test_corners_that_are_meant_stay(points: list[list[float]]) -> None:
+    assert not Chain(np.array(points)).smooth.any()
+
+
+def test_rounded_ends_beside_a_flat_face_are_smooth_and_the_face_stays_flat() -> None:
+    turn = np.deg2rad(np.arange(0.0, 91.0, 9.0))
+    right = np.column_stack([5.0 + np.sin(turn), 1.0 - np.cos(turn)])
+    chain = Chain(np.concatenate([right[::-1] * [-1.0, 1.0], right]))
+    at = np.array([[0.3, -0.1], [5.0 + np.sin(0.5) * 1.2, 1.0 - np.cos(0.5) * 1.2]])
+    partner, normal = chain.closest(at, np.tile([0.0, 1.0], (2, 1)))
+    assert partner[0] == pytest.approx([0.3, 0.0], abs=1e-15)
+    assert normal[0] == pytest.approx([0.0, -1.0], abs=1e-15)
+    assert np.hypot(*(partner[1] - [5.0, 1.0])) == pytest.approx(1.0, abs=1e-4)
+    assert normal[1] == pytest.approx([np.sin(0.5), -np.cos(0.5)], abs=1e-3)
+
+
+def test_few_of_many_sides_are_looked_at_and_none_is_missed() -> None:
+    rng = np.random.default_rng(3)
+    x = np.concatenate([np.cumsum(rng.uniform(0.01, 0.2, 60)), 20.0 + np.arange(3.0)])
+    chain = Chain(np.column_stack([x, 0.2 * rng.normal(size=len(x))]))
+    points = np.column_stack([rng.uniform(-1.0, 25.0, 300), rng.normal(size=300)])
+    partner, _ = chain.closest(points, np.tile([0.0, 1.0], (300, 1)))
+    away = np.linalg.norm(points - partner, axis=1)
+    start, along = chain.points[:-1], np.diff(chain.points, axis=0)
+    share = np.clip(((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+    every = np.linalg.norm(points[:, None] - start - share[:, :, None] * along, axis=2)
+    assert away == pytest.approx(every.min(axis=1), abs=1e-12)
