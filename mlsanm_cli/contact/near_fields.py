@@ -7,22 +7,24 @@ doi:10.1002/nme.1208).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.grid import RULE
 from mlsanm_cli.contact.near import Near
+from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex
 from mlsanm_cli.values import dataclass
 
 FAR = 2.0
 """Intervals farther away than so many of their lengths are integrated by the points of the grid."""
-POINTS = 24
-"""Gauss's points over an interval nearby."""
+POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
+"""Gauss's points over an interval nearby, from so many of its lengths away on."""
 BESIDE = 1e-3
 """Points nearer to the surface than this part of the interval beneath are moved so far inside: on it, fields
 jump."""
@@ -107,16 +109,37 @@ def fields_of(
     beside = away <= BEYOND
     if beside.any():
         displacement[beside], stress[beside] = _beside(near, kernel, slave, z[beside], pressure, traction)
-    normal, tangent = near.directions
     for corner in near.corners_of(slave):
-        hats = near.hats
-        at, unit = corner.distance(near.facing.side(hats.points, slave)[0]), hats.integrals.T
-        force = (
-            normal[:, :, None] * (unit @ pressure)[:, None] + tangent[:, :, None] * (unit @ traction)[:, None]
-        )
-        for line in corner.lines(at, force):
-            displacement, stress = displacement + line.displacement(z), stress + line.stress(z)
+        # The other ends of what a corner adds lie off the body, beyond the tip.
+        beyond = np.abs(z - corner.tip) > BEYOND * (near.last - near.first)
+        for some, (at, force) in (
+            (beyond, _sampled_forces(near, slave, corner, pressure, traction)),
+            (~beyond, _forces(near, slave, corner, pressure, traction)),
+        ):
+            for line in corner.lines(at, force) if some.any() else ():
+                displacement[some] += line.displacement(z[some])
+                stress[some] += line.stress(z[some])
     return displacement, stress
+
+
+def _forces(
+    near: Near, slave: bool, corner: Corner, pressure: FloatArray, traction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Distances (g,) from a corner's tip of the hats' points, and the forces (g, 2, c) there."""
+    (normal, tangent), unit = near.directions, near.hats.integrals.T
+    along, across = (unit @ values for values in (traction, pressure))
+    force = normal[:, :, None] * across[:, None] + tangent[:, :, None] * along[:, None]
+    return corner.distance(near.facing.side(near.hats.points, slave)[0]), force
+
+
+def _sampled_forces(
+    near: Near, slave: bool, corner: Corner, pressure: FloatArray, traction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The same of few samples (k,) that stand for all the pressures, seen from afar."""
+    close = replace(near, count=CLOSE)
+    normal, tangent = close.spreads
+    force = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
+    return corner.distance(close.facing.side(close.samples, slave)[0]), force
 
 
 def _beside(
@@ -125,7 +148,7 @@ def _beside(
     """The same at points near the contact."""
     loads = _Loads.of(near, slave, kernel, pressure, traction)
     ends, size = near.facing.side(loads.ends, slave)[0], loads.steps
-    parts = []
+    parts, pairs = [], []
     step = max(1, AT_ONCE // (len(RULE) * len(size)))
     for first in range(0, len(z), step):
         some = z[first : first + step]
@@ -133,9 +156,13 @@ def _beside(
         some = _inside(loads, some, ends, foot)
         away = np.abs(some[:, None] - (ends[:-1] + foot * np.diff(ends)))
         close = away < FAR * size
-        far, beside = _far(loads, some, close), _close(loads, some, close, foot, away)
-        parts.append([one + other for one, other in zip(far, beside, strict=True)])
+        parts.append(_far(loads, some, close))
+        row, interval = np.nonzero(close)
+        pairs.append((row + first, some[row], interval, foot[close], away[close] / size[interval]))
     displacement, stress = (np.concatenate(some) for some in zip(*parts, strict=True))
+    chosen = [np.concatenate(some) for some in zip(*pairs, strict=True)]
+    for first in range(0, len(chosen[0]), AT_ONCE):
+        _add_close(loads, [one[first : first + AT_ONCE] for one in chosen], displacement, stress)
     return displacement, stress
 
 
@@ -170,25 +197,25 @@ def _far(loads: _Loads, z: ComplexArray, close: BoolArray) -> tuple[FloatArray, 
     return total[0], total[1]
 
 
-def _close(
-    loads: _Loads, z: ComplexArray, close: BoolArray, foot: FloatArray, away: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """What intervals do that are ``close`` (e, i), seen from ``away`` (e, i) over their ``foot`` (e, i)."""
-    row, interval = np.nonzero(close)
-    columns = loads.pressure.shape[1]
-    displacement, stress = np.zeros((len(z), 2, columns)), np.zeros((len(z), 3, columns))
-    size, at = loads.steps[interval], foot[row, interval]
-    distance = np.maximum(away[row, interval], 1e-12 * size) / size
-    low, high = np.arcsinh(-at / distance), np.arcsinh((1.0 - at) / distance)
-    for place, weight in zip(*np.polynomial.legendre.leggauss(POINTS), strict=True):
-        v = 0.5 * (low + high) + 0.5 * (high - low) * place
-        share = np.clip(at + distance * np.sinh(v), 0.0, 1.0)
-        length = 0.5 * weight * (high - low) * distance * np.cosh(v) * size
-        forces, traction = loads.forces(interval, share)
-        moved, stressed = forces.at_each(z[row])
-        np.add.at(displacement, row, length[:, None, None] * (moved @ traction))
-        np.add.at(stress, row, length[:, None, None] * (stressed @ traction))
-    return displacement, stress
+def _add_close(
+    loads: _Loads, pairs: Sequence[AnyArray], displacement: FloatArray, stress: FloatArray
+) -> None:
+    """Add to displacements and stresses (e, ., c) what intervals close by do. Pairs (p,) are a row of these,
+    its place, an interval, where on it the foot is, and the distance from there over its length."""
+    last = [first for first, _ in POINTS[1:]] + [np.inf]
+    for (first, count), beyond in zip(POINTS, last, strict=True):
+        chosen = (pairs[4] >= first) & (pairs[4] < beyond)
+        row, z, interval, at, away = (one[chosen] for one in pairs)
+        distance = np.maximum(away, 1e-12)
+        low, high = np.arcsinh(-at / distance), np.arcsinh((1.0 - at) / distance)
+        for place, weight in zip(*np.polynomial.legendre.leggauss(count), strict=True):
+            v = 0.5 * (low + high) + 0.5 * (high - low) * place
+            share = np.clip(at + distance * np.sinh(v), 0.0, 1.0)
+            length = 0.5 * weight * (high - low) * distance * np.cosh(v) * loads.steps[interval]
+            forces, traction = loads.forces(interval, share)
+            moved, stressed = forces.at_each(z)
+            np.add.at(displacement, row, length[:, None, None] * (moved @ traction))
+            np.add.at(stress, row, length[:, None, None] * (stressed @ traction))
 
 
 def traction_beside(
