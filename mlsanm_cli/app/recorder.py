@@ -20,6 +20,7 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.judge import EnergyVerdict
+from mlsanm_cli.app.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.marks import BEGINNING, Start
 from mlsanm_cli.app.recorded import CLOUDS, PATH, Earlier, Recorded
 from mlsanm_cli.app.scene import Prepared
@@ -32,6 +33,7 @@ from mlsanm_cli.io.path_table import write_path_csv
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.summary import EventLog, toml_text, write_interface_csv, write_json_atomic, write_toml
 from mlsanm_cli.io.vtu import StateWriter, write_model, write_single
+from mlsanm_cli.io.vtu_lines import LinesWriter
 from mlsanm_cli.packing import packed
 
 NOTICED = 2.0
@@ -79,7 +81,7 @@ class Recorder:
                 # HDF5 must not outlive the interpreter that its file is written through.
                 self._file.close()
                 raise
-        self._states = StateWriter(directory)
+        self._states, self._lines = StateWriter(directory), LinesWriter(directory)
         # The clock of /path/seconds goes on where it stood.
         self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
         self._earlier = earlier.recorded if earlier else None
@@ -136,6 +138,7 @@ class Recorder:
         if self._case.output.vtu:
             for position in self._file.saved_positions():
                 self._states.keep(position, tuple(built.scene.bodies))
+                self._lines.keep(position)
         return before.start
 
     def step(self, built: Built, step: PathStep) -> None:
@@ -242,6 +245,8 @@ class Recorder:
             if self._case.output.vtu:
                 clouds = {name: built.shown(name) for name in shown}
                 self._states.write(state.position, recording.vtu_states(clouds, shown, wanted))
+                lines = contact_lines(built, state, shown), obstacle_lines(built, state)
+                self._lines.write(state.position, *lines)
             kept = recording.stored_fields(shown, wanted)
             saved.append((state.position, kept, {"linear_residual": residual}))
         return saved

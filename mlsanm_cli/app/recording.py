@@ -291,6 +291,7 @@ def vtu_states(
             stress=values.stress if "stress" in wanted else None,
             von_mises=values.von_mises if "von_mises" in wanted else None,
             stress_zz=values.stress_zz if "stress" in wanted else None,
+            triangles=cloud.triangles,
         )
     return states
 

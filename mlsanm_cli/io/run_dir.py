@@ -23,16 +23,17 @@ RESOLVED_FILE = "resolved.toml"
 EVENTS_FILE = "events.jsonl"
 PATH_FILE = "path.csv"
 COLLECTION_FILE = "fields.pvd"
+LINES_FILE = "contacts.pvd"
 FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
 
 _FIXED = frozenset(
     {
         *(RUN_FILE, RUN_FILE + JOURNAL_SUFFIX, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE),
-        *(PATH_FILE, COLLECTION_FILE, FAILURE_FILE, LOCK_FILE),
+        *(PATH_FILE, COLLECTION_FILE, LINES_FILE, FAILURE_FILE, LOCK_FILE),
     }
 )
-_FIELDS = re.compile(r"fields_\d{4,}\.vtu")
+_FIELDS = re.compile(r"(fields|contacts|obstacles)_\d{4,}\.vtu")
 _INTERFACE = re.compile(r"interface(_.+)?\.csv")
 _PICTURE = re.compile(r"plot_.+\.(png|svg|pdf)")
 # Every picture carries this in its metadata, see the plots module.
@@ -43,6 +44,11 @@ _COMPARISON = frozenset({COMPARISON_FILE, "plot_comparison.png"})
 def fields_name(index: int) -> str:
     """Name of VTU number ``index``, counted over states and, within a state, bodies."""
     return f"fields_{index:04d}.vtu"
+
+
+def lines_name(kind: str, state: int) -> str:
+    """Name of the VTU of "contacts" or "obstacles" in saved state number ``state``."""
+    return f"{kind}_{state:04d}.vtu"
 
 
 def interface_name(contact: str, contacts: int) -> str:
