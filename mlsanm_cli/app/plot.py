@@ -11,11 +11,9 @@ import numpy as np
 
 from mlsanm_cli.app.history import pressures_at
 from mlsanm_cli.app.references import ReferenceProfile, profile_on
-from mlsanm_cli.app.views import automatic_scale, boundary_edges, contact_window, scalar_of
+from mlsanm_cli.app.views import automatic_scale, contact_window, scalar_of, triangles_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
-from mlsanm_cli.cloud.sight import look
-from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.plot_cloud import CloudBody, plot_cloud
@@ -166,9 +164,7 @@ def _draw_bodies(path: Path, run: RunData, case: Case) -> None:
         fields = state.bodies[name]
         displacement = fields.get("displacement", np.zeros_like(body.points))
         scalar, label = scalar_of(case, name, fields, displacement)
-        edges = boundary_edges(body)
-        triangles = triangulate(body.points, edges, look(body.points, edges))
-        bodies.append(CloudBody(body.points, displacement, scalar, triangles))
+        bodies.append(CloudBody(body.points, displacement, scalar, triangles_of(body)))
     scale = automatic_scale(run, bodies)
     title = f"position {state.position:.4g}"
     plot_cloud(path, bodies, label, title, scale, contact_window(run, state.position, bodies))

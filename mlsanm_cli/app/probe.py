@@ -49,7 +49,7 @@ def contents(rundir: Path) -> Mapping[str, Any]:
 
 
 def probe_contact(
-    rundir: Path, at: Sequence[float], name: str, quantities: Sequence[str] = ()
+    rundir: Path | RunData, at: Sequence[float], name: str, quantities: Sequence[str] = ()
 ) -> list[Values]:
     """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them unless told."""
     run, case = _read(rundir)
@@ -68,11 +68,16 @@ def probe_contact(
     ]
 
 
-def probe_force(rundir: Path, at: Sequence[float], name: str) -> list[Values]:
-    """Force (x, y) that a load or support exerts on its body, or a contact on its slave."""
+def probe_force(
+    rundir: Path | RunData, at: Sequence[float], name: str, contact: bool = False
+) -> list[Values]:
+    """Force (x, y) that a load or support exerts on its body, or a contact on its slave.
+
+    With ``contact`` the name is a contact's, whatever else bears it.
+    """
     run, case = _read(rundir)
     _known(name, [*run.path.resultants, *run.contacts], "load, support or contact")
-    if name in run.path.resultants and name in run.contacts:
+    if name in run.path.resultants and name in run.contacts and not contact:
         raise RunError(f'"{name}" is both a load and a contact', "give one of them another name")
     rows = []
     for level in _levels(run, at):
@@ -86,7 +91,9 @@ def probe_force(rundir: Path, at: Sequence[float], name: str) -> list[Values]:
     return rows
 
 
-def probe_named(rundir: Path, at: Sequence[float], name: str, field: str | None = None) -> list[Values]:
+def probe_named(
+    rundir: Path | RunData, at: Sequence[float], name: str, field: str | None = None
+) -> list[Values]:
     """What a ``[[probe]]`` of the case has seen."""
     run, case = _read(rundir)
     _known(name, run.probes, "[[probe]]")
@@ -104,7 +111,11 @@ def probe_named(rundir: Path, at: Sequence[float], name: str, field: str | None 
 
 
 def probe_point(
-    rundir: Path, at: Sequence[float], body: str, point: tuple[float, float], field: str | None = None
+    rundir: Path | RunData,
+    at: Sequence[float],
+    body: str,
+    point: tuple[float, float],
+    field: str | None = None,
 ) -> list[Values]:
     """Displacement and stress of a body at any point, where the fields of the level are saved.
 
@@ -129,8 +140,8 @@ def probe_point(
     ]
 
 
-def _read(rundir: Path) -> tuple[RunData, Case]:
-    run = read_run(rundir)
+def _read(rundir: Path | RunData) -> tuple[RunData, Case]:
+    run = rundir if isinstance(rundir, RunData) else read_run(rundir)
     return run, stored_case(run.case_resolved)
 
 

@@ -11,6 +11,8 @@ from mlsanm_cli.app.materials import materials
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.cloud.membership import boundary_chords
+from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.contact.profile import THRESHOLD
 from mlsanm_cli.io.plot_cloud import CloudBody
 from mlsanm_cli.io.run_reader import BodyData, RunData
@@ -91,6 +93,12 @@ def boundary_edges(body: BodyData) -> IntArray:
     """Pairs (b, 2) of neighbours along a body's boundary, loop by loop."""
     chords: IntArray = body.boundary_index[boundary_chords(body.boundary_index, body.boundary_name)]
     return chords
+
+
+def triangles_of(body: BodyData) -> IntArray:
+    """Triangles (t, 3) of a stored body's points that fill it."""
+    edges = boundary_edges(body)
+    return triangulate(body.points, edges, look(body.points, edges))
 
 
 def _size(bodies: Sequence[CloudBody]) -> float:

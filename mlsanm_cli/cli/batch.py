@@ -75,7 +75,7 @@ def sweep(
         )
     finally:
         console.close()
-    shown = {key: value for key, value in result.items() if key != "trouble"}
+    shown = {key: value for key, value in result.items() if key not in ("trouble", "directories")}
     print_result(settings, result, pretty_result(settings, shown))
     return 3 if result["failed"] else 75 if result["stopped"] else 0
 

@@ -89,7 +89,9 @@ def test_the_two_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert main(commands[0].partition(" && mlsanm ")[2].split()) == 0
     peak = summary_of(Path("results/hertz"))["contacts"]["interface"]["peak_pressure"]
     capsys.readouterr()
-    (snippet,) = blocks(README, "python")
+    short, snippet = blocks(README, "python")
+    exec(compile(short, "README.md", "exec"), {})
+    assert "226.5" in capsys.readouterr().out
     exec(compile(snippet, "README.md", "exec"), {})
     assert f"peak pressure {peak:.6g} at" in capsys.readouterr().out
     for arguments in (["info", "results/hertz"], ["plot", "results/hertz"]):
