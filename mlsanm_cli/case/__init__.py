@@ -51,6 +51,7 @@ from mlsanm_cli.case.reading import (
 )
 from mlsanm_cli.case.round_shapes import Annulus, Disk, HalfDisk, Sector
 from mlsanm_cli.case.shapes import AnyShape, DrawnShape, Rectangle, Shape
+from mlsanm_cli.case.stop import Stop
 
 __all__ = [
     "Adapt",
@@ -94,6 +95,7 @@ __all__ = [
     "Sector",
     "Shape",
     "Solver",
+    "Stop",
     "Support",
     "Survey",
     "Surveyed",

@@ -29,6 +29,7 @@ from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.obstacles import Obstacle
 from mlsanm_cli.case.places import Boundaries, Place, Stretch, label_of, listed
 from mlsanm_cli.case.shapes import Shape
+from mlsanm_cli.case.stop import Stop
 
 
 class Model(Section):
@@ -260,6 +261,7 @@ class Case(Section):
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
     contact: tuple[Contact, ...] = ()
+    stop: tuple[Stop, ...] = ()
     stage: tuple[dict[str, float], ...] = ()
     """Stages follow each other. In each the loads named move together from where they are to these factors;
     without any there is one stage that brings every load to 1."""
