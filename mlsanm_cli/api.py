@@ -116,16 +116,29 @@ def resume(
     return _opened(summary)
 
 
-def check(case: Place, changes: Changes | None = None, *, write: Place | None = None) -> dict[str, Any]:
+def check(
+    case: Place,
+    changes: Changes | None = None,
+    *,
+    write: Place | None = None,
+    picture: Place | None = None,
+) -> dict[str, Any]:
     """Everything short of solving: sizes, quality of clouds, pairs, cost, ``warnings`` and ``notes``.
 
-    ``write`` names a VTU file for a look at the model. Raises CaseError and RunError as `run` does.
+    ``write`` names a VTU file for a look at the model, ``picture`` a picture of it. Raises CaseError and
+    RunError as `run` does.
     """
     with _numerics(1):
         from mlsanm_cli.app.check import check as check_case
         from mlsanm_cli.app.point import Silent
-    told = Path(write) if write is not None else None
-    return dict(check_case(Path(case), overrides=overrides(changes), write=told, console=Silent()))
+    result = check_case(
+        Path(case),
+        overrides=overrides(changes),
+        write=None if write is None else Path(write),
+        picture=None if picture is None else Path(picture),
+        console=Silent(),
+    )
+    return dict(result)
 
 
 def open_run(rundir: Place) -> Run:

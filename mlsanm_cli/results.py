@@ -179,11 +179,33 @@ class Run:
         own = self.data.bodies[body]
         return {"points": own.points, "triangles": triangles_of(own), **states[0].bodies[body]}
 
-    def plot(self, formats: Sequence[str] = ("png",)) -> list[Path]:
-        """Draw what ``mlsanm plot`` draws into the run directory; the files."""
+    def plot(
+        self,
+        what: str = "",
+        *,
+        contact: str | None = None,
+        field: str | None = None,
+        at: Sequence[float] = (),
+        along: str | None = None,
+        out: str | Path | None = None,
+        animate: bool = False,
+        formats: Sequence[str] = ("png",),
+    ) -> list[Path]:
+        """Draw what ``mlsanm plot`` with the same options draws, into the run directory or the file ``out``;
+        the files."""
         from mlsanm_cli.app.plot import plot
+        from mlsanm_cli.app.plot_choice import Choice
 
-        return plot(self.directory, formats=tuple(formats))
+        choice = Choice(
+            what=(what,) if what else (),
+            contact=contact,
+            field=field,
+            at=tuple(map(float, at)),
+            along=along,
+            out=None if out is None else Path(out),
+            animate=animate,
+        )
+        return plot(self.directory, formats=tuple(formats), choice=choice)
 
 
 def _levels(at: float | None) -> list[float]:

@@ -125,11 +125,7 @@ def probe_point(
     """
     run, case = _read(rundir)
     _known(body, run.bodies, "body")
-    if case.mls.scheme == "ghost":
-        raise RunError(
-            "fields of the ghost scheme are stored without the ghosts that values between nodes need",
-            "run again with a [[probe]] at the point",
-        )
+    _refuse_ghosts(case)
     levels = _levels(run, at)
     found = [displacement_at(run, level, body) for level in levels]
     rows = _rows_at(run, case, body, np.array([point]))
@@ -138,6 +134,26 @@ def probe_point(
         | _fields(case, body, level, _stressed(case, body, level, rows @ displacement.ravel()), field)
         for level, (displacement, how) in zip(levels, found, strict=True)
     ]
+
+
+def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Level) -> FloatArray:
+    """Displacement, stress and von Mises stress (e, 6) of a body at ``points`` (e, 2), where its
+    fields are saved at the level. Raises RunError as `probe_point` does."""
+    _refuse_ghosts(case)
+    displacement, _ = displacement_at(run, level, body)
+    seen = (_rows_at(run, case, body, points) @ displacement.ravel()).reshape(5, -1).T
+    degrees = _degrees(case, body, level)
+    stress = seen[:, 2:] - stress_of_expansion(_material(case, body)) * degrees
+    across = _material(case, body).across_stress(stress, degrees)
+    return np.column_stack([seen[:, :2], stress, von_mises(stress, across)])
+
+
+def _refuse_ghosts(case: Case) -> None:
+    if case.mls.scheme == "ghost":
+        raise RunError(
+            "fields of the ghost scheme are stored without the ghosts that values between nodes need",
+            "run again with a [[probe]] at the point",
+        )
 
 
 def _read(rundir: Path | RunData) -> tuple[RunData, Case]:
@@ -212,10 +228,12 @@ def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatAr
 
 
 def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
-    """Rows (5, 2n) of displacement and stress at ``points`` (1, 2) over the stored nodes."""
+    """Rows (5e, 2n) of displacement and stress at ``points`` (e, 2) over the stored nodes, quantity by
+    quantity."""
     data = run.bodies[body]
-    if not belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)[0]:
-        x, y = points[0]
+    inside = belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
+    if not inside.all():
+        x, y = points[~inside][0]
         raise RunError(f'({x:g}, {y:g}) lies outside body "{body}"', "give the point as it is before loading")
     material = _material(case, body)
     settings = enough_neighbors(mls_settings(case), material)

@@ -24,7 +24,6 @@ from mlsanm_cli.case import Stop
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.packing import packed
-from mlsanm_cli.parts import brentq
 from mlsanm_cli.values import dataclass
 
 CLOSE = 1e-12
@@ -123,6 +122,9 @@ class Stoppable:
             return found[place][0]
 
         if last - first > CLOSE * max(1.0, last) and value > 0.0:
+            # For paths that end early only.
+            from mlsanm_cli.parts import brentq
+
             with suppress(_Unknown):
                 brentq(beyond, first, last, xtol=CLOSE * max(1.0, last), maxiter=MOST_LOOKS)
         slack = NEAR * max(abs(stop.above or 0.0), abs(stop.below or 0.0))

@@ -52,6 +52,7 @@ from mlsanm_cli.case.reading import (
 from mlsanm_cli.case.round_shapes import Annulus, Disk, HalfDisk, Sector
 from mlsanm_cli.case.shapes import AnyShape, DrawnShape, Rectangle, Shape
 from mlsanm_cli.case.stop import Stop
+from mlsanm_cli.case.units import Units
 
 __all__ = [
     "Adapt",
@@ -101,6 +102,7 @@ __all__ = [
     "Surveyed",
     "Temperature",
     "Traction",
+    "Units",
     "case_hash",
     "label_of",
     "load_case",

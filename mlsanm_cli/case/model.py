@@ -30,6 +30,7 @@ from mlsanm_cli.case.obstacles import Obstacle
 from mlsanm_cli.case.places import Boundaries, Place, Stretch, label_of, listed
 from mlsanm_cli.case.shapes import Shape
 from mlsanm_cli.case.stop import Stop
+from mlsanm_cli.case.units import Units
 
 
 class Model(Section):
@@ -255,6 +256,7 @@ class Case(Section):
     title: str = ""
     """Free text."""
     model: Model
+    units: Units = Units()
     material: dict[Name, Material]
     """Materials by name."""
     body: tuple[Body, ...] = Field(min_length=1)

@@ -32,6 +32,7 @@ from mlsanm_cli.case.polygon import Hole
 from mlsanm_cli.case.report import Report, suggestion
 from mlsanm_cli.case.shapes import SHAPES
 from mlsanm_cli.case.stop import Stop
+from mlsanm_cli.case.units import Units
 
 _TABLES: dict[tuple[str, ...], type[Any]] = {
     (): Case,
@@ -51,6 +52,7 @@ _TABLES: dict[tuple[str, ...], type[Any]] = {
     ("probe", "*"): Probe,
     ("stop", "*"): Stop,
     ("reference",): Reference,
+    ("units",): Units,
 }
 # Tables whose keys depend on their "kind".
 _KINDS: dict[tuple[str, ...], Mapping[str, type[Any]]] = {

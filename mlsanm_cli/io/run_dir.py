@@ -35,7 +35,7 @@ _FIXED = frozenset(
 )
 _FIELDS = re.compile(r"(fields|contacts|obstacles)_\d{4,}\.vtu")
 _INTERFACE = re.compile(r"interface(_.+)?\.csv")
-_PICTURE = re.compile(r"plot_.+\.(png|svg|pdf)")
+_PICTURE = re.compile(r"plot_.+\.(png|svg|pdf|gif)")
 # Every picture carries this in its metadata, see the plots module.
 PICTURE_MARK = b"mlsanm"
 _COMPARISON = frozenset({COMPARISON_FILE, "plot_comparison.png"})
@@ -57,7 +57,7 @@ def interface_name(contact: str, contacts: int) -> str:
 
 
 def picture_name(kind: str, suffix: str, subject: str = "") -> str:
-    """Name of a picture, plot_<kind>[_<subject>].<suffix>; ``suffix`` is png, svg or pdf."""
+    """Name of a picture, plot_<kind>[_<subject>].<suffix>; ``suffix`` is png, svg, pdf or gif."""
     return f"plot_{kind}{'_' + file_part(subject) if subject else ''}.{suffix}"
 
 
