@@ -26,13 +26,13 @@ from mlsanm_cli.cli.settings import Settings, numerics
 ELSEWHERE = {
     **dict.fromkeys(("explain", "new", "schema"), "authoring"),
     **dict.fromkeys(("cache", "collect", "sweep"), "batch"),
-    **{name: name for name in ("compare", "plot", "probe", "resume")},
+    **{name: name for name in ("compare", "plot", "probe", "report", "resume")},
 }
 """Commands that stand in other modules of this package, with the names of these."""
 
 
 SECTIONS = {
-    "One scene": ("new", "check", "run", "resume", "info", "plot", "probe"),
+    "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),
     "Many runs": ("sweep", "collect", "compare", "cache"),
     "Reference": ("explain", "schema", "warmup"),
 }

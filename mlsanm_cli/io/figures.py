@@ -57,6 +57,17 @@ def style() -> Iterator[None]:
 
 
 @contextmanager
+def resolution(dpi: int) -> Iterator[None]:
+    """A block whose pictures have so many dots per inch."""
+    before = _STYLE["savefig.dpi"]
+    _STYLE["savefig.dpi"] = dpi
+    try:
+        yield
+    finally:
+        _STYLE["savefig.dpi"] = before
+
+
+@contextmanager
 def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
     """Give an empty figure of ``width`` x ``height`` inches and save it as ``path`` at the end of the block.
 

@@ -24,6 +24,7 @@ EVENTS_FILE = "events.jsonl"
 PATH_FILE = "path.csv"
 COLLECTION_FILE = "fields.pvd"
 LINES_FILE = "contacts.pvd"
+REPORT_FILE = "report.html"
 FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
 
@@ -220,4 +221,9 @@ def _is_ours(path: Path) -> bool:
         # A user's own table may be called interface_notes.csv: the header tells.
         with path.open("rb") as stream:
             return stream.readline().strip() == ",".join(INTERFACE_COLUMNS).encode()
+    if name == REPORT_FILE:
+        # Only where there is one: a run that begins has no use for HTML.
+        from mlsanm_cli.io.html import is_ours
+
+        return is_ours(path)
     return _PICTURE.fullmatch(name) is not None and PICTURE_MARK in path.read_bytes()
