@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import (
     FILE,
     cache_option,
@@ -29,6 +30,7 @@ from mlsanm_cli.cli.text import as_json
     "varied",
     metavar="KEY=VALUES",
     multiple=True,
+    shell_complete=completion.keys,
     help="Values by comma, or START:STOP:COUNT; repeatable, every combination is solved.",
 )
 @set_option

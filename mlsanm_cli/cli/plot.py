@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import FILE, common, print_result
 from mlsanm_cli.cli.settings import Settings, numerics
 
@@ -18,7 +19,12 @@ FIELDS = ("von_mises", "xx", "yy", "xy", "ux", "uy", "displacement")
 @click.option(
     "--what", type=click.Choice(KINDS), multiple=True, help="Kind of picture; repeatable.  [default: all]"
 )
-@click.option("--contact", metavar="NAME", help="Pictures of this contact only.")
+@click.option(
+    "--contact",
+    metavar="NAME",
+    shell_complete=completion.names("contact"),
+    help="Pictures of this contact only.",
+)
 @click.option("--field", type=click.Choice(FIELDS), help="Colours of the bodies, or what a line shows.")
 @click.option("--at", type=float, multiple=True, help="Path position; repeatable.  [default: saved ones]")
 @click.option(
