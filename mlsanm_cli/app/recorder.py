@@ -39,6 +39,9 @@ from mlsanm_cli.packing import packed
 NOTICED = 2.0
 """Seconds after which the rest of a path is estimated: before, nobody waits."""
 
+NAMED = 2
+"""Loads by which a stage is called."""
+
 Saved = tuple[float, dict[str, dict[str, FloatArray]], dict[str, float]]
 """Position, fields by body and name, and attributes of a saved state."""
 
@@ -165,22 +168,26 @@ class Recorder:
                 self._file.commit()
             self._tell(recorded)
         peak = float(state.pressure.max(initial=0.0))
-        told = [self._progress(len(built.stages) - 1, state.position)]
+        told = self._progress(state.position)
         if len(state.pressure):
             told = [f"closed {int(state.closed.sum())}", f"peak pressure {peak:.6g}", *told]
         text = "  ".join(told).rstrip()
         self._console.step(index, state.position, state.residual, text)
 
-    def _progress(self, stages: int, position: float) -> str:
-        """How far the path is, and how long the rest takes if it goes on like this; "" where nobody waits."""
-        now = time.monotonic()
+    def _progress(self, position: float) -> list[str]:
+        """How far the path is, since when, and how long the rest takes if it goes on like this; nothing where
+        nobody waits."""
+        now, stages = time.monotonic(), len(self._case.stage)
         self._pace = self._pace or (now, position)
         begun, first = self._pace
         if now - begun < NOTICED or not first < position < stages:
-            return ""
+            return []
         left = (now - begun) * (stages - position) / (position - first)
-        stage = f"stage {math.floor(position) + 1} of {stages}, " if stages > 1 else ""
-        return f"{stage}{100.0 * position / stages:.0f} %, {left:.0f} s left"
+        number = math.floor(position)
+        names = ", ".join(list(self._case.stage[number])[:NAMED])
+        stage = f"stage {number + 1} of {stages} ({names}), " if stages > 1 else ""
+        passed = self._clock.wall_seconds
+        return [f"{stage}{100.0 * position / stages:.0f} %", f"{passed:.0f} s, {left:.0f} s left"]
 
     def _count(self, built: Built, step: PathStep) -> None:
         """Add a step, fields and all, to what is known of the path."""
