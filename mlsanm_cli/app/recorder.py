@@ -240,7 +240,7 @@ class Recorder:
     def _saved_fields(self, built: Built, states: Sequence[State]) -> list[Saved]:
         """The fields wanted of states as run.h5 takes them; their VTU files are written."""
         wanted = tuple(dict.fromkeys(self._case.output.fields))
-        stress = bool({"stress", "von_mises"} & set(wanted))
+        stress = bool({"stress", "von_mises", "strain"} & set(wanted))
         saved: list[Saved] = []
         found = recording.fields_of(built, states, stress, self._starts)
         for state, (fields, residual) in zip(states, found, strict=True):

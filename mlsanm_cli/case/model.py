@@ -224,7 +224,7 @@ class Output(Section):
     at: Annotated[tuple[float, ...], Unit("position on the path")] = ()
     """Positions (finished stages + fraction of the current one) at which fields are written; the end of the
     path when empty."""
-    fields: tuple[Literal["displacement", "stress", "von_mises"], ...] = (
+    fields: tuple[Literal["displacement", "stress", "von_mises", "strain"], ...] = (
         "displacement",
         "stress",
         "von_mises",

@@ -27,7 +27,8 @@ class BodyState:
 
     ``points`` (n, 2) in the reference configuration; ``boundary_tag`` (n,) ints, 0 inside, k > 0 on the k-th
     boundary; what is None is left out of the file: ``displacement`` (n, 2), ``stress`` (n, 3) in the order
-    xx, yy, xy, ``von_mises`` (n,). ``stress_zz`` (n,) is the out-of-plane stress, zero if None.
+    xx, yy, xy, ``von_mises`` (n,), ``strain`` (n, 3) as stress. ``stress_zz`` (n,) is the out-of-plane stress,
+    zero if None.
     ``more`` are other scalars (n,). ``triangles`` (t, 3) fill the body; without them its points are vertices.
     """
 
@@ -38,6 +39,7 @@ class BodyState:
     von_mises: FloatArray | None = None
     stress_zz: FloatArray | None = None
     more: Mapping[str, FloatArray] = field(default_factory=dict)
+    strain: FloatArray | None = None
     triangles: NDArray[np.int64] | None = None
 
 
@@ -182,9 +184,11 @@ def _state_data(body: BodyState) -> dict[str, NDArray[Any]]:
     if body.displacement is not None:
         data["displacement"] = vectors("displacement", body.displacement, count)
     if body.stress is not None:
-        data["stress"] = _tensors(body.stress, body.stress_zz, count)
+        data["stress"] = _tensors("stress", body.stress, body.stress_zz, count)
     if body.von_mises is not None:
         data["von_mises"] = _scalars("von_mises", body.von_mises, count)
+    if body.strain is not None:
+        data["strain"] = _tensors("strain", body.strain, None, count)
     return data | {name: _scalars(name, values, count) for name, values in body.more.items()}
 
 
@@ -208,14 +212,14 @@ def vectors(what: str, array: FloatArray, count: int) -> FloatArray:
     return padded
 
 
-def _tensors(stress: FloatArray, stress_zz: FloatArray | None, count: int) -> FloatArray:
-    """(n, 3) in the order xx, yy, xy to (n, 9), row by row."""
-    _check("stress", stress, (count, 3))
+def _tensors(what: str, plane: FloatArray, across: FloatArray | None, count: int) -> FloatArray:
+    """(n, 3) in the order xx, yy, xy, and zz if it is known, to (n, 9), row by row."""
+    _check(what, plane, (count, 3))
     tensors = np.zeros((count, 9))
-    tensors[:, [0, 4, 1]] = stress
-    tensors[:, 3] = stress[:, 2]
-    if stress_zz is not None:
-        tensors[:, 8] = _scalars("stress_zz", stress_zz, count)
+    tensors[:, [0, 4, 1]] = plane
+    tensors[:, 3] = plane[:, 2]
+    if across is not None:
+        tensors[:, 8] = _scalars(f"{what}_zz", across, count)
     return tensors
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import solve
+from tests.app.scenes import BAR, solve
 
 ROOT = Path(__file__).parents[2]
 AREAS = {"cylinder": 0.5 * np.pi, "block": 8.0}
@@ -167,3 +167,30 @@ def test_vtk_fills_and_warps_without_a_filter_before(drum: Path, hertz_run: Path
     filled.GenerateValues(6, 0.0, largest)
     filled.Update()
     assert filled.GetOutput().GetNumberOfPolys() >= surface.GetOutput().GetNumberOfPolys() > 500
+
+
+def test_strains_are_written_where_they_are_asked_for(tmp_path: Path) -> None:
+    """A bar pulled, squeezed and warmed: (s - nu q) / E + a T along, and so on."""
+    text = BAR.replace("nu = 0.25", "nu = 0.25\nalpha = 1e-5")
+    heat = '[[load]]\nname = "heat"\nbody = "bar"\nkind = "temperature"\ntemperature = 20.0\n'
+    text = text.replace("[[stage]]", f"{heat}[[stage]]\nheat = 1.0", 1)
+    summary = solve(text, tmp_path / "run", 'output.fields=["displacement", "strain"]')
+    assert summary["status"] == "done"
+    run = read_run(tmp_path / "run")
+    strain = run.states[-1].bodies["bar"]["strain"]
+    along = (30.0 - 0.25 * -40.0) / 200e3 + 2e-4
+    across = (-40.0 - 0.25 * 30.0) / 200e3 + 2e-4
+    np.testing.assert_allclose(strain, np.tile([along, across, 0.0], (len(strain), 1)), atol=1e-12)
+    data = read(tmp_path / "run" / "fields_0002.vtu").point_data
+    assert set(data) == {"boundary_tag", "displacement", "strain"}
+    np.testing.assert_array_equal(data["strain"][:, [0, 4, 1, 3]], strain[:, [0, 1, 2, 2]])
+
+
+def test_shear_strains_are_halves_of_angles(tmp_path: Path) -> None:
+    text = BAR.replace('kind = "traction"\ntraction = [30.0, 0.0]', 'kind = "displacement"\nuy = 0.01')
+    assert solve(
+        text, tmp_path / "run", 'output.fields=["displacement", "stress", "strain"]', "output.at=[1.0]"
+    )
+    fields = read_run(tmp_path / "run").states[0].bodies["bar"]
+    shear = 200e3 / (2.0 * 1.25)
+    np.testing.assert_allclose(fields["strain"][:, 2], fields["stress"][:, 2] / (2.0 * shear), rtol=1e-9)
