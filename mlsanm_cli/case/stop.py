@@ -16,11 +16,11 @@ class Stop(Section):
     """Ends the path, done, at the exact load at which something is reached; of several the first one does."""
 
     what: Literal["force", "displacement", "pressure", "area", "slip", "von_mises", "fold"]
-    """What is watched: the force of a load, support or contact; the displacement of a platen, obstacle or
-    probe; of a contact the largest pressure, the length that is closed (area) or the largest slip; the
-    von Mises stress at a probe; or that loads can rise no further (fold)."""
+    """Force of a load, support or contact; displacement of a platen, obstacle or probe; largest pressure,
+    closed length (area) or largest slip of a contact; von Mises stress at a probe; or a fold, where loads can
+    rise no further."""
     of: str = ""
-    """Whose: the name of the load, contact or probe, or the boundary of the support."""
+    """Name of the load, contact or probe, or boundary of the support."""
     component: Literal["x", "y", "size"] = "size"
     """Of a force or displacement: along x or y, with its sign, or its size."""
     above: Annotated[float | None, AS_ASKED] = None

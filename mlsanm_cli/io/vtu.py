@@ -28,8 +28,8 @@ class BodyState:
     ``points`` (n, 2) in the reference configuration; ``boundary_tag`` (n,) ints, 0 inside, k > 0 on the k-th
     boundary; what is None is left out of the file: ``displacement`` (n, 2), ``stress`` (n, 3) in the order
     xx, yy, xy, ``von_mises`` (n,), ``strain`` (n, 3) in that order too. ``stress_zz`` (n,) is the stress
-    across the plane, zero if None; ``more`` are other scalars (n,). ``triangles`` (t, 3) fill the body; without
-    them its points are vertices.
+    across the plane, zero if None; ``more`` are other scalars (n,). ``triangles`` (t, 3) fill the body;
+    without them its points are vertices.
     """
 
     points: FloatArray
