@@ -1,3 +1,33 @@
-"""mlsanm: frictional contact between elastic bodies in the plane, without a mesh."""
+"""mlsanm: frictional contact between elastic bodies in the plane, without a mesh.
+
+``import mlsanm_cli as mlsanm`` gives the Python interface, see docs/python.md: ``run``, ``check``, ``open``,
+``resume``, ``sweep`` and ``collect``. Importing the package loads nothing; the first use does.
+"""
+
+from importlib import import_module as _import_module
+from typing import Any as _Any
 
 __version__ = "0.1.0"
+_NAMES = {
+    **{
+        name: name
+        for name in (
+            *("CaseError", "CaseProblem", "Contact", "ContactState", "Interrupted", "MlsanmError"),
+            *("MlsanmWarning", "NumericalError", "Run", "RunError"),
+            *("check", "collect", "overrides", "resume", "run", "sweep"),
+        )
+    },
+    "open": "open_run",
+}
+"""What the package offers, by its name in the module ``api``."""
+
+
+def __getattr__(name: str) -> _Any:
+    if name not in _NAMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    # By name: a module of any layer may ask this package for the version, and knows nothing of the others.
+    return getattr(_import_module(f"{__name__}.api"), _NAMES[name])
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_NAMES])

@@ -40,12 +40,14 @@ def check(
     *,
     overrides: tuple[str, ...] = (),
     write: Path | None = None,
+    picture: Path | None = None,
     threads: int = 1,
     console: Console,
 ) -> Mapping[str, Any]:
     """Validate a case, place its nodes, build stencils and pairs, and tell sizes, quality and cost.
 
-    ``write`` names a VTU file for a look at the model. Raises what ``run`` would raise before it solves.
+    ``write`` names a VTU file for a look at the model, ``picture`` a picture of it. Raises what ``run`` would
+    raise before it solves.
     """
     clock = Clock()
     loaded = load_with_files(case_path, overrides)
@@ -58,6 +60,11 @@ def check(
     if write is not None:
         write_model(write, model_bodies(prepared))
         console.note(f"model written to {write}")
+    if picture is not None:
+        from mlsanm_cli.app.model_picture import draw_model
+
+        draw_model(picture, case, prepared)
+        console.note(f"picture written to {picture}")
     nodes = sum(body.nodes for body in quality.bodies.values())
     seconds = clock.seconds
     return {

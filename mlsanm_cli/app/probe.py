@@ -49,7 +49,7 @@ def contents(rundir: Path) -> Mapping[str, Any]:
 
 
 def probe_contact(
-    rundir: Path, at: Sequence[float], name: str, quantities: Sequence[str] = ()
+    rundir: Path | RunData, at: Sequence[float], name: str, quantities: Sequence[str] = ()
 ) -> list[Values]:
     """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them unless told."""
     run, case = _read(rundir)
@@ -68,11 +68,16 @@ def probe_contact(
     ]
 
 
-def probe_force(rundir: Path, at: Sequence[float], name: str) -> list[Values]:
-    """Force (x, y) that a load or support exerts on its body, or a contact on its slave."""
+def probe_force(
+    rundir: Path | RunData, at: Sequence[float], name: str, contact: bool = False
+) -> list[Values]:
+    """Force (x, y) that a load or support exerts on its body, or a contact on its slave.
+
+    With ``contact`` the name is a contact's, whatever else bears it.
+    """
     run, case = _read(rundir)
     _known(name, [*run.path.resultants, *run.contacts], "load, support or contact")
-    if name in run.path.resultants and name in run.contacts:
+    if name in run.path.resultants and name in run.contacts and not contact:
         raise RunError(f'"{name}" is both a load and a contact', "give one of them another name")
     rows = []
     for level in _levels(run, at):
@@ -86,7 +91,9 @@ def probe_force(rundir: Path, at: Sequence[float], name: str) -> list[Values]:
     return rows
 
 
-def probe_named(rundir: Path, at: Sequence[float], name: str, field: str | None = None) -> list[Values]:
+def probe_named(
+    rundir: Path | RunData, at: Sequence[float], name: str, field: str | None = None
+) -> list[Values]:
     """What a ``[[probe]]`` of the case has seen."""
     run, case = _read(rundir)
     _known(name, run.probes, "[[probe]]")
@@ -104,7 +111,11 @@ def probe_named(rundir: Path, at: Sequence[float], name: str, field: str | None 
 
 
 def probe_point(
-    rundir: Path, at: Sequence[float], body: str, point: tuple[float, float], field: str | None = None
+    rundir: Path | RunData,
+    at: Sequence[float],
+    body: str,
+    point: tuple[float, float],
+    field: str | None = None,
 ) -> list[Values]:
     """Displacement and stress of a body at any point, where the fields of the level are saved.
 
@@ -114,11 +125,7 @@ def probe_point(
     """
     run, case = _read(rundir)
     _known(body, run.bodies, "body")
-    if case.mls.scheme == "ghost":
-        raise RunError(
-            "fields of the ghost scheme are stored without the ghosts that values between nodes need",
-            "run again with a [[probe]] at the point",
-        )
+    _refuse_ghosts(case)
     levels = _levels(run, at)
     found = [displacement_at(run, level, body) for level in levels]
     rows = _rows_at(run, case, body, np.array([point]))
@@ -129,8 +136,28 @@ def probe_point(
     ]
 
 
-def _read(rundir: Path) -> tuple[RunData, Case]:
-    run = read_run(rundir)
+def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Level) -> FloatArray:
+    """Displacement, stress and von Mises stress (e, 6) of a body at ``points`` (e, 2), where its
+    fields are saved at the level. Raises RunError as `probe_point` does."""
+    _refuse_ghosts(case)
+    displacement, _ = displacement_at(run, level, body)
+    seen = (_rows_at(run, case, body, points) @ displacement.ravel()).reshape(5, -1).T
+    degrees = _degrees(case, body, level)
+    stress = seen[:, 2:] - stress_of_expansion(_material(case, body)) * degrees
+    across = _material(case, body).across_stress(stress, degrees)
+    return np.column_stack([seen[:, :2], stress, von_mises(stress, across)])
+
+
+def _refuse_ghosts(case: Case) -> None:
+    if case.mls.scheme == "ghost":
+        raise RunError(
+            "fields of the ghost scheme are stored without the ghosts that values between nodes need",
+            "run again with a [[probe]] at the point",
+        )
+
+
+def _read(rundir: Path | RunData) -> tuple[RunData, Case]:
+    run = rundir if isinstance(rundir, RunData) else read_run(rundir)
     return run, stored_case(run.case_resolved)
 
 
@@ -201,10 +228,12 @@ def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatAr
 
 
 def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
-    """Rows (5, 2n) of displacement and stress at ``points`` (1, 2) over the stored nodes."""
+    """Rows (5e, 2n) of displacement and stress at ``points`` (e, 2) over the stored nodes, quantity by
+    quantity."""
     data = run.bodies[body]
-    if not belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)[0]:
-        x, y = points[0]
+    inside = belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
+    if not inside.all():
+        x, y = points[~inside][0]
         raise RunError(f'({x:g}, {y:g}) lies outside body "{body}"', "give the point as it is before loading")
     material = _material(case, body)
     settings = enough_neighbors(mls_settings(case), material)

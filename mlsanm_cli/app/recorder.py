@@ -20,6 +20,7 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.judge import EnergyVerdict
+from mlsanm_cli.app.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.marks import BEGINNING, Start
 from mlsanm_cli.app.recorded import CLOUDS, PATH, Earlier, Recorded
 from mlsanm_cli.app.scene import Prepared
@@ -32,10 +33,14 @@ from mlsanm_cli.io.path_table import write_path_csv
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.summary import EventLog, toml_text, write_interface_csv, write_json_atomic, write_toml
 from mlsanm_cli.io.vtu import StateWriter, write_model, write_single
+from mlsanm_cli.io.vtu_lines import LinesWriter
 from mlsanm_cli.packing import packed
 
 NOTICED = 2.0
 """Seconds after which the rest of a path is estimated: before, nobody waits."""
+
+NAMED = 2
+"""Loads by which a stage is called."""
 
 Saved = tuple[float, dict[str, dict[str, FloatArray]], dict[str, float]]
 """Position, fields by body and name, and attributes of a saved state."""
@@ -79,7 +84,7 @@ class Recorder:
                 # HDF5 must not outlive the interpreter that its file is written through.
                 self._file.close()
                 raise
-        self._states = StateWriter(directory)
+        self._states, self._lines = StateWriter(directory), LinesWriter(directory)
         # The clock of /path/seconds goes on where it stood.
         self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
         self._earlier = earlier.recorded if earlier else None
@@ -136,6 +141,7 @@ class Recorder:
         if self._case.output.vtu:
             for position in self._file.saved_positions():
                 self._states.keep(position, tuple(built.scene.bodies))
+                self._lines.keep(position)
         return before.start
 
     def step(self, built: Built, step: PathStep) -> None:
@@ -162,22 +168,26 @@ class Recorder:
                 self._file.commit()
             self._tell(recorded)
         peak = float(state.pressure.max(initial=0.0))
-        told = [self._progress(len(built.stages) - 1, state.position)]
+        told = self._progress(state.position)
         if len(state.pressure):
             told = [f"closed {int(state.closed.sum())}", f"peak pressure {peak:.6g}", *told]
         text = "  ".join(told).rstrip()
         self._console.step(index, state.position, state.residual, text)
 
-    def _progress(self, stages: int, position: float) -> str:
-        """How far the path is, and how long the rest takes if it goes on like this; "" where nobody waits."""
-        now = time.monotonic()
+    def _progress(self, position: float) -> list[str]:
+        """How far the path is, since when, and how long the rest takes if it goes on like this; nothing where
+        nobody waits."""
+        now, stages = time.monotonic(), len(self._case.stage)
         self._pace = self._pace or (now, position)
         begun, first = self._pace
         if now - begun < NOTICED or not first < position < stages:
-            return ""
+            return []
         left = (now - begun) * (stages - position) / (position - first)
-        stage = f"stage {math.floor(position) + 1} of {stages}, " if stages > 1 else ""
-        return f"{stage}{100.0 * position / stages:.0f} %, {left:.0f} s left"
+        number = math.floor(position)
+        names = ", ".join(list(self._case.stage[number])[:NAMED])
+        stage = f"stage {number + 1} of {stages} ({names}), " if stages > 1 else ""
+        passed = self._clock.wall_seconds
+        return [f"{stage}{100.0 * position / stages:.0f} %", f"{passed:.0f} s, {left:.0f} s left"]
 
     def _count(self, built: Built, step: PathStep) -> None:
         """Add a step, fields and all, to what is known of the path."""
@@ -230,7 +240,7 @@ class Recorder:
     def _saved_fields(self, built: Built, states: Sequence[State]) -> list[Saved]:
         """The fields wanted of states as run.h5 takes them; their VTU files are written."""
         wanted = tuple(dict.fromkeys(self._case.output.fields))
-        stress = bool({"stress", "von_mises"} & set(wanted))
+        stress = bool({"stress", "von_mises", "strain"} & set(wanted))
         saved: list[Saved] = []
         found = recording.fields_of(built, states, stress, self._starts)
         for state, (fields, residual) in zip(states, found, strict=True):
@@ -242,6 +252,8 @@ class Recorder:
             if self._case.output.vtu:
                 clouds = {name: built.shown(name) for name in shown}
                 self._states.write(state.position, recording.vtu_states(clouds, shown, wanted))
+                lines = contact_lines(built, state, shown), obstacle_lines(built, state)
+                self._lines.write(state.position, *lines)
             kept = recording.stored_fields(shown, wanted)
             saved.append((state.position, kept, {"linear_residual": residual}))
         return saved

@@ -34,13 +34,15 @@ NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Fields:
-    """Fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,), and
-    what its elastic system tells of the displacement, ``rest`` (N, 2), ghosts last."""
+    """Fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,),
+    strain (n, 3) as xx, yy, xy, heat included, and what its elastic system tells of the displacement,
+    ``rest`` (N, 2), ghosts last."""
 
     displacement: FloatArray
     stress: FloatArray
     stress_zz: FloatArray
     von_mises: FloatArray
+    strain: FloatArray
     rest: FloatArray
 
 
@@ -235,7 +237,8 @@ def _fields(built: Built, name: str, state: State, displacement: FloatArray, str
     sigma = model.stress(elastic) + stressed[: len(model.cloud.points)] if stress else np.zeros((0, 3))
     across = model.material.across_stress(sigma, degrees)
     whole = (displacement + moved)[: len(model.cloud.points)]
-    return Fields(whole, sigma, across, von_mises(sigma, across), displacement)
+    strain = model.material.strain(sigma, degrees)
+    return Fields(whole, sigma, across, von_mises(sigma, across), strain, displacement)
 
 
 def shown_fields(built: Built, state: State, fields: Mapping[str, Fields], stress: bool) -> dict[str, Fields]:
@@ -254,7 +257,8 @@ def _shown(built: Built, view: View, state: State, fields: Fields, stress: bool)
     sigma = seen[:, 2:] + stressed - degrees * stress_of_expansion(material)
     sigma = sigma if stress else np.zeros((0, 3))
     across = material.across_stress(sigma, degrees)
-    return Fields(seen[:, :2] + moved, sigma, across, von_mises(sigma, across), fields.rest)
+    strain = material.strain(sigma, degrees)
+    return Fields(seen[:, :2] + moved, sigma, across, von_mises(sigma, across), strain, fields.rest)
 
 
 def _displacements(
@@ -291,6 +295,8 @@ def vtu_states(
             stress=values.stress if "stress" in wanted else None,
             von_mises=values.von_mises if "von_mises" in wanted else None,
             stress_zz=values.stress_zz if "stress" in wanted else None,
+            strain=values.strain if "strain" in wanted else None,
+            triangles=cloud.triangles,
         )
     return states
 

@@ -28,15 +28,15 @@ from mlsanm_cli.app.judge import (
     judge_state,
 )
 from mlsanm_cli.app.marks import Start
-from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess, case_warnings, factor_warnings
 from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import check_reference
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.signals import Stopper
+from mlsanm_cli.app.stopping import Stoppable
 from mlsanm_cli.app.summary import Ending, summarise
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
@@ -142,7 +142,10 @@ def carry_out(
                     recorder.warn(warning)
         stopper.gentle = True
         stopper.check()
-        _follow(built, recorder.start(adapted), recorder, clock, stopper)
+        reached = _follow(built, recorder.start(adapted), recorder, clock, stopper)
+        if reached is not None and recorder.last is not None:
+            at = f"at position {recorder.last.position:.9g}"
+            ending = Ending("done", f"{reached.told}, {at}", stopped_by=reached.told)
         estimates = adapted.accuracy.figures(built, recorder.last)
         for warning in judge_estimates(built, estimates["pressure"], estimates["displacement"]):
             recorder.warn(warning)
@@ -163,9 +166,11 @@ def carry_out(
     return summary
 
 
-def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stopper: Stopper) -> None:
-    """Go along the path; raises NumericalError as soon as a state cannot be believed."""
-    steps = load_path(built, start)
+def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stopper: Stopper) -> Stop | None:
+    """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
+    soon as a state cannot be believed."""
+    path = Stoppable(built, start)
+    steps = path.steps()
     while True:
         stopper.check()
         with clock.phase("continuation"):
@@ -193,3 +198,4 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     ):
         if warning:
             recorder.warn(warning)
+    return path.reached

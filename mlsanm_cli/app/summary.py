@@ -28,12 +28,14 @@ from mlsanm_cli.values import dataclass
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended: "done", "failed" or "stopped", why, what to change, a failed certificate's value."""
+    """How a run ended: "done", "failed" or "stopped", why, what to change, a failed certificate's value, and
+    the ``[[stop]]`` that ended it, in words."""
 
     status: str
     reason: str
     hint: str = ""
     stability: float | None = None
+    stopped_by: str = ""
 
 
 def summarise(
@@ -51,6 +53,9 @@ def summarise(
         "factorizations": recorder.factorizations,
         "solves": recorder.solves,
     }
+    if ending.stopped_by and state is not None:
+        factors = zip(case.moved, state.factors.tolist(), strict=True)
+        summary |= {"stopped_at": state.position, "stopped_by": ending.stopped_by, "factors": dict(factors)}
     if ending.hint:
         summary["hint"] = ending.hint
     if recorder.failed_at:

@@ -89,6 +89,7 @@ def sweep(
     return {
         "directory": str(directory),
         "table": str(table),
+        "directories": [str(point.directory) for group in planned for point in group],
         "points": total,
         "done": statuses.count("done"),
         "skipped": total - len(todo),

@@ -7,15 +7,21 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mlsanm_cli.app.history import pressures_at
+from mlsanm_cli.app.levels import SAME
 from mlsanm_cli.app.materials import materials
+from mlsanm_cli.app.plot_choice import FIELDS
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.cloud.membership import boundary_chords
+from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.contact.profile import THRESHOLD
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plot_cloud import CloudBody
-from mlsanm_cli.io.run_reader import BodyData, RunData
+from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
 from mlsanm_cli.mechanics.elasticity import von_mises
 
+COMPONENTS = ("xx", "yy", "xy")
 VISIBLE = 0.05
 """Displacements are shown as large as this part of the scene, at most."""
 OVERLAP = 0.003
@@ -40,6 +46,45 @@ def scalar_of(
     if scalar is not None and not np.isnan(scalar).any():
         return scalar, "von Mises stress"
     return np.hypot(displacement[:, 0], displacement[:, 1]), "displacement"
+
+
+def field_of(
+    case: Case,
+    body: str,
+    fields: Mapping[str, FloatArray],
+    displacement: FloatArray,
+    field: str | None,
+) -> tuple[FloatArray, str]:
+    """A field (n,) of a body, and its name with its unit; without a ``field`` that of `scalar_of`.
+
+    Raises RunError for one that was not saved.
+    """
+    if field is None:
+        scalar, label = scalar_of(case, body, fields, displacement)
+        return scalar, case.units.label(label, "stress" if "stress" in label else "length")
+    label, kind = FIELDS[field]
+    told = case.units.label(label, kind)
+    if field in COMPONENTS and "stress" in fields:
+        return fields["stress"][:, COMPONENTS.index(field)], told
+    if field == "von_mises":
+        scalar, name = scalar_of(case, body, fields, displacement)
+        if name == label:
+            return scalar, told
+    elif kind == "length" and "displacement" in fields:
+        parts = {"ux": displacement[:, 0], "uy": displacement[:, 1]}
+        return parts.get(field, np.hypot(displacement[:, 0], displacement[:, 1])), told
+    raise RunError(f"{label} was not saved", "name what it comes from in output.fields and run again")
+
+
+def chosen_state(run: RunData, position: float | None) -> SavedState:
+    """The state saved at a position, the last one if none is told. RunError where none is."""
+    if position is None:
+        return run.states[-1]
+    for state in run.states:
+        if abs(state.position - position) <= SAME * max(abs(position), 1.0):
+            return state
+    places = ", ".join(f"{state.position:g}" for state in run.states) or "nowhere"
+    raise RunError(f"fields are saved at position {places}, not at {position:g}", "name it in output.at")
 
 
 def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
@@ -91,6 +136,12 @@ def boundary_edges(body: BodyData) -> IntArray:
     """Pairs (b, 2) of neighbours along a body's boundary, loop by loop."""
     chords: IntArray = body.boundary_index[boundary_chords(body.boundary_index, body.boundary_name)]
     return chords
+
+
+def triangles_of(body: BodyData) -> IntArray:
+    """Triangles (t, 3) of a stored body's points that fill it."""
+    edges = boundary_edges(body)
+    return triangulate(body.points, edges, look(body.points, edges))
 
 
 def _size(bodies: Sequence[CloudBody]) -> float:

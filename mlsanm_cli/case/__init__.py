@@ -51,6 +51,8 @@ from mlsanm_cli.case.reading import (
 )
 from mlsanm_cli.case.round_shapes import Annulus, Disk, HalfDisk, Sector
 from mlsanm_cli.case.shapes import AnyShape, DrawnShape, Rectangle, Shape
+from mlsanm_cli.case.stop import Stop
+from mlsanm_cli.case.units import Units
 
 __all__ = [
     "Adapt",
@@ -94,11 +96,13 @@ __all__ = [
     "Sector",
     "Shape",
     "Solver",
+    "Stop",
     "Support",
     "Survey",
     "Surveyed",
     "Temperature",
     "Traction",
+    "Units",
     "case_hash",
     "label_of",
     "load_case",

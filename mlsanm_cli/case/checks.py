@@ -15,6 +15,7 @@ from mlsanm_cli.case.drift import check_drift
 from mlsanm_cli.case.files import Geometry, Points
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.load_checks import check_loads
+from mlsanm_cli.case.loads import ObstacleMotion, Platen
 from mlsanm_cli.case.materials import check_material
 from mlsanm_cli.case.model import Body, Contact
 from mlsanm_cli.case.obstacles import check_obstacle
@@ -24,6 +25,7 @@ from mlsanm_cli.case.polygons import check_outline, check_polygon
 from mlsanm_cli.case.report import Report, suggestion
 from mlsanm_cli.case.round_shapes import Annulus, Sector
 from mlsanm_cli.case.shapes import AnyShape, Rectangle
+from mlsanm_cli.case.stop import check_stop
 
 ROUND_OFF = 1e-9
 """Smallest spacing, in parts of the largest coordinate."""
@@ -45,6 +47,7 @@ def run_checks(draft: Draft, report: Report) -> None:
     check_loads(draft, report)
     _check_contacts(draft, report)
     _check_stages(draft, report)
+    _check_stops(draft, report)
     _check_numerics(draft, report)
     check_conditions(draft, report)
     check_drift(draft, report)
@@ -222,6 +225,23 @@ def _check_stages(draft: Draft, report: Report) -> None:
         for index, name in draft.names("load"):
             if name not in moved:
                 report.add(("load", index), "no stage moves this load", f"write {name} = 1.0 in a [[stage]]")
+
+
+def _check_stops(draft: Draft, report: Report) -> None:
+    names = {section: [name for _, name in draft.names(section)] for section in ("load", "contact", "probe")}
+    names["support"] = [name for _, name in draft.texts("support", "boundary")]
+    # Loads that are not sound may be platens.
+    rigid = (Platen, ObstacleMotion)
+    names["mover"] = [
+        name
+        for index, name in draft.names("load")
+        if isinstance(draft.loads.get(index), (*rigid, type(None)))
+    ]
+    for index, stop in draft.stops.items():
+        check_stop(stop, ("stop", index), names, report)
+        smooth = [c.name for c in draft.contacts.values() if not c.friction]
+        if stop.what == "slip" and stop.of in smooth:
+            report.add(("stop", index, "of"), f'contact "{stop.of}" has no friction and so no slip')
 
 
 def _check_numerics(draft: Draft, report: Report) -> None:

@@ -20,6 +20,7 @@ from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.model import Adapt, Body, Case, Contact, Mls, Model, Output, Solver, Support
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.shapes import AnyShape, Shape
+from mlsanm_cli.case.stop import Stop
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.values import dataclass
 
@@ -30,6 +31,7 @@ _PARTS: Mapping[str, Any] = {
     "load": Load,
     "contact": Contact,
     "stage": dict[str, float],
+    "stop": Stop,
     "material": Material,
     "model": Model,
     "mls": Mls,
@@ -62,6 +64,7 @@ class Draft:
     loads: dict[int, AnyLoad]
     contacts: dict[int, Contact]
     stages: dict[int, dict[str, float]]
+    stops: dict[int, Stop]
     mls: Mls | None
     solver: Solver | None
     output: Output | None
@@ -122,6 +125,7 @@ def _whole(data: Mapping[str, Any], case: Case) -> Draft:
         loads=dict(enumerate(case.load)),
         contacts=dict(enumerate(case.contact)),
         stages=stages,
+        stops=dict(enumerate(case.stop)),
         mls=case.mls,
         solver=case.solver,
         output=case.output,
@@ -149,6 +153,7 @@ def _parts(data: Mapping[str, Any]) -> Draft:
         loads=_list("load", data.get("load")),
         contacts=_list("contact", data.get("contact")),
         stages=_list("stage", data.get("stage")),
+        stops=_list("stop", data.get("stop")),
         mls=_sound("mls", data.get("mls", {})),
         solver=_sound("solver", data.get("solver", {})),
         output=_sound("output", data.get("output", {})),

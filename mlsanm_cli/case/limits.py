@@ -23,6 +23,7 @@ MOST: Mapping[str, int] = {
     "contact": 500,
     "probe": 1000,
     "stage": 5000,
+    "stop": 100,
     "points": 2000,
     "at": 10_000,
 }

@@ -29,6 +29,8 @@ from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.obstacles import Obstacle
 from mlsanm_cli.case.places import Boundaries, Place, Stretch, label_of, listed
 from mlsanm_cli.case.shapes import Shape
+from mlsanm_cli.case.stop import Stop
+from mlsanm_cli.case.units import Units
 
 
 class Model(Section):
@@ -222,7 +224,7 @@ class Output(Section):
     at: Annotated[tuple[float, ...], Unit("position on the path")] = ()
     """Positions (finished stages + fraction of the current one) at which fields are written; the end of the
     path when empty."""
-    fields: tuple[Literal["displacement", "stress", "von_mises"], ...] = (
+    fields: tuple[Literal["displacement", "stress", "von_mises", "strain"], ...] = (
         "displacement",
         "stress",
         "von_mises",
@@ -254,12 +256,14 @@ class Case(Section):
     title: str = ""
     """Free text."""
     model: Model
+    units: Units = Units()
     material: dict[Name, Material]
     """Materials by name."""
     body: tuple[Body, ...] = Field(min_length=1)
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
     contact: tuple[Contact, ...] = ()
+    stop: tuple[Stop, ...] = ()
     stage: tuple[dict[str, float], ...] = ()
     """Stages follow each other. In each the loads named move together from where they are to these factors;
     without any there is one stage that brings every load to 1."""

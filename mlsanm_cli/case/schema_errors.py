@@ -31,6 +31,8 @@ from mlsanm_cli.case.outline import OutlineSide
 from mlsanm_cli.case.polygon import Hole
 from mlsanm_cli.case.report import Report, suggestion
 from mlsanm_cli.case.shapes import SHAPES
+from mlsanm_cli.case.stop import Stop
+from mlsanm_cli.case.units import Units
 
 _TABLES: dict[tuple[str, ...], type[Any]] = {
     (): Case,
@@ -48,7 +50,9 @@ _TABLES: dict[tuple[str, ...], type[Any]] = {
     ("solver",): Solver,
     ("output",): Output,
     ("probe", "*"): Probe,
+    ("stop", "*"): Stop,
     ("reference",): Reference,
+    ("units",): Units,
 }
 # Tables whose keys depend on their "kind".
 _KINDS: dict[tuple[str, ...], Mapping[str, type[Any]]] = {
@@ -56,7 +60,7 @@ _KINDS: dict[tuple[str, ...], Mapping[str, type[Any]]] = {
     ("load", "*"): LOADS,
     ("contact", "*", "obstacle"): OBSTACLES,
 }
-_LISTS = {"body", "support", "load", "contact", "stage", "refine", "holes", "sides", "probe"}
+_LISTS = {"body", "support", "load", "contact", "stage", "refine", "holes", "sides", "probe", "stop"}
 _WORDS = {
     "float_type": "expected a number",
     "int_type": "expected a whole number",

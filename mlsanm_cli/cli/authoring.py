@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import FILE, common, print_result
 from mlsanm_cli.cli.settings import Settings
 from mlsanm_cli.cli.streams import say
@@ -25,7 +26,13 @@ SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
 
 @click.command()
 @click.argument("name", type=FILE, required=False)
-@click.option("--kind", default=DEFAULT_KIND, show_default=True, help="Kind of scene; see --list.")
+@click.option(
+    "--kind",
+    default=DEFAULT_KIND,
+    show_default=True,
+    shell_complete=completion.kinds,
+    help="Kind of scene; see --list.",
+)
 @click.option("--list", "listing", is_flag=True, help="Kinds of scenes, nothing written.")
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @common
@@ -69,11 +76,21 @@ def schema(settings: Settings) -> int:
 
 
 @click.command()
-@click.argument("key", required=False, default="")
+@click.argument("key", required=False, default="", shell_complete=completion.plain_keys)
+@click.option("--all", "everything", is_flag=True, help="The reference of all keys, as Markdown.")
 @common
 @click.pass_obj
-def explain(settings: Settings, key: str) -> int:
+def explain(settings: Settings, key: str, everything: bool) -> int:
     """Explain a KEY of the case file, as in body.refine.spacing; without one, list the tables."""
+    if everything:
+        from mlsanm_cli.case.reference import everything as all_keys
+        from mlsanm_cli.case.reference import markdown
+
+        if key:
+            raise RunError("--all explains every key", f"leave {key} away, or --all")
+        told = all_keys()
+        print_result(settings, {"explanations": [vars(one) for one in told]}, markdown(told))
+        return 0
     from mlsanm_cli.case.explain import explain as explain_key
 
     found = [vars(one) for one in explain_key(key)]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import (
     FILE,
     cache_option,
@@ -29,6 +30,7 @@ from mlsanm_cli.cli.text import as_json
     "varied",
     metavar="KEY=VALUES",
     multiple=True,
+    shell_complete=completion.keys,
     help="Values by comma, or START:STOP:COUNT; repeatable, every combination is solved.",
 )
 @set_option
@@ -75,7 +77,7 @@ def sweep(
         )
     finally:
         console.close()
-    shown = {key: value for key, value in result.items() if key != "trouble"}
+    shown = {key: value for key, value in result.items() if key not in ("trouble", "directories")}
     print_result(settings, result, pretty_result(settings, shown))
     return 3 if result["failed"] else 75 if result["stopped"] else 0
 

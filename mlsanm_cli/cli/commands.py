@@ -26,13 +26,13 @@ from mlsanm_cli.cli.settings import Settings, numerics
 ELSEWHERE = {
     **dict.fromkeys(("explain", "new", "schema"), "authoring"),
     **dict.fromkeys(("cache", "collect", "sweep"), "batch"),
-    **{name: name for name in ("compare", "probe", "resume")},
+    **{name: name for name in ("compare", "plot", "probe", "report", "resume")},
 }
 """Commands that stand in other modules of this package, with the names of these."""
 
 
 SECTIONS = {
-    "One scene": ("new", "check", "run", "resume", "info", "plot", "probe"),
+    "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),
     "Many runs": ("sweep", "collect", "compare", "cache"),
     "Reference": ("explain", "schema", "warmup"),
 }
@@ -163,11 +163,17 @@ def run(
 @click.argument("case", type=FILE)
 @set_option
 @click.option("--write", type=FILE, help="Write the model as VTU: tags, normals, pairs.")
+@click.option("--picture", type=FILE, help="Draw the model: nodes, supports, loads, obstacles.")
 @threads_option
 @common
 @click.pass_obj
 def check(
-    settings: Settings, case: Path, overrides: tuple[str, ...], write: Path | None, threads: int
+    settings: Settings,
+    case: Path,
+    overrides: tuple[str, ...],
+    write: Path | None,
+    picture: Path | None,
+    threads: int,
 ) -> int:
     """Check CASE without solving it.
 
@@ -178,7 +184,9 @@ def check(
 
     console = console_for(settings)
     try:
-        result = check_case(case, overrides=overrides, write=write, threads=threads, console=console)
+        result = check_case(
+            case, overrides=overrides, write=write, picture=picture, threads=threads, console=console
+        )
     finally:
         console.close()
     # The warnings are on stderr already.
@@ -198,32 +206,6 @@ def info(settings: Settings, rundir: Path) -> int:
 
     result = run_info(rundir)
     print_result(settings, result, pretty_result(settings, result))
-    return 0
-
-
-@cli.command()
-@click.argument("rundir", type=FILE)
-@click.option(
-    "--format",
-    "formats",
-    type=click.Choice(["png", "svg", "pdf"]),
-    multiple=True,
-    default=("png",),
-    show_default=True,
-    help="File format; repeatable.",
-)
-@common
-@click.pass_obj
-def plot(settings: Settings, rundir: Path, formats: tuple[str, ...]) -> int:
-    """Draw the run in RUNDIR.
-
-    Pressure against position, load path, deformed cloud with von Mises stress; needs no display.
-    """
-    with numerics(1):
-        from mlsanm_cli.app.plot import plot as plot_run
-
-    files = plot_run(rundir, formats=tuple(dict.fromkeys(formats)))
-    print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
     return 0
 
 

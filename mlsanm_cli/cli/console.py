@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -35,8 +36,10 @@ class TerminalConsole:
         clock: Callable[[], float] = time.monotonic,
         width: int | None = None,
         interval: float = INTERVAL,
+        working: Callable[[], str] | None = None,
     ) -> None:
         self._stream = stream
+        self._working = working or _factorisation
         self._quiet = settings.quiet
         self._color = settings.paints(stream)
         self._live = is_terminal(stream) and not settings.quiet
@@ -45,6 +48,7 @@ class TerminalConsole:
         self._deaf = False
         self._style = DIM
         self._shown = ""  # the line on the terminal that the next one replaces
+        self._row: list[str] = []  # its columns, if it is a step
         self._waiting: list[str] = []  # the latest step that was not shown yet
         self._last: float | None = None
         # Two threads write: this one, and the one that tells how long a line has been standing.
@@ -105,16 +109,22 @@ class TerminalConsole:
             self._erase()
 
     def _still(self, seconds: float) -> None:
-        """Add to the line on the terminal how long it has been standing there, if there is room."""
+        """Add to the line on the terminal how long it has been standing there, and how far what is at work
+        is; what leaves no room for the time goes."""
         with self._lock:
-            shown = f"{self._shown}  {seconds:.0f} s"
-            if self._shown and len(shown) < self._columns():
-                self._put(_CLEAR + paint(shown, self._style, self._color))
+            if not self._shown:
+                return
+            sign, room = f"  {seconds:.0f} s", self._columns() - 1
+            working = self._working()
+            parts = [*(self._row or [self._shown]), *([working] if working else [])]
+            shown = fitting(parts, room - len(sign))
+            shown = f"{shown[: max(room - len(sign), 0)].rstrip()}{sign}"[:room]
+            self._put(_CLEAR + paint(shown, self._style, self._color))
 
     def _show_step(self, row: list[str]) -> None:
         self._waiting = []
         if self._live:
-            self._rewrite(fitting(row, self._columns() - 1))
+            self._rewrite(fitting(row, self._columns() - 1), row)
         else:
             self._line("  ".join(row).rstrip())
 
@@ -130,14 +140,14 @@ class TerminalConsole:
             self._shown = ""
         self._last = None
 
-    def _rewrite(self, text: str) -> None:
+    def _rewrite(self, text: str, row: Sequence[str] = ()) -> None:
         # One column stays free: terminals wrap when the last one is written.
         width = max(self._columns() - 1, 1)
         if len(text) > width:
             text = f"{text[: max(width - 4, 0)].rstrip(' .')} ..."[:width]
         self._style = BOLD if text.endswith("...") else DIM
         self._put(_CLEAR + paint(text, self._style, self._color))
-        self._shown = text
+        self._shown, self._row = text, list(row)
         self._heart.touch()
 
     def _columns(self) -> int:
@@ -161,6 +171,12 @@ class TerminalConsole:
             self._stream.flush()
         except OSError:
             self._deaf = True
+
+
+def _factorisation() -> str:
+    """How far a factorisation is, where there is one; what has not been imported does nothing."""
+    module = sys.modules.get("mlsanm_cli.operators.linear.progress")
+    return "" if module is None else str(module.told())
 
 
 def fitting(columns: Sequence[str], width: int) -> str:

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-INTERVAL = 1.0
+INTERVAL = 0.5
 """Seconds between two signs."""
 
 

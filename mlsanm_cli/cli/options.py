@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import click
 
+from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.settings import Settings
 from mlsanm_cli.cli.streams import say
@@ -110,6 +111,7 @@ def set_option(function: Function) -> Function:
         "overrides",
         metavar="KEY=VALUE",
         multiple=True,
+        shell_complete=completion.keys,
         help="Change a key of the case; repeatable. As in --set solver.order=15.",
     )
     return option(function)

@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from mlsanm_cli.cli import completion
 from mlsanm_cli.cli.options import FILE, common, pretty_result, print_result
 from mlsanm_cli.cli.settings import Settings, numerics
 from mlsanm_cli.cli.streams import say
@@ -46,7 +47,9 @@ class Point(click.ParamType[tuple[float, float]]):
 @click.command()
 @click.argument("rundir", type=FILE)
 @click.option("--at", type=float, multiple=True, help="Path position; repeatable.  [default: the end]")
-@click.option("--contact", metavar="NAME", help="A contact's nodes.")
+@click.option(
+    "--contact", metavar="NAME", shell_complete=completion.names("contact"), help="A contact's nodes."
+)
 @click.option(
     "--quantity",
     "quantities",
@@ -54,9 +57,19 @@ class Point(click.ParamType[tuple[float, float]]):
     multiple=True,
     help="Of the contact; repeatable.  [default: all]",
 )
-@click.option("--force", metavar="NAME", help="Force of a load, support or contact.")
-@click.option("--probe", metavar="NAME", help="What a [[probe]] of the case has seen.")
-@click.option("--body", metavar="NAME", help="A body; with --point.")
+@click.option(
+    "--force",
+    metavar="NAME",
+    shell_complete=completion.names("load", "support", "contact"),
+    help="Force of a load, support or contact.",
+)
+@click.option(
+    "--probe",
+    metavar="NAME",
+    shell_complete=completion.names("probe"),
+    help="What a [[probe]] of the case has seen.",
+)
+@click.option("--body", metavar="NAME", shell_complete=completion.names("body"), help="A body; with --point.")
 @click.option("--point", type=Point(), help="A place in the body, before loading.")
 @click.option(
     "--field",

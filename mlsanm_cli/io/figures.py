@@ -48,6 +48,26 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 
 @contextmanager
+def style() -> Iterator[None]:
+    """A block whose figures have the common look."""
+    from matplotlib import rc_context
+
+    with rc_context(_STYLE):
+        yield
+
+
+@contextmanager
+def resolution(dpi: int) -> Iterator[None]:
+    """A block whose pictures have so many dots per inch."""
+    before = _STYLE["savefig.dpi"]
+    _STYLE["savefig.dpi"] = dpi
+    try:
+        yield
+    finally:
+        _STYLE["savefig.dpi"] = before
+
+
+@contextmanager
 def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
     """Give an empty figure of ``width`` x ``height`` inches and save it as ``path`` at the end of the block.
 
@@ -58,10 +78,9 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
     if suffix not in SUFFIXES:
         raise ValueError(f"pictures are written as {', '.join(SUFFIXES)}, not {path.suffix!r}")
     # Without pyplot there is no window system, no global state and no figure left open.
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    with rc_context(_STYLE):
+    with style():
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
         with replacing(path) as temporary:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.io.figures import picture
+from mlsanm_cli.io.plot_marks import Marks, draw_marks, ends
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
     from matplotlib.tri import Triangulation
 
@@ -63,12 +65,15 @@ def plot_cloud(
     title: str,
     scale: float = 1.0,
     window: Window | None = None,
+    *,
+    marks: Marks | None = None,
 ) -> None:
     """Draw the deformed bodies coloured by the scalar, linear between neighbouring nodes.
 
     ``scale`` multiplies the displacements and is named in the picture; ``window`` (x0, x1, y0, y1) adds a
     second panel that shows this part. ``label`` names the scalar; dots are the nodes, grey lines the outlines
-    before deformation. Raises ValueError for wrong shapes, RunError if ``path`` cannot be written.
+    before deformation; ``marks`` show what acts on them. Raises ValueError for wrong shapes, RunError if
+    ``path`` cannot be written.
     """
     if not bodies:
         raise ValueError("no body to draw")
@@ -77,25 +82,48 @@ def plot_cloud(
         if body.displacement.shape != (count, 2) or body.scalar.shape != (count,):
             wrong = f"displacement {body.displacement.shape}, scalar {body.scalar.shape}"
             raise ValueError(f"{wrong}: expected n = {count} rows")
-    whole = _window_of(bodies, scale)
+    marks = marks or Marks()
+    whole = window_of(bodies, scale, marks)
     views = [whole] if window is None else [whole, window]
-    widths = [(view[1] - view[0]) / (view[3] - view[2]) for view in views]
+    with picture(path, *_size(list(map(_width, views)))) as figure:
+        draw_cloud(figure, bodies, label, title, scale, views, range_of(bodies), marks)
+
+
+def draw_cloud(
+    figure: Figure,
+    bodies: Sequence[CloudBody],
+    label: str,
+    title: str,
+    scale: float,
+    views: Sequence[Window],
+    limits: tuple[float, float],
+    marks: Marks | None = None,
+) -> None:
+    """Draw the bodies into a figure, a panel for each view, with colours between the ``limits``."""
     shapes = [_shape(body) for body in bodies]
-    with picture(path, *_size(widths)) as figure:
-        panels = figure.subplots(1, len(views), squeeze=False, width_ratios=widths)[0]
-        low, high = _limits(bodies)
-        for axes, view in zip(panels, views, strict=True):
-            for body, shape in zip(bodies, shapes, strict=True):
-                colours = _draw_body(axes, body, shape, scale)
-                colours.set_clim(low, high)
-                _draw_nodes(axes, body.points + scale * body.displacement, shape.spacing)
-            _finish(axes, view)
-        times = "" if scale == 1.0 else f", displacements x {scale:g}"
-        panels[0].set_title(f"{title}{times}")
-        if window is not None:
-            panels[0].add_patch(_frame(window))
-            panels[1].set_title("detail in the frame")
-        figure.colorbar(colours, ax=list(panels), label=label, pad=0.02, shrink=0.9)
+    size = float(np.ptp(np.concatenate([body.points for body in bodies]), axis=0).max())
+    panels = figure.subplots(1, len(views), squeeze=False, width_ratios=list(map(_width, views)))[0]
+    for axes, view in zip(panels, views, strict=True):
+        for body, shape in zip(bodies, shapes, strict=True):
+            colours = _draw_body(axes, body, shape, scale)
+            colours.set_clim(*limits)
+            _draw_nodes(axes, body.points + scale * body.displacement, shape.spacing)
+        if marks is not None:
+            # A detail is too near for arrows as long as a part of the scene.
+            shown = marks if view is views[0] else Marks(obstacles=marks.obstacles)
+            draw_marks(axes, shown, size)
+        _finish(axes, view)
+    times = "" if scale == 1.0 else f", displacements x {scale:g}"
+    panels[0].set_title(f"{title}{times}")
+    if len(views) > 1:
+        panels[0].add_patch(_frame(views[1]))
+        panels[1].set_title("detail in the frame")
+    figure.colorbar(colours, ax=list(panels), label=label, pad=0.02, shrink=0.9)
+
+
+def _width(view: Window) -> float:
+    """Width over height."""
+    return (view[1] - view[0]) / (view[3] - view[2])
 
 
 def _shape(body: CloudBody) -> _Shape:
@@ -180,19 +208,21 @@ def _frame(window: Window) -> Rectangle:
     return Rectangle(corner, *size, fill=False, edgecolor=_FRAME, linewidth=1.0)
 
 
-def _limits(bodies: Sequence[CloudBody]) -> tuple[float, float]:
+def range_of(bodies: Sequence[CloudBody]) -> tuple[float, float]:
     """Range of the colours: all values, and zero."""
     low = min(float(np.min(body.scalar, initial=0.0)) for body in bodies)
     high = max(float(np.max(body.scalar, initial=0.0)) for body in bodies)
     return low, high if high > low else low + 1.0
 
 
-def _window_of(bodies: Sequence[CloudBody], scale: float) -> Window:
-    """The box around reference and deformed nodes, with a margin of 3 percent."""
+def window_of(bodies: Sequence[CloudBody], scale: float, marks: Marks | None = None) -> Window:
+    """The box around reference and deformed nodes, and the signs, with a margin of 3 percent."""
     deformed = [body.points + scale * body.displacement for body in bodies]
     points = np.concatenate([*deformed, *(body.points for body in bodies)])
+    size = float(np.ptp(points, axis=0).max())
+    points = points if marks is None else np.concatenate([points, ends(marks, size)])
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.03 * float((high - low).max()) or 1.0
+    margin = 0.03 * size or 1.0
     x0, y0 = (low - margin).tolist()
     x1, y1 = (high + margin).tolist()
     return x0, x1, y0, y1

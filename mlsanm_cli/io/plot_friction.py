@@ -24,6 +24,9 @@ def plot_traction(
     traction: FloatArray,
     limit: FloatArray,
     status: NDArray[np.int8],
+    *,
+    arc_label: str = "arc length",
+    traction_label: str = "traction on the slave",
 ) -> None:
     """Draw the traction at every node of one contact between its friction limits, over stick and slip zones.
 
@@ -47,8 +50,8 @@ def plot_traction(
         _draw_zones(axes, arc, status)
         axes.plot(arc, traction, color=COLOURS[0], marker="o", markersize=2.5, label="traction")
         axes.set_title(f"Tangential traction, {contact}, {label}")
-        axes.set_xlabel("arc length")
-        axes.set_ylabel("traction on the slave")
+        axes.set_xlabel(arc_label)
+        axes.set_ylabel(traction_label)
         axes.set_xlim(left, right)
         figure.legend(loc="outside right upper")
 
@@ -68,7 +71,15 @@ def _draw_zones(axes: Any, arc: FloatArray, status: NDArray[np.int8]) -> None:
             axes.axvspan(borders[begin], borders[end], color=colour, alpha=0.15, linewidth=0.0, label=label)
 
 
-def plot_loop(path: Path, displacement: FloatArray, force: FloatArray, x_label: str, title: str) -> None:
+def plot_loop(
+    path: Path,
+    displacement: FloatArray,
+    force: FloatArray,
+    x_label: str,
+    title: str,
+    *,
+    force_label: str = "tangential force on the master, per unit thickness",
+) -> None:
     """Draw the tangential force of a contact against a displacement along the load path, both (S+1,).
 
     Raises ValueError for other shapes, RunError if ``path`` cannot be written.
@@ -82,5 +93,5 @@ def plot_loop(path: Path, displacement: FloatArray, force: FloatArray, x_label: 
         axes.plot(displacement[-1:], force[-1:], color=COLOURS[2], marker="^", linestyle="none", label="end")
         axes.set_title(title)
         axes.set_xlabel(x_label)
-        axes.set_ylabel("tangential force on the master, per unit thickness")
+        axes.set_ylabel(force_label)
         axes.legend(loc="best")

@@ -23,18 +23,20 @@ RESOLVED_FILE = "resolved.toml"
 EVENTS_FILE = "events.jsonl"
 PATH_FILE = "path.csv"
 COLLECTION_FILE = "fields.pvd"
+LINES_FILE = "contacts.pvd"
+REPORT_FILE = "report.html"
 FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
 
 _FIXED = frozenset(
     {
         *(RUN_FILE, RUN_FILE + JOURNAL_SUFFIX, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE),
-        *(PATH_FILE, COLLECTION_FILE, FAILURE_FILE, LOCK_FILE),
+        *(PATH_FILE, COLLECTION_FILE, LINES_FILE, FAILURE_FILE, LOCK_FILE),
     }
 )
-_FIELDS = re.compile(r"fields_\d{4,}\.vtu")
+_FIELDS = re.compile(r"(fields|contacts|obstacles)_\d{4,}\.vtu")
 _INTERFACE = re.compile(r"interface(_.+)?\.csv")
-_PICTURE = re.compile(r"plot_.+\.(png|svg|pdf)")
+_PICTURE = re.compile(r"plot_.+\.(png|svg|pdf|gif)")
 # Every picture carries this in its metadata, see the plots module.
 PICTURE_MARK = b"mlsanm"
 _COMPARISON = frozenset({COMPARISON_FILE, "plot_comparison.png"})
@@ -45,13 +47,18 @@ def fields_name(index: int) -> str:
     return f"fields_{index:04d}.vtu"
 
 
+def lines_name(kind: str, state: int) -> str:
+    """Name of the VTU of "contacts" or "obstacles" in saved state number ``state``."""
+    return f"{kind}_{state:04d}.vtu"
+
+
 def interface_name(contact: str, contacts: int) -> str:
     """Name of a contact's CSV: interface.csv for the run's only contact, else interface_<contact>.csv."""
     return "interface.csv" if contacts == 1 else f"interface_{file_part(contact)}.csv"
 
 
 def picture_name(kind: str, suffix: str, subject: str = "") -> str:
-    """Name of a picture, plot_<kind>[_<subject>].<suffix>; ``suffix`` is png, svg or pdf."""
+    """Name of a picture, plot_<kind>[_<subject>].<suffix>; ``suffix`` is png, svg, pdf or gif."""
     return f"plot_{kind}{'_' + file_part(subject) if subject else ''}.{suffix}"
 
 
@@ -214,4 +221,9 @@ def _is_ours(path: Path) -> bool:
         # A user's own table may be called interface_notes.csv: the header tells.
         with path.open("rb") as stream:
             return stream.readline().strip() == ",".join(INTERFACE_COLUMNS).encode()
+    if name == REPORT_FILE:
+        # Only where there is one: a run that begins has no use for HTML.
+        from mlsanm_cli.io.html import is_ours
+
+        return is_ours(path)
     return _PICTURE.fullmatch(name) is not None and PICTURE_MARK in path.read_bytes()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.journal import opened
+from mlsanm_cli.io.path_table import path_table
 from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_COLUMNS, PROBE_COLUMNS
 from mlsanm_cli.io.run_dir import RUN_FILE
 from mlsanm_cli.values import dataclass
@@ -152,6 +153,11 @@ def read_run(rundir: Path) -> RunData:
 def read_origin(rundir: Path) -> RunOrigin:
     """Read where the run in ``rundir`` comes from. Raises RunError as `read_run` does."""
     return _patiently(rundir, _origin)
+
+
+def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
+    """The columns of path.csv, of a run that goes on too. Raises RunError as `read_run` does."""
+    return _patiently(rundir, lambda root, file: path_table(root))
 
 
 def _patiently(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:

@@ -23,7 +23,7 @@ from mlsanm_cli.kernels.blas import dpotrf, dsyrk
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, multiply, solve_right
 from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float3, FloatOut1, Index1, Int1
+from mlsanm_cli.kernels.signature import Float3, FloatOut1, Index1, Int1, IntOut1
 
 BLOCK = 64
 """Columns of the factor that are kept together."""
@@ -242,6 +242,7 @@ def factorise(
     order: Int1,
     place: Int1,
     values: FloatOut1,
+    done: IntOut1,
 ) -> int:
     """Set ``values`` to the panels of the factor one after the other, from ``panel`` (f + 1,) on; the first
     front with a pivot of the wrong sign, or -1.
@@ -249,7 +250,7 @@ def factorise(
     ``negative`` (f,) counts the nodes of each front, its last ones, whose pivots are negative. ``begin``,
     ``border`` and ``most`` are from :func:`borders`; of its border a front keeps the rows of the first
     ``kept`` (f,) nodes. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the symmetric matrix, node by
-    node.
+    node. ``done`` (1,) counts the fronts, for those who watch.
     """
     waiting = np.empty(most)
     tallest, widest = 0, 0
@@ -291,4 +292,5 @@ def factorise(
         top += _triangle(edge)
         owner[depth] = f
         depth += 1
+        done[0] = f + 1
     return -1

@@ -79,6 +79,12 @@ class PlaneMaterial:
         result: FloatArray = stress @ self.across + heat
         return result
 
+    def strain(self, stress: FloatArray, temperature: float = 0.0) -> FloatArray:
+        """Strains (n, 3) in the plane, xx, yy, xy, of ``stress`` (n, 3) and a change of ``temperature``."""
+        found = np.linalg.solve(self.stiffness, stress.T).T + temperature * self.expansion
+        # Stiffnesses and expansions know twice the shear strain.
+        return np.asarray(found * np.array([1.0, 1.0, 0.5]), dtype=np.float64)
+
 
 def isotropic(modulus: float, poisson: float, plane: str, expansion: float = 0.0) -> PlaneMaterial:
     """Isotropic material of Young's ``modulus``, ``poisson`` ratio and ``expansion`` per degree."""

@@ -183,8 +183,8 @@ def kept_of(name: str, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]
     """What one kind of pictures is drawn from; none is."""
     calls: list[tuple[Any, ...]] = []
     for kind in ("plot_pressure", "plot_path", "plot_cloud"):
-        monkeypatch.setattr(plot_module, kind, lambda *arguments: None)
-    monkeypatch.setattr(plot_module, name, lambda *arguments: calls.append(arguments))
+        monkeypatch.setattr(plot_module, kind, lambda *arguments, **words: None)
+    monkeypatch.setattr(plot_module, name, lambda *arguments, **words: calls.append(arguments))
     return calls
 
 

@@ -30,6 +30,7 @@ README = (ROOT / "README.md").read_text()
 CASE_FILE = (ROOT / "docs" / "case-file.md").read_text()
 RUN_DIRECTORY = (ROOT / "docs" / "run-directory.md").read_text()
 COMPARED = (ROOT / "docs" / "methods-compared.md").read_text()
+PICTURES = (ROOT / "docs" / "pictures.md").read_text()
 METHOD = (ROOT / "docs" / "method.md").read_text()
 
 
@@ -89,12 +90,18 @@ def test_the_two_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert main(commands[0].partition(" && mlsanm ")[2].split()) == 0
     peak = summary_of(Path("results/hertz"))["contacts"]["interface"]["peak_pressure"]
     capsys.readouterr()
-    (snippet,) = blocks(README, "python")
+    short, snippet = blocks(README, "python")
+    exec(compile(short, "README.md", "exec"), {})
+    assert "226.5" in capsys.readouterr().out
     exec(compile(snippet, "README.md", "exec"), {})
     assert f"peak pressure {peak:.6g} at" in capsys.readouterr().out
     for arguments in (["info", "results/hertz"], ["plot", "results/hertz"]):
         assert main(arguments) == 0
     assert Path("results/hertz/plot_bodies.png").is_file()
+    assert main(["run", "cases/hertz.toml", "--out", "results/fine", "--set", "mls.degree=3"]) == 0
+    for line in "".join(blocks(PICTURES, "sh")).splitlines():
+        assert main(line.split()[1:]) == 0, line
+        assert Path(line.split()[-1]).stat().st_size > 5000
 
 
 @pytest.mark.parametrize(("document", "end"), [(README, 1.0), (CASE_FILE, 2.0)], ids=["README", "case-file"])

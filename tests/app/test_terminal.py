@@ -13,6 +13,7 @@ import subprocess
 import sys
 import termios
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -93,9 +94,50 @@ def test_a_long_path_tells_how_long_it_takes_yet(tmp_path: Path, monkeypatch: py
     )
     run(tmp_path / "case.toml", out=tmp_path / "run", console=console)
     told = {position: text for position, text in texts if "left" in text}
-    assert re.fullmatch(r"stage 1 of 2, 25 %, \d+ s left", told[0.5])
-    assert re.fullmatch(r"stage 2 of 2, 62 %, \d+ s left", told[1.25])
+    assert re.fullmatch(r"stage 1 of 2 \(pull\), 25 %  \d+ s, \d+ s left", told[0.5])
+    assert re.fullmatch(r"stage 2 of 2 \(squeeze\), 62 %  \d+ s, \d+ s left", told[1.25])
     assert texts[-1] == (2.0, "")
+
+
+def test_no_line_stands_still_for_two_seconds(tmp_path: Path) -> None:
+    """Something long is at work: compiled code in one call, as the factorisation of a large scene."""
+    script = """
+import sys, time
+import numpy as np
+from mlsanm_cli.cli.console import TerminalConsole
+from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.operators.linear.progress import watched
+console = TerminalConsole(sys.stderr, Settings(), width=60)
+pivots = np.full(10, 4)
+console.phase("factorising")
+with watched(pivots, 2 * pivots) as done:
+    for front in range(4):
+        time.sleep(0.6)
+        done[0] = front + 1
+console.step(12, 0.5, 1e-9, "closed 1234  peak pressure 123.456  stage 1 of 3 (press), 17 %  4 s, 20 s left")
+time.sleep(2.5)
+console.close()
+"""
+    (tmp_path / "case.py").write_text(script)
+    times: list[tuple[float, str]] = []
+    parent, child = pty.openpty()
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm"}
+    command = [sys.executable, str(tmp_path / "case.py")]
+    with subprocess.Popen(command, stderr=child, env=environment) as process:
+        os.close(child)
+        try:
+            while chunk := os.read(parent, 4096):
+                times.append((time.monotonic(), chunk.decode()))
+        except OSError:
+            pass  # how Linux tells the end of a terminal
+        os.close(parent)
+    assert process.returncode == 0
+    gaps = [after - before for (before, _), (after, _) in pairwise(times)]
+    assert max(gaps) < 2.0
+    shown = "".join(text for _, text in times)
+    assert re.search(r"factorising ...  fronts [12] of 10, \d+ %, \d+ s left  1 s", shown)
+    # The step's line is as wide as the terminal: columns go, the time since when stays.
+    assert re.search(r"step   12   position 0.5.*  2 s", shown)
 
 
 def test_no_color_quiet_and_json(tmp_path: Path) -> None:

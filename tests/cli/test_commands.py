@@ -277,7 +277,7 @@ def test_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
     install(monkeypatch, "check", check)
     assert main(["check", "a.toml", "--set", "mls.degree=4", "--write", "m.vtu"]) == 0
     assert seen[0].pop("console") is not None
-    assert seen[0] == {"overrides": ("mls.degree=4",), "write": Path("m.vtu"), "threads": 1}
+    assert seen[0] == {"overrides": ("mls.degree=4",), "write": Path("m.vtu"), "picture": None, "threads": 1}
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["unknowns", "240"] in lines
     assert ["nodes", "largest", "hole"] in lines
@@ -314,7 +314,11 @@ def test_info_plot_warmup(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     install(monkeypatch, "info", lambda rundir: {"status": "done", "directory": rundir})
     assert main(["info", "there"]) == 0
     assert "there" in capsys.readouterr().out
-    install(monkeypatch, "plot", lambda rundir, formats: [rundir / f"pressure.{kind}" for kind in formats])
+    install(
+        monkeypatch,
+        "plot",
+        lambda rundirs, formats, choice: [rundirs[0] / f"pressure.{kind}" for kind in formats],
+    )
     assert main(["plot", "there"]) == 0
     assert capsys.readouterr().out == "there/pressure.png\n"
     assert main(["plot", "there", "--format", "pdf", "--format", "svg", "--format", "pdf", "--json"]) == 0

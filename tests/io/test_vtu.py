@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.vertices import write_vertices
+from mlsanm_cli.io.vtk_xml import vertices, write_grid
 from mlsanm_cli.io.vtu import BodyState, ModelBody, StateWriter, write_model, write_single
 
 ROOT = Path(__file__).parents[2]
@@ -62,7 +62,7 @@ def test_every_array_reads_back_bit_for_bit_in_three_dimensions(tmp_path: Path) 
 
 def test_arrays_of_the_other_byte_order_read_back_too(tmp_path: Path) -> None:
     data = {"a": np.array([1.0, 2.0], dtype=">f8"), "b": np.array([3, 4], dtype="<i4")}
-    write_vertices(tmp_path / "a.vtu", np.zeros((2, 3), dtype=">f8"), data)
+    write_grid(tmp_path / "a.vtu", np.zeros((2, 3), dtype=">f8"), [vertices(2)], data)
     found = read(tmp_path / "a.vtu").point_data
     assert {name: array.tolist() for name, array in found.items()} == {"a": [1.0, 2.0], "b": [3, 4]}
 
@@ -159,3 +159,10 @@ def test_importing_the_layer_loads_neither_meshio_nor_matplotlib() -> None:
         command, capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": str(ROOT)}
     )
     assert output.stdout.strip() == "set()"
+
+
+def test_triangles_fill_a_body_and_points_in_none_stay_vertices(tmp_path: Path) -> None:
+    triangles = np.array([[0, 1, 2], [1, 3, 2]])
+    write_single(tmp_path / "a.vtu", {"a": state(5, triangles=triangles), "b": state(4, triangles=triangles)})
+    found = {cells.type: cells.data.tolist() for cells in read(tmp_path / "a.vtu").cells}
+    assert found == {"triangle": [[0, 1, 2], [1, 3, 2], [5, 6, 7], [6, 8, 7]], "vertex": [[4]]}

@@ -15,6 +15,7 @@ from mlsanm_cli.kernels.substitution import Links, Tree, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
 from mlsanm_cli.operators.linear.fallback import believed
 from mlsanm_cli.operators.linear.interface import Factor, Matrix
+from mlsanm_cli.operators.linear.progress import watched
 from mlsanm_cli.operators.linear.scratch import Scratch
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.operators.structure import structure
@@ -153,11 +154,13 @@ class CholeskySolver(SuperLUSolver):
         blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
         fronts = Fronts.of(points, blocks, negative)
         panels = Scratch(int(fronts.panel[-1]))
-        failed = factorise(
-            *(fronts.start, fronts.negative, fronts.parent, fronts.begin, fronts.border, fronts.kept),
-            *(fronts.panel, fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
-            *(fronts.order, fronts.place, panels.values),
-        )
+        pivots = 2 * np.diff(fronts.start)
+        with watched(pivots, pivots + 2 * np.diff(fronts.begin)) as done:
+            failed = factorise(
+                *(fronts.start, fronts.negative, fronts.parent, fronts.begin, fronts.border, fronts.kept),
+                *(fronts.panel, fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
+                *(fronts.order, fronts.place, panels.values, done),
+            )
         factor = None
         if failed < 0:
             order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()

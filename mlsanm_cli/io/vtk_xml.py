@@ -1,4 +1,4 @@
-"""Points as VTK's XML format for unstructured grids has them: one vertex per point, with data.
+"""VTK's XML format for unstructured grids: points with data, and cells of vertices, lines or triangles.
 
 Arrays are stored inline, in base64, each behind its length in bytes. They are not compressed: that makes
 files a third smaller, and takes ten times as long.
@@ -17,28 +17,37 @@ from numpy.typing import NDArray
 from mlsanm_cli.io.atomic import replacing
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-VERTEX = 1
+VERTEX, LINE, TRIANGLE = 1, 3, 5
+"""VTK's numbers of the kinds of cells."""
 _TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
 _ORDER = {"little": "LittleEndian", "big": "BigEndian"}[sys.byteorder]
 
 
-def write_vertices(path: Path, points: NDArray[np.float64], data: Mapping[str, NDArray[Any]]) -> None:
-    """Write ``points`` (n, 3) as a VTU file of vertex cells with ``data`` (n,) or (n, c).
+def write_grid(
+    path: Path,
+    points: NDArray[np.float64],
+    cells: Sequence[tuple[int, NDArray[np.integer[Any]]]],
+    data: Mapping[str, NDArray[Any]],
+) -> None:
+    """Write ``points`` (n, 3) as a VTU file with ``data`` (n,) or (n, c) and blocks of ``cells``.
 
-    Raises RunError if the file cannot be written.
+    A block is the kind of its cells and the numbers (c, k) of their points. Raises RunError if the file
+    cannot be written.
     """
     count = len(points)
-    cells: dict[str, NDArray[Any]] = {
-        "connectivity": np.arange(count),
-        "offsets": np.arange(1, count + 1),
-        "types": np.full(count, VERTEX, dtype=np.uint8),
+    widths = np.concatenate([np.full(len(block), block.shape[1]) for _, block in cells])
+    kinds = np.concatenate([np.full(len(block), kind, dtype=np.uint8) for kind, block in cells])
+    described: dict[str, NDArray[Any]] = {
+        "connectivity": np.concatenate([block.ravel() for _, block in cells]).astype(np.int64),
+        "offsets": np.cumsum(widths, dtype=np.int64),
+        "types": kinds,
     }
     sections: tuple[tuple[str, Mapping[str, NDArray[Any]]], ...] = (
         ("Points", {"Points": points}),
-        ("Cells", cells),
+        ("Cells", described),
         ("PointData", data),
     )
     with replacing(path) as temporary, temporary.open("wb") as stream:
@@ -47,7 +56,7 @@ def write_vertices(path: Path, points: NDArray[np.float64], data: Mapping[str, N
             '<?xml version="1.0"?>',
             f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" header_type="UInt64">',
             "<UnstructuredGrid>",
-            f'<Piece NumberOfPoints="{count}" NumberOfCells="{count}">',
+            f'<Piece NumberOfPoints="{count}" NumberOfCells="{len(kinds)}">',
         )
         for section, arrays in sections:
             _put(stream, f"<{section}>")
@@ -55,6 +64,22 @@ def write_vertices(path: Path, points: NDArray[np.float64], data: Mapping[str, N
                 _array(stream, name, array)
             _put(stream, f"</{section}>")
         _put(stream, "</Piece>", "</UnstructuredGrid>", "</VTKFile>")
+
+
+def vertices(count: int) -> tuple[int, NDArray[np.int64]]:
+    """A block of one vertex per point."""
+    return VERTEX, np.arange(count, dtype=np.int64)[:, None]
+
+
+def surface(
+    cells: NDArray[np.int64], count: int, kind: int = TRIANGLE
+) -> list[tuple[int, NDArray[np.int64]]]:
+    """Blocks of triangles (t, 3), or cells of another kind, of ``count`` points; those in none are
+    vertices."""
+    alone = np.ones(count, dtype=bool)
+    alone[cells] = False
+    blocks = [(kind, cells)]
+    return [*blocks, (VERTEX, np.flatnonzero(alone)[:, None])] if alone.any() else blocks
 
 
 def _array(stream: BinaryIO, name: str, array: NDArray[Any]) -> None:

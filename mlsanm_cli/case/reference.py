@@ -1,0 +1,53 @@
+"""The key reference: every table and key of a case file, made from the schema as ``explain`` makes one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mlsanm_cli.case.explain import Explanation, explain
+from mlsanm_cli.case.schema import json_schema, tables, walk
+
+
+def value_keys() -> list[str]:
+    """All dotted keys that hold values; names of items are left out."""
+    schema, found = json_schema(), dict[str, None]()
+    walk(schema, lambda path, node, table: None if tables(schema, node) else found.setdefault(".".join(path)))
+    return list(found)
+
+
+def everything() -> list[Explanation]:
+    """What is to be said of every table and key, tables before their keys, in the order of the schema."""
+    schema, found = json_schema(), dict[str, None]()
+    walk(schema, lambda path, node, table: found.setdefault(".".join(path)))
+    # Tables first: a reader looks for a table, then for its keys.
+    told = [one for key in found for one in explain(key)]
+    places = list(dict.fromkeys(["the top of the file", *(one.place for one in told)]))
+    return sorted(told, key=lambda one: (places.index(one.place), not one.keys))
+
+
+def markdown(told: Sequence[Explanation]) -> str:
+    """The reference as Markdown, a section for each table."""
+    lines = ["# Keys of the case file", "", "Made by `mlsanm explain --all`."]
+    place = ""
+    for one in told:
+        if one.place != place:
+            place = one.place
+            lines += ["", f"## `{place}`" if place.startswith("[") else f"## {place[0].upper()}{place[1:]}"]
+            if one.keys:
+                kinds = f" {', '.join(one.variants)}." if one.variants else ""
+                lines += ["", one.meaning + kinds]
+            lines += ["", "| key | meaning | value | default |", "|---|---|---|---|"]
+        if one.keys:
+            continue
+        # Values that are listed tell their type.
+        kind = "" if one.type in (one.allowed, "one of the values allowed") else one.type
+        value = ", ".join(filter(None, (kind, one.unit, one.allowed)))
+        default = "required" if one.required else f"`{one.default}`" if one.default else ""
+        kinds = f" (of {', '.join(one.kinds)})" if one.kinds else ""
+        name = one.key.rpartition(".")[2]
+        lines.append(f"| `{name}`{kinds} | {_cell(one.meaning)} | {_cell(value)} | {_cell(default)} |")
+    return "\n".join(lines)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")

@@ -1,0 +1,102 @@
+"""What the shell completes: keys of the case, kinds of scenes, names in cases and runs.
+
+Called by click while nothing is run: whatever is wrong with a file, nothing is said, and nothing completed.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+LISTED = ("body", "material", "load", "contact", "probe")
+"""Tables whose items have names, which stand in keys behind the table's."""
+Complete = Callable[[click.Context, click.Parameter, str], list[str]]
+
+
+def keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Keys as ``--set`` and ``--vary`` take them, with the names in the case of the command."""
+    case = _content(next(iter(_given(context, "case")), None))
+    found = [f"{name}=" for key in _known() for name in _with_names(key, case)]
+    return _matching(found, incomplete)
+
+
+def plain_keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Keys as ``explain`` takes them."""
+    return _matching(_known(), incomplete)
+
+
+def kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Kinds of starter cases."""
+    from mlsanm_cli.case.starters import kinds as known
+
+    return _matching(list(known()), incomplete)
+
+
+def names(*tables: str) -> Complete:
+    """A function that completes names of items of the tables in the case of a run; of supports boundaries."""
+
+    def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+        found: list[Any] = []
+        for place in _given(context, "rundirs", "rundir"):
+            case = _content(place / "resolved.toml")
+            for table in tables:
+                found += [item.get("name", item.get("boundary")) for item in _items(case, table)]
+        return _matching([name for name in dict.fromkeys(found) if isinstance(name, str)], incomplete)
+
+    return complete
+
+
+def _known() -> list[str]:
+    """All keys of the schema that hold values, and not tables."""
+    from mlsanm_cli.case.reference import value_keys
+
+    return value_keys()
+
+
+def _with_names(key: str, case: Mapping[str, Any]) -> Iterator[str]:
+    """A key with the names of a case's items in it, and with a star for all; without a case the star only."""
+    table, dot, rest = key.partition(".")
+    if table not in LISTED or not dot:
+        yield key
+        return
+    items = case.get(table)
+    known = list(items) if isinstance(items, Mapping) else [item.get("name") for item in _items(case, table)]
+    for name in [*known, "*"]:
+        if isinstance(name, str):
+            yield f"{table}.{name}.{rest}"
+
+
+def _items(case: Mapping[str, Any], table: str) -> list[Mapping[str, Any]]:
+    """The items of a list of tables, as far as they are tables."""
+    found = case.get(table)
+    return [item for item in found if isinstance(item, Mapping)] if isinstance(found, list) else []
+
+
+def _matching(found: list[str], incomplete: str) -> list[str]:
+    return [one for one in found if one.startswith(incomplete)]
+
+
+def _given(context: click.Context, *names: str) -> list[Path]:
+    """The files that the command has been given so far.
+
+    Where an option's value is still missing click stops before it comes to them, and leaves them over.
+    """
+    for name in names:
+        given = context.params.get(name)
+        if given:
+            return [Path(one) for one in (given if isinstance(given, tuple) else (given,))]
+    return [Path(one) for one in context.args if not one.startswith("-")]
+
+
+def _content(path: Any) -> Mapping[str, Any]:
+    """The content of a TOML file; nothing where it cannot be read."""
+    if path is None:
+        return {}
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}

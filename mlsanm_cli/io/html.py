@@ -1,0 +1,114 @@
+"""HTML pages that stand by themselves: no files beside them, no scripts, readable without styles."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+from mlsanm_cli import __version__
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.atomic import write_text
+
+GENERATOR = f'<meta name="generator" content="mlsanm {__version__}">'
+_OURS = b'<meta name="generator" content="mlsanm '
+BAD, GOOD = "\x01", "\x02"
+_STYLE = """
+:root { color-scheme: light; }
+body { font: 16px/1.5 system-ui, sans-serif; color: #1c1c1c; background: #fff; margin: 0 auto;
+  max-width: 62rem; padding: 1rem 1.25rem 4rem; }
+h1 { font-size: 1.7rem; line-height: 1.25; } h2 { margin-top: 3rem; border-top: 1px solid #8c8c8c;
+  padding-top: 1rem; } h3 { margin-top: 2rem; }
+table { border-collapse: collapse; margin: 1rem 0; } caption { text-align: left; font-weight: 600;
+  padding-bottom: .3rem; }
+th, td { text-align: left; padding: .25rem .9rem .25rem 0; border-bottom: 1px solid #d0d0d0;
+  vertical-align: top; font-variant-numeric: tabular-nums; } thead th { border-bottom-color: #1c1c1c; }
+tbody th { font-weight: 400; }
+.wide { overflow-x: auto; } figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
+figcaption { font-size: .95rem; color: #444; }
+pre { background: #f4f4f4; padding: 1rem; overflow-x: auto; font-size: .85rem; }
+.bad { color: #a30000; font-weight: 600; } .good { color: #0b5d1e; } a { color: #004b87; }
+@media print { body { max-width: none; } figure, table { break-inside: avoid; } }
+"""
+
+
+def page(title: str, body: str) -> str:
+    """A whole page around a ``body`` of elements."""
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"{GENERATOR}\n<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def write_page(path: Path, text: str) -> None:
+    """Write a page, in place of an earlier one of ours. RunError for foreign files and full disks."""
+    if path.exists() and not is_ours(path):
+        raise RunError(f"{path} is no report of mlsanm", "nothing was touched; use another -o, or move it")
+    write_text(path, text)
+
+
+def is_ours(path: Path) -> bool:
+    """Whether a file is a page that mlsanm wrote."""
+    return path.is_file() and _OURS in path.read_bytes()[:1000]
+
+
+def heading(level: int, text: str, name: str = "") -> str:
+    """A heading, which links to ``name`` lead to."""
+    mark = f' id="{escape(name)}"' if name else ""
+    return f"<h{level}{mark}>{escape(text)}</h{level}>"
+
+
+def paragraph(text: str, kind: str = "") -> str:
+    """A paragraph; ``kind`` "bad" or "good" colours what its words say too."""
+    return f"<p{_class(kind)}>{escape(text)}</p>"
+
+
+def listing(texts: Sequence[str]) -> str:
+    """A list of texts."""
+    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
+
+
+def links(title: str, entries: Sequence[tuple[str, str]]) -> str:
+    """A table of contents: names of headings and their texts."""
+    items = "".join(f'<li><a href="#{escape(name)}">{escape(text)}</a></li>' for name, text in entries)
+    return f'<nav aria-label="{escape(title)}"><ul>{items}</ul></nav>'
+
+
+def table(caption: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table whose first column names its rows; cells that begin with BAD or GOOD are coloured so."""
+    head = "".join(f'<th scope="col">{escape(column)}</th>' for column in columns)
+    lines = []
+    for first, *rest in rows:
+        cells = "".join(_cell(cell) for cell in rest)
+        lines.append(f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>')
+    shown = f"<thead><tr>{head}</tr></thead>" if any(columns) else ""
+    return (
+        f'<div class="wide"><table><caption>{escape(caption)}</caption>{shown}'
+        f"<tbody>{''.join(lines)}</tbody></table></div>"
+    )
+
+
+def image(png: bytes, description: str, caption: str) -> str:
+    """A picture in the page itself; ``description`` stands for it where it is not seen."""
+    data = base64.b64encode(png).decode()
+    return (
+        f'<figure><img alt="{escape(description)}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def source(text: str, label: str) -> str:
+    """Text as it is, which can be scrolled with the keyboard."""
+    return f'<pre tabindex="0" role="region" aria-label="{escape(label)}">{escape(text)}</pre>'
+
+
+def _cell(text: str) -> str:
+    kind = {BAD: "bad", GOOD: "good"}.get(text[:1], "")
+    return f"<td{_class(kind)}>{escape(text[1:] if kind else text)}</td>"
+
+
+def _class(kind: str) -> str:
+    return f' class="{kind}"' if kind else ""

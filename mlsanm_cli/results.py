@@ -1,0 +1,222 @@
+"""Runs as Python sees them: read from their directories when something is asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.values import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mlsanm_cli.io.run_reader import RunData
+
+    FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState:
+    """A contact at one position of the path; arrays (m,) over its places along the slave surface.
+
+    ``how`` is the state known: "stored", or between stored states from the "series" of the step.
+    ``arc_length``, ``x`` and ``y`` are before loading; ``pressure`` is positive in compression; ``traction``
+    and ``slip`` are None without friction. ``force`` (2,) acts on the slave.
+    """
+
+    position: float
+    how: str
+    arc_length: FloatArray
+    x: FloatArray
+    y: FloatArray
+    pressure: FloatArray
+    gap: FloatArray
+    traction: FloatArray | None
+    slip: FloatArray | None
+    force: FloatArray
+
+    @property
+    def peak_pressure(self) -> float:
+        """The largest pressure; 0 where nothing is pressed."""
+        return float(self.pressure.max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """One contact of a run."""
+
+    run: Run
+    name: str
+
+    def at(self, position: float | None = None) -> ContactState:
+        """The contact at a position of the path, the end unless told; any position where there are series.
+
+        Raises RunError where the path does not reach, or where nothing is known of it.
+        """
+        from mlsanm_cli.app.probe import probe_contact, probe_force
+
+        levels = [] if position is None else [float(position)]
+        (row,) = probe_contact(self.run.data, levels, self.name)
+        (force,) = probe_force(self.run.data, levels, self.name, contact=True)
+        row = {"traction": None, "slip": None, **row}
+        return ContactState(**row, force=_vector(force["fx"], force["fy"]))
+
+
+class Run:
+    """A run directory, of a run that is done, failed, stopped or still goes on.
+
+    What is read is kept; `reload` reads a run that has gone on.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        """Open a run directory. Raises RunError if it holds no readable run."""
+        self.directory = directory
+        self.directory = self.data.directory
+
+    def __repr__(self) -> str:
+        return f"<Run {self.directory}: {self.status}>"
+
+    @cached_property
+    def data(self) -> RunData:
+        """All arrays of run.h5, as `mlsanm_cli.io.run_reader` describes them."""
+        from mlsanm_cli.io.run_reader import read_run
+
+        return read_run(self.directory)
+
+    def reload(self) -> Run:
+        """The same run, read again."""
+        return Run(self.directory)
+
+    @property
+    def status(self) -> str:
+        """ "running" (or killed), "done", "failed" or "stopped"."""
+        return self.data.status
+
+    @cached_property
+    def summary(self) -> Mapping[str, Any]:
+        """Figures, checks, times and provenance, as ``mlsanm info`` tells them."""
+        from mlsanm_cli.app.info import info
+
+        return info(self.directory)
+
+    @cached_property
+    def case(self) -> Mapping[str, Any]:
+        """The case with every default filled in, as nested dicts and lists."""
+        import tomllib
+
+        return tomllib.loads(self.data.case_resolved)
+
+    @cached_property
+    def path(self) -> dict[str, NDArray[Any]]:
+        """The columns of ``path.csv`` by name, an array each: ``pandas.DataFrame(run.path)`` takes them."""
+        from mlsanm_cli.io.run_reader import read_path
+
+        return dict(read_path(self.directory))
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the contacts."""
+        return tuple(self.data.contacts)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return tuple(self.data.bodies)
+
+    def contact(self, name: str | None = None) -> Contact:
+        """A contact by its name, or the only one. Raises RunError where there is none such."""
+        if name is None and len(self.contacts) == 1:
+            name = self.contacts[0]
+        if name is None or name not in self.contacts:
+            there = f"there are: {', '.join(self.contacts)}" if self.contacts else "there is none"
+            wanted = (
+                "the run does not have one contact" if name is None else f'the run has no contact "{name}"'
+            )
+            raise RunError(wanted, there)
+        return Contact(self, name)
+
+    def force(self, name: str, at: float | None = None) -> FloatArray:
+        """Force (2,) of a load or support on its body, or of a contact on its slave. Raises RunError."""
+        from mlsanm_cli.app.probe import probe_force
+
+        (row,) = probe_force(self.data, _levels(at), name)
+        return _vector(row["fx"], row["fy"])
+
+    def probe(self, name: str, at: float | None = None) -> dict[str, float]:
+        """What a ``[[probe]]`` of the case has seen: ux, uy, xx, yy, xy, von_mises. Raises RunError."""
+        from mlsanm_cli.app.probe import probe_named
+
+        return _told(probe_named(self.data, _levels(at), name))
+
+    def point(self, body: str, x: float, y: float, at: float | None = None) -> dict[str, float]:
+        """Displacement and stress of a body at any place, at a position whose fields are saved: ux, uy, xx,
+        yy, xy, von_mises. Raises RunError for other places and positions."""
+        from mlsanm_cli.app.probe import probe_point
+
+        return _told(probe_point(self.data, _levels(at), body, (float(x), float(y))))
+
+    def fields(self, body: str, at: float | None = None) -> dict[str, NDArray[Any]]:
+        """Saved fields of a body: ``points`` (n, 2) before loading, ``triangles`` (t, 3) that fill it, and by
+        the names of ``output.fields`` displacement (n, 2), stress (n, 3) as xx, yy, xy, von_mises (n,).
+
+        Raises RunError where no fields are saved.
+        """
+        from mlsanm_cli.app.views import triangles_of
+
+        if body not in self.data.bodies:
+            raise RunError(f'the run has no body "{body}"', f"there are: {', '.join(self.bodies)}")
+        places = [state.position for state in self.data.states]
+        wanted = at if at is not None else max(places, default=0.0)
+        states = [state for state in self.data.states if abs(state.position - wanted) < 1e-9]
+        if not states:
+            told = ", ".join(f"{place:g}" for place in places) or "no position"
+            raise RunError(f"fields are saved at {told}, not at {wanted:g}", "name it in output.at")
+        own = self.data.bodies[body]
+        return {"points": own.points, "triangles": triangles_of(own), **states[0].bodies[body]}
+
+    def plot(
+        self,
+        what: str = "",
+        *,
+        contact: str | None = None,
+        field: str | None = None,
+        at: Sequence[float] = (),
+        along: str | None = None,
+        out: str | Path | None = None,
+        animate: bool = False,
+        formats: Sequence[str] = ("png",),
+    ) -> list[Path]:
+        """Draw what ``mlsanm plot`` with the same options draws, into the run directory or the file ``out``;
+        the files."""
+        from mlsanm_cli.app.plot import plot
+        from mlsanm_cli.app.plot_choice import Choice
+
+        choice = Choice(
+            what=(what,) if what else (),
+            contact=contact,
+            field=field,
+            at=tuple(map(float, at)),
+            along=along,
+            out=None if out is None else Path(out),
+            animate=animate,
+        )
+        return plot(self.directory, formats=tuple(formats), choice=choice)
+
+
+def _levels(at: float | None) -> list[float]:
+    return [] if at is None else [float(at)]
+
+
+def _told(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    return {key: value for key, value in rows[0].items() if key not in ("position", "how")}
+
+
+def _vector(x: float, y: float) -> FloatArray:
+    import numpy as np
+
+    return np.array([x, y])

@@ -1,0 +1,196 @@
+"""Files for ParaView: bodies are filled, contacts and obstacles are lines; what VTK makes of them."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import BAR, solve
+
+ROOT = Path(__file__).parents[2]
+AREAS = {"cylinder": 0.5 * np.pi, "block": 8.0}
+CYLINDER = """
+format = 1
+[model]
+plane = "strain"
+[material.rubber]
+E = 10.0
+nu = 0.3
+[[body]]
+name = "pad"
+material = "rubber"
+spacing = 0.25
+shape = { kind = "rectangle", x = [-2.0, 2.0], y = [-2.0, 0.0] }
+[[support]]
+boundary = "pad.bottom"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "down"
+kind = "obstacle"
+obstacle = "drum"
+uy = -0.02
+[[contact]]
+name = "drum"
+slave = "pad.top"
+accuracy = 0.01
+friction = 0.3
+obstacle = { kind = "disk", center = [0.0, 1.0], radius = 1.0 }
+regularization = { law = "exact" }
+[output]
+at = [0.5, 1.0]
+"""
+
+
+def read(path: Path) -> Any:
+    return meshio.read(path, file_format="vtu")
+
+
+def listed(path: Path) -> list[dict[str, str]]:
+    return [dict(one.attrib) for one in ET.parse(path).getroot().findall("Collection/DataSet")]
+
+
+def area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    a, b, c = (points[triangles[:, corner], :2] for corner in range(3))
+    twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    return np.asarray(0.5 * twice)
+
+
+@pytest.fixture(scope="module")
+def drum(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A rigid disk pressed with friction on a pad."""
+    directory = tmp_path_factory.mktemp("drum") / "run"
+    assert solve(CYLINDER, directory)["status"] == "done"
+    return directory
+
+
+def test_bodies_are_filled_with_triangles_and_keep_their_points(hertz_run: Path) -> None:
+    run = read_run(hertz_run)
+    for entry in listed(hertz_run / "fields.pvd"):
+        mesh = read(hertz_run / entry["file"])
+        (cells,) = mesh.cells
+        assert cells.type == "triangle"
+        np.testing.assert_array_equal(mesh.points[:, :2], run.bodies[entry["name"]].points)
+        parts = area(mesh.points, cells.data)
+        assert parts.min() > 0.0
+        assert parts.sum() == pytest.approx(AREAS[entry["name"]], rel=0.01)
+
+
+def test_filled_fields_have_the_peak_below_the_contact(hertz_run: Path) -> None:
+    """The largest shear under a Hertz contact lies 0.78 half-widths deep; triangles there are fine."""
+    contact = read_run(hertz_run).contacts["interface"]
+    loaded = contact.arc_length[contact.pressure[-1] > 0.01 * contact.pressure[-1].max()]
+    half = 0.5 * float(np.ptp(loaded))
+    last = [entry for entry in listed(hertz_run / "fields.pvd") if entry["name"] == "block"][-1]
+    mesh = read(hertz_run / last["file"])
+    deepest = mesh.points[mesh.point_data["von_mises"].argmax()]
+    assert deepest[1] == pytest.approx(-0.7 * half, abs=0.15 * half)
+    triangles = mesh.cells[0].data
+    below = np.hypot(*mesh.points[triangles].mean(axis=1)[:, :2].T) < half
+    assert np.sqrt(area(mesh.points, triangles)[below]).max() < 0.15 * half
+
+
+def test_contact_lines_tell_pressures_and_lie_on_the_moved_surface(drum: Path) -> None:
+    run = read_run(drum)
+    entries = [entry for entry in listed(drum / "contacts.pvd") if entry["name"] == "contacts"]
+    assert [float(entry["timestep"]) for entry in entries] == [0.5, 1.0]
+    contact = run.contacts["drum"]
+    for entry in entries:
+        mesh = read(drum / entry["file"])
+        (cells,) = mesh.cells
+        assert cells.type == "line"
+        data = mesh.point_data
+        row = int(np.flatnonzero(run.path.position == float(entry["timestep"]))[-1])
+        for name in ("pressure", "traction", "slip", "status", "gap"):
+            np.testing.assert_array_equal(data[name], getattr(contact, name)[row])
+        stress = data["contact_stress"][:, :2]
+        force = (contact.weight[:, None] * stress).sum(axis=0)
+        np.testing.assert_allclose(force, run.path.resultants["down"][row], rtol=1e-6, atol=1e-4)
+        # Where it is pressed, the surface has moved down to the drum's.
+        pressed = data["pressure"] > 0.2 * data["pressure"].max()
+        moved = (mesh.points + data["displacement"])[pressed, :2]
+        down = 0.02 * float(entry["timestep"])
+        away = np.hypot(moved[:, 0], moved[:, 1] - (1.0 - down)) - 1.0
+        assert np.abs(away).max() < 2e-3 * down / 0.02
+
+
+def test_obstacles_are_lines_that_move_with_their_loads(drum: Path) -> None:
+    entries = [entry for entry in listed(drum / "contacts.pvd") if entry["name"] == "obstacles"]
+    mesh = read(drum / entries[-1]["file"])
+    np.testing.assert_allclose(np.hypot(mesh.points[:, 0], mesh.points[:, 1] - 1.0), 1.0)
+    np.testing.assert_allclose(mesh.point_data["displacement"], np.tile([0.0, -0.02, 0.0], (181, 1)))
+    assert [cells.type for cells in mesh.cells] == ["line"]
+
+
+def test_scenes_without_contact_have_no_contact_files(bar_run: Path) -> None:
+    assert not [path for path in bar_run.iterdir() if path.name.startswith(("contacts", "obstacles"))]
+
+
+@pytest.mark.parametrize("kind", ["bodies", "lines"])
+def test_vtk_fills_and_warps_without_a_filter_before(drum: Path, hertz_run: Path, kind: str) -> None:
+    vtk = pytest.importorskip("vtk", reason="the extra test-vtk is not installed")
+    file = {"bodies": hertz_run / "fields_0005.vtu", "lines": drum / "contacts_0001.vtu"}[kind]
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(file))
+    warp = vtk.vtkWarpVector()
+    warp.SetInputConnection(reader.GetOutputPort())
+    place = vtk.vtkDataObject.FIELD_ASSOCIATION_POINTS
+    warp.SetInputArrayToProcess(0, 0, 0, place, "displacement")
+    scalar = {"bodies": "von_mises", "lines": "pressure"}[kind]
+    isoline = vtk.vtkContourFilter()
+    isoline.SetInputConnection(warp.GetOutputPort())
+    isoline.SetInputArrayToProcess(0, 0, 0, place, scalar)
+    reader.Update()
+    _, largest = reader.GetOutput().GetPointData().GetArray(scalar).GetRange()
+    isoline.SetValue(0, 0.5 * largest)
+    isoline.Update()
+    found = isoline.GetOutput()
+    if kind == "lines":
+        # Half the peak pressure is met once on either side of the middle.
+        assert found.GetNumberOfPoints() == 2
+        return
+    assert found.GetNumberOfLines() > 20
+    assert found.GetPointData().GetArray(scalar).GetRange() == pytest.approx((0.5 * largest,) * 2)
+    filled = vtk.vtkBandedPolyDataContourFilter()
+    surface = vtk.vtkGeometryFilter()
+    surface.SetInputConnection(warp.GetOutputPort())
+    filled.SetInputConnection(surface.GetOutputPort())
+    surface.Update()
+    surface.GetOutput().GetPointData().SetActiveScalars(scalar)
+    filled.SetInputData(surface.GetOutput())
+    filled.GenerateValues(6, 0.0, largest)
+    filled.Update()
+    assert filled.GetOutput().GetNumberOfPolys() >= surface.GetOutput().GetNumberOfPolys() > 500
+
+
+def test_strains_are_written_where_they_are_asked_for(tmp_path: Path) -> None:
+    """A bar pulled, squeezed and warmed: (s - nu q) / E + a T along, and so on."""
+    text = BAR.replace("nu = 0.25", "nu = 0.25\nalpha = 1e-5")
+    heat = '[[load]]\nname = "heat"\nbody = "bar"\nkind = "temperature"\ntemperature = 20.0\n'
+    text = text.replace("[[stage]]", f"{heat}[[stage]]\nheat = 1.0", 1)
+    summary = solve(text, tmp_path / "run", 'output.fields=["displacement", "strain"]')
+    assert summary["status"] == "done"
+    run = read_run(tmp_path / "run")
+    strain = run.states[-1].bodies["bar"]["strain"]
+    along = (30.0 - 0.25 * -40.0) / 200e3 + 2e-4
+    across = (-40.0 - 0.25 * 30.0) / 200e3 + 2e-4
+    np.testing.assert_allclose(strain, np.tile([along, across, 0.0], (len(strain), 1)), atol=1e-12)
+    data = read(tmp_path / "run" / "fields_0002.vtu").point_data
+    assert set(data) == {"boundary_tag", "displacement", "strain"}
+    np.testing.assert_array_equal(data["strain"][:, [0, 4, 1, 3]], strain[:, [0, 1, 2, 2]])
+
+
+def test_shear_strains_are_halves_of_angles(tmp_path: Path) -> None:
+    text = BAR.replace('kind = "traction"\ntraction = [30.0, 0.0]', 'kind = "displacement"\nuy = 0.01')
+    assert solve(
+        text, tmp_path / "run", 'output.fields=["displacement", "stress", "strain"]', "output.at=[1.0]"
+    )
+    fields = read_run(tmp_path / "run").states[0].bodies["bar"]
+    shear = 200e3 / (2.0 * 1.25)
+    np.testing.assert_allclose(fields["strain"][:, 2], fields["stress"][:, 2] / (2.0 * shear), rtol=1e-9)

@@ -1,0 +1,205 @@
+"""Single pictures of ``mlsanm plot``: what is asked for, along lines, of several runs, moving; models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mlsanm_cli.app import overlay
+from mlsanm_cli.app import plot as plot_module
+from mlsanm_cli.app.check import check
+from mlsanm_cli.app.plot import plot
+from mlsanm_cli.app.plot_choice import Choice, told
+from mlsanm_cli.app.run import run as run_case
+from mlsanm_cli.case import stored_case
+from mlsanm_cli.cli import main
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.plot_overlay import Curve, plot_curves
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
+from tests.app.test_paraview import CYLINDER
+
+
+@pytest.fixture
+def curves(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    """Pictures of curves that are drawn: file, curves, labels and title."""
+    kept: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(overlay, "plot_curves", lambda *given: kept.append(given))
+    return kept
+
+
+def test_kinds_contacts_and_files_are_chosen(punches_run: Path, tmp_path: Path) -> None:
+    files = plot(punches_run, choice=Choice(what=("pressure", "peak")))
+    names = {"plot_pressure_under-left.png", "plot_pressure_under-right.png", "plot_peak.png"}
+    assert {file.name for file in files} == names
+    files = plot(punches_run, choice=Choice(contact="under-left"))
+    assert [file.name for file in files] == ["plot_pressure_under-left.png"]
+    out = tmp_path / "left.svg"
+    assert plot(punches_run, choice=Choice(what=("pressure",), contact="under-left", out=out)) == [out]
+    assert out.read_text().startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        (Choice(contact="midle"), "no contact"),
+        (Choice(out=Path("a.png")), "-o is of one picture"),
+        (Choice(what=("force",), out=Path("a.jpg")), "pictures end in"),
+        (Choice(what=("traction",)), "nothing for traction"),
+        (Choice(what=("line",)), "a line is missing"),
+        (Choice(along="block.tp"), "no boundary"),
+        (Choice(along="0,0:0"), "neither a boundary nor a line"),
+        (Choice(along="9,9:8,8"), "meets no body"),
+        (Choice(what=("bodies",), at=(0.123,)), "saved at position"),
+        (Choice(what=("force",), contact="under-left"), "not of force"),
+        (Choice(animate=True, what=("bodies",)), "does not move"),
+    ],
+)
+def test_choices_of_what_there_is_not_are_told(punches_run: Path, choice: Choice, message: str) -> None:
+    with pytest.raises(RunError, match=message):
+        plot(punches_run, choice=choice)
+
+
+def test_bodies_are_coloured_by_the_field_asked_for(
+    hertz_run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    kept: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(plot_module, "plot_cloud", lambda *given, **words: kept.append((*given, words)))
+    plot(hertz_run, choice=Choice(field="yy", at=(0.7,)))
+    _, bodies, label, title, _, _, words = kept[0]
+    state = next(state for state in read_run(hertz_run).states if state.position == 0.7)
+    assert bodies[1].scalar.tolist() == state.bodies["block"]["stress"][:, 1].tolist()
+    assert label == "stress yy"
+    assert title == "position 0.7, press x 0.7"
+    marks = words["marks"]
+    assert [name for *_, name in marks.arrows] == ["press"]
+    ((points, normals),) = marks.held
+    assert points[:, 1].tolist() == [-2.0] * len(points)
+    assert normals.tolist() == [[0.0, -1.0]] * len(normals)
+    assert len(marks.nodes) == 2
+
+
+def test_units_are_labels_and_change_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(plot_module, "plot_pressure", lambda *given, **words: kept.append((*given, words)))
+    monkeypatch.setattr(plot_module, "plot_path", lambda *given: kept.append(given))
+    units = '[units]\nlength = "mm"\nstress = "MPa"\nforce = "N/mm"\n'
+    plain, named = solve(PATCH, tmp_path / "a"), solve(PATCH + units, tmp_path / "b")
+    assert plain["contacts"] == named["contacts"]
+    plot(tmp_path / "b", choice=Choice(what=("pressure", "force")))
+    (*_, along, words), force = kept
+    assert (along, words["pressure_label"]) == ("distance from the middle [mm]", "pressure [MPa]")
+    assert force[4] == "contact force per unit thickness [N/mm]"
+
+
+def test_stages_and_loads_are_told_in_titles(bar_run: Path) -> None:
+    run = read_run(bar_run)
+    case = stored_case(run.case_resolved)
+    assert told(run, case, 0.5) == "stage 1 of 2, pull x 0.5"
+    assert told(run, case, 1.25) == "stage 2 of 2, squeeze x 0.25"
+
+
+def test_stress_along_a_boundary_is_the_pressure_there(
+    hertz_run: Path, curves: list[tuple[Any, ...]]
+) -> None:
+    plot(hertz_run, choice=Choice(along="block.top", field="yy", at=(0.3, 1.0)))
+    _, found, x_label, y_label, _ = curves[0]
+    assert [curve.label for curve in found] == ["position 0.3", "position 1"]
+    assert (x_label, y_label) == ("arc length", "stress yy")
+    contact = read_run(hertz_run).contacts["interface"]
+    assert -found[1].y.min() == pytest.approx(contact.pressure[-1].max(), rel=0.02)
+    assert np.ptp(found[0].x) == pytest.approx(4.0)
+
+
+def test_stress_along_a_line_has_its_peak_where_hertz_has_it(
+    hertz_run: Path, curves: list[tuple[Any, ...]]
+) -> None:
+    plot(hertz_run, choice=Choice(along="0,0:0,-0.3"))
+    ((curve,),) = [given[1] for given in curves]
+    contact = read_run(hertz_run).contacts["interface"]
+    peak = float(contact.pressure[-1].max())
+    half = 2.0 * 226.0 / (np.pi * peak)
+    # Plane strain, nu = 0.3: 0.558 p0, 0.7 half-widths deep.
+    assert curve.y.max() == pytest.approx(0.557 * peak, rel=0.02)
+    assert curve.x[curve.y.argmax()] == pytest.approx(0.70 * half, rel=0.05)
+
+
+def test_runs_are_drawn_over_each_other(
+    hertz_run: Path, punches_run: Path, curves: list[tuple[Any, ...]], tmp_path: Path
+) -> None:
+    out = tmp_path / "both.png"
+    plot([hertz_run, punches_run], choice=Choice(what=("peak",), out=out))
+    plot([hertz_run, hertz_run], choice=Choice(along="block.top", out=out))
+    labels = [[curve.label for curve in given[1]] for given in curves]
+    assert labels[0] == ["hertz", "punches, under-left", "punches, under-right"]
+    assert len(labels[1]) == 2
+    for choice in (Choice(out=out), Choice(what=("bodies",), out=out)):
+        with pytest.raises(RunError, match="one kind of picture"):
+            plot([hertz_run, punches_run], choice=choice)
+    with pytest.raises(RunError, match="into one picture"):
+        plot([hertz_run, punches_run], choice=Choice(what=("peak",)))
+
+
+def test_hysteresis_is_drawn_over_slip(tmp_path: Path) -> None:
+    rough = solve(CYLINDER, tmp_path / "run")
+    assert rough["status"] == "done"
+    files = plot(tmp_path / "run", choice=Choice(what=("hysteresis", "loop")))
+    assert {file.name for file in files} == {"plot_hysteresis_drum.png", "plot_loop_drum.png"}
+
+
+def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path) -> None:
+    (file,) = plot(hertz_run, choice=Choice(animate=True, out=tmp_path / "p.gif"))
+    with Image.open(file) as picture:
+        assert getattr(picture, "n_frames") == 40  # noqa: B009
+        first = np.asarray(picture.convert("RGB")).astype(int)
+        picture.seek(39)
+        last = np.asarray(picture.convert("RGB")).astype(int)
+    assert np.abs(first - last).sum() > 0
+    assert file.stat().st_size < 1e6
+    (file,) = plot(hertz_run, choice=Choice(animate=True, what=("bodies",)))
+    assert file.name == "plot_bodies.gif"
+    with Image.open(file) as picture:
+        assert getattr(picture, "n_frames") == 3  # noqa: B009
+
+
+def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path) -> None:
+    case = tmp_path / "bar.toml"
+    case.write_text(BAR)
+    run_case(case, out=tmp_path / "run", console=Quiet())
+    (file,) = plot(tmp_path / "run", choice=Choice(animate=True))
+    run_case(case, out=tmp_path / "run", force=True, console=Quiet())
+    assert not file.exists()
+
+
+def test_curves_of_other_lengths_are_refused(tmp_path: Path) -> None:
+    bad = Curve(np.zeros(2), np.zeros(3), "bad")
+    with pytest.raises(ValueError, match="bad: x has shape"):
+        plot_curves(tmp_path / "a.png", [bad], "x", "y", "title")
+    with pytest.raises(ValueError, match="no curve"):
+        plot_curves(tmp_path / "a.png", [], "x", "y", "title")
+
+
+def test_the_model_is_drawn_before_it_is_solved(tmp_path: Path, capsys: Any) -> None:
+    case = tmp_path / "drum.toml"
+    case.write_text(CYLINDER)
+    assert main(["check", str(case), "--picture", str(tmp_path / "model.png"), "--quiet"]) == 0
+    with Image.open(tmp_path / "model.png") as picture:
+        assert picture.size[0] > 500
+    with pytest.raises(RunError, match="pictures end in"):
+        check(case, picture=tmp_path / "model.doc", console=Quiet())
+
+
+def test_the_command_takes_all_of_it(hertz_run: Path, tmp_path: Path, capsys: Any) -> None:
+    out = tmp_path / "a.pdf"
+    words = ["--what", "pressure", "--contact", "interface", "--at", "0.5", "-o", str(out)]
+    assert main(["plot", str(hertz_run), *words]) == 0
+    assert capsys.readouterr().out.strip() == str(out)
+    assert out.read_bytes().startswith(b"%PDF")
+    case = tmp_path / "units.toml"
+    case.write_text(hertz() + "[units]\nlength = 3\n")
+    assert main(["check", str(case)]) == 2
+    assert "units.length: expected a text" in capsys.readouterr().err

@@ -1,0 +1,229 @@
+"""``[[stop]]``: paths that end at the exact load at which something is reached, whatever the method."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.resume import resume
+from mlsanm_cli.app.states import PathStep, State
+from mlsanm_cli.app.stopping import turning
+from mlsanm_cli.errors import CaseError
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.runs import differences
+from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
+
+HERTZ_STOP = """
+[[stop]]
+what = "pressure"
+of = "interface"
+above = 1500.0
+"""
+
+
+def stopped(summary: Any, by: str) -> float:
+    assert summary["status"] == "done", summary
+    assert summary["stopped_by"] == by
+    assert summary["stop_reason"].startswith(by)
+    assert summary["stopped_at"] == summary["position"]
+    return float(summary["stopped_at"])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [("solver.polish=false",), (), ("solver.method=newton",), ("contact.*.regularization.law=exact",)],
+    ids=["series", "polished", "newton", "exact"],
+)
+def test_the_peak_pressure_asked_for_is_reached_by_every_method(
+    changes: tuple[str, ...], tmp_path: Path
+) -> None:
+    summary = solve(hertz() + HERTZ_STOP, tmp_path / "run", *changes)
+    position = stopped(summary, "pressure of interface above 1500")
+    contact = summary["contacts"]["interface"]
+    assert contact["peak_pressure"] == pytest.approx(1500.0, rel=1e-8)
+    assert summary["factors"]["press"] == pytest.approx(position, rel=1e-12)
+    # Hertz: the peak goes with the root of the force.
+    radius, modulus = 1.0, 210e3 / (2.0 * (1.0 - 0.3**2))
+    force = 1500.0**2 * np.pi * radius / modulus
+    assert position * 226.0 == pytest.approx(force, rel=5e-3)
+    run = read_run(tmp_path / "run")
+    assert [state.position for state in run.states] == [position]
+    assert run.path.position[-1] == position
+
+
+def test_wanted_levels_before_the_stop_are_saved_and_none_behind(tmp_path: Path) -> None:
+    summary = solve(hertz() + HERTZ_STOP, tmp_path / "run", "output.at=[0.1, 0.2, 0.9]")
+    position = stopped(summary, "pressure of interface above 1500")
+    places = [state.position for state in read_run(tmp_path / "run").states]
+    assert places == [0.1, 0.2, position]
+
+
+def test_without_contact_forces_and_displacements_are_reached_in_the_stage_that_does(tmp_path: Path) -> None:
+    text = BAR + '[[probe]]\nname = "corner"\nbody = "bar"\npoint = [2.0, 1.0]\n'
+    summary = solve(text + '[[stop]]\nwhat = "force"\nof = "squeeze"\nabove = 20.0\n', tmp_path / "force")
+    assert stopped(summary, "force of squeeze above 20") == pytest.approx(1.25, rel=1e-9)
+    # Pulled first, then squeezed: ux = (s + nu p) L / E.
+    stop = '[[stop]]\nwhat = "displacement"\nof = "corner"\ncomponent = "x"\nabove = 3.5e-4\n'
+    summary = solve(text + stop, tmp_path / "moved")
+    share = (3.5e-4 * 200e3 / 2.0 - 30.0) / (0.25 * 40.0)
+    told = "displacement of corner in x above 0.00035"
+    assert stopped(summary, told) == pytest.approx(1.0 + share, rel=1e-6)
+    assert summary["probes"]["corner"]["displacement"][0] == pytest.approx(3.5e-4, rel=1e-9)
+
+
+ROUGH = """
+[[load]]
+name = "shear"
+boundary = "cylinder.flat"
+kind = "platen"
+fx = 40.0
+[[stage]]
+press = 1.0
+[[stage]]
+shear = 1.0
+[[stop]]
+what = "slip"
+of = "interface"
+above = {slip!r}
+[[stop]]
+what = "area"
+of = "interface"
+above = {area!r}
+"""
+
+
+@pytest.fixture(scope="module")
+def rough() -> str:
+    text = hertz().replace("accuracy = 0.01", "accuracy = 0.02\nfriction = 0.3")
+    held = '\n[[support]]\nbody = "cylinder"\nnear = [0.0, 1.0]\nux = 0.0\n'
+    assert held in text
+    return text.replace(held, "\n")
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+def test_slip_is_reached_where_the_history_has_it(rough: str, law: str, tmp_path: Path) -> None:
+    text = rough + ROUGH.format(slip=1.5e-4, area=1e3)
+    summary = solve(text, tmp_path / "run", f"contact.*.regularization.law={law}")
+    position = stopped(summary, "slip of interface above 0.00015")
+    assert 1.0 < position < 2.0
+    slip = np.abs(read_run(tmp_path / "run").contacts["interface"].slip)
+    assert slip[-1].max() == pytest.approx(1.5e-4, rel=1e-8)
+    assert (slip[:-1].max(axis=1) < 1.5e-4).all()
+
+
+def test_of_several_stops_the_first_one_ends_the_path(rough: str, tmp_path: Path) -> None:
+    text = rough + ROUGH.format(slip=2e-5, area=0.05)
+    summary = solve(text, tmp_path / "run", "contact.*.regularization.law=exact")
+    position = stopped(summary, "area of interface above 0.05")
+    assert 0.0 < position < 1.0
+    contact = read_run(tmp_path / "run").contacts["interface"]
+    closed = (contact.status != 0) @ contact.weight
+    # Places close one by one, so that the length jumps: by one place it is not reached before.
+    assert closed[-2] < 0.05 <= closed[-1] < 0.05 + 3.0 * contact.weight.max()
+
+
+def test_a_limit_has_to_be_come_to_from_the_other_side(tmp_path: Path) -> None:
+    """Unloading: below at the start, and of no interest there."""
+    stages = "[[stage]]\npress = 1.0\n[[stage]]\npress = 0.0\n"
+    stop = '[[stop]]\nwhat = "force"\nof = "press"\nbelow = 100.0\n'
+    summary = solve(hertz() + stages + stop, tmp_path / "run", "contact.*.regularization.law=exact")
+    position = stopped(summary, "force of press below 100")
+    assert position == pytest.approx(2.0 - 100.0 / 226.0, rel=1e-9)
+
+
+def test_a_stop_that_is_never_reached_changes_nothing(tmp_path: Path) -> None:
+    plain = solve(hertz(), tmp_path / "plain")
+    summary = solve(hertz() + HERTZ_STOP.replace("1500.0", "1e6"), tmp_path / "run")
+    assert summary["stop_reason"] == plain["stop_reason"]
+    assert "stopped_by" not in summary
+    assert summary["contacts"] == plain["contacts"]
+
+
+def test_a_stopped_path_is_resumed_to_the_same_end(tmp_path: Path) -> None:
+    solve(hertz() + HERTZ_STOP, tmp_path / "whole")
+    for steps in (3, None):
+        place = tmp_path / f"cut{steps}"
+        solve(hertz() + HERTZ_STOP, place)
+        # As if killed behind some step, or just before the summary was written.
+        cut(place, steps)
+        resume(place, console=Quiet())
+        # Behind the last step the strain energy is found afresh, without the fields of that step.
+        again = {"energy_error", "energy_error_bodies"} if steps is None else set()
+        assert set(differences(tmp_path / "whole", place)) <= again
+
+
+def cut(place: Path, steps: int | None) -> None:
+    """Undo the end of a run: its summary, or all behind a step."""
+    (place / "summary.json").unlink()
+    if steps is None:
+        return
+    case = (place.parent / f"{place.name}.toml").read_text()
+    from mlsanm_cli.app import recorder as module
+
+    told = module.Recorder.step
+    count = 0
+
+    def step(self: Any, built: Any, one: PathStep) -> None:
+        nonlocal count
+        told(self, built, one)
+        count += 1
+        if count == steps:
+            raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module.Recorder, "step", step)
+        (place.parent / "again.toml").write_text(case)
+        from mlsanm_cli.app.run import run
+
+        summary = run(place.parent / f"{place.name}.toml", out=place, force=True, console=Quiet())
+    assert summary["status"] == "stopped"
+
+
+@pytest.mark.parametrize(
+    ("stop", "key", "message"),
+    [
+        ('what = "force"\nof = "pres"\nabove = 1.0', "stop.0.of", "no load or contact or support"),
+        ('what = "force"\nof = "press"', "stop.0", "exactly one of above and below"),
+        ('what = "force"\nof = "press"\nabove = 1.0\nbelow = 2.0', "stop.0", "exactly one"),
+        ('what = "slip"\nof = "interface"\nabove = 1.0', "stop.0.of", "no friction"),
+        (
+            'what = "area"\nof = "interface"\nabove = 1.0\ncomponent = "x"',
+            "stop.0.component",
+            "no components",
+        ),
+        ('what = "fold"\nabove = 1.0', "stop.0.above", "a fold has none"),
+        ('what = "force"\nof = "press"\nabov = 1.0', "stop.0.abov", "unknown key"),
+    ],
+)
+def test_stops_that_make_no_sense_are_refused(stop: str, key: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(CaseError) as refused:
+        solve(f"{hertz()}[[stop]]\n{stop}\n", tmp_path / "run")
+    assert any(p.key == key and message in p.message for p in refused.value.problems), refused.value
+
+
+def test_a_load_that_turns_back_within_a_step_is_seen() -> None:
+    none = np.zeros(0)
+    state = State(0.9, none, none, none, none, none, none, none, np.zeros(0, np.int8), 0.0)
+    rising = PathStep(state, (), series={"position": np.array([0.0, 1.0])}, series_attributes={"length": 0.9})
+    assert turning(rising) is None
+    parabola = {"position": np.array([0.0, 2.0, -1.0])}
+    assert turning(PathStep(state, (), series=parabola, series_attributes={"length": 0.9})) is None
+    highest = turning(PathStep(state, (), series=parabola, series_attributes={"length": 1.5}))
+    assert highest == pytest.approx(1.0, abs=1e-12)
+    assert turning(PathStep(state, ())) is None
+
+
+def test_the_summary_of_a_patch_test_names_its_stop(tmp_path: Path) -> None:
+    summary = solve(
+        PATCH + '[[stop]]\nwhat = "displacement"\nof = "press"\ncomponent = "y"\nbelow = -1e-4\n',
+        tmp_path / "run",
+    )
+    # Two blocks, 2 high and 2 wide: uy = -F (1 - nu^2) / E here.
+    position = stopped(summary, "displacement of press in y below -0.0001")
+    assert position == pytest.approx(1e-4 * 210e3 / (0.91 * 200.0), rel=1e-6)
+    stored = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert stored["stopped_at"] == position

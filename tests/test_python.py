@@ -1,0 +1,173 @@
+"""The Python interface: what docs/python.md promises, and that importing it costs nothing."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import shutil
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mlsanm_cli as mlsanm
+from mlsanm_cli import api
+from tests.app.scenes import BAR, PATCH, hertz
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "python.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("python") / "hertz.toml"
+    path.write_text(hertz())
+    return path
+
+
+@pytest.fixture(scope="module")
+def run(case: Path) -> mlsanm.Run:
+    return mlsanm.run(case, {"solver.polish": False, "output.at": [0.5, 1.0]}, out=case.parent / "run")
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_every_example_of_the_page_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "cases").mkdir()
+    shutil.copy(ROOT / "cases" / "hertz.toml", tmp_path / "cases")
+    names: dict[str, object] = {}
+    for block in re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL):
+        exec(compile(block, "docs/python.md", "exec"), names)
+    printed = capsys.readouterr().out
+    assert "done 2886" in printed.splitlines()[0]
+    assert "material.steel.nu" in printed
+    assert (tmp_path / "block.png").is_file()
+    assert len(list((tmp_path / "results" / "loads").glob("*/summary.json"))) == 2
+
+
+def test_the_page_lists_every_function_with_its_arguments() -> None:
+    for name in mlsanm._NAMES:
+        assert f"`{name}" in PAGE or not inspect.isfunction(getattr(mlsanm, name)) or name == "overrides"
+    for name in ("run", "check", "resume", "sweep"):
+        arguments = ", ".join(inspect.signature(getattr(api, name)).parameters)
+        assert f"`{name}({arguments})`" in PAGE
+    for name, member in vars(mlsanm.Run).items():
+        assert name.startswith("_") or f"{name}" in PAGE
+        assert name.startswith("_") or inspect.getdoc(member)
+
+
+def test_importing_the_package_and_naming_its_functions_loads_no_numerics() -> None:
+    code = (
+        "import sys, mlsanm_cli as mlsanm; mlsanm.run, mlsanm.open, mlsanm.Run;"
+        "heavy = {'numpy', 'scipy', 'pydantic', 'h5py', 'matplotlib', 'click'};"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_package_is_the_command_too() -> None:
+    command = [sys.executable, "-m", "mlsanm_cli", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.startswith(f"mlsanm, version {mlsanm.__version__}")
+
+
+def test_a_contact_is_known_anywhere_on_the_path(run: mlsanm.Run) -> None:
+    stored, between = run.contact().at(), run.contact("interface").at(0.37)
+    assert (stored.how, between.how) == ("stored", "series")
+    assert stored.position == 1.0
+    assert stored.traction is None
+    assert stored.peak_pressure == run.summary["contacts"]["interface"]["peak_pressure"]
+    np.testing.assert_allclose(stored.force, [0.0, 226.0], atol=1e-6)
+    np.testing.assert_allclose(between.force[1], 0.37 * 226.0, rtol=1e-6)
+    # Hertz: the peak goes with the root of the force.
+    assert between.peak_pressure == pytest.approx(stored.peak_pressure * 0.37**0.5, rel=5e-3)
+    np.testing.assert_allclose(run.force("press", at=0.5), [0.0, -113.0], atol=1e-9)
+
+
+def test_columns_of_the_path_are_those_of_the_table(run: mlsanm.Run) -> None:
+    head = (run.directory / "path.csv").read_text().splitlines()[0].split(",")
+    assert list(run.path) == head
+    assert all(len(column) == run.data.path.rows for column in run.path.values())
+
+
+def test_fields_fill_the_body_and_points_lie_between(run: mlsanm.Run) -> None:
+    block = run.fields("block", at=0.5)
+    assert block["stress"].shape == (len(block["points"]), 3)
+    assert block["triangles"].max() == len(block["points"]) - 1
+    nearest = np.hypot(*(block["points"] - [0.5, -1.0]).T).argmin()
+    x, y = block["points"][nearest]
+    there = run.point("block", x, y, at=0.5)
+    assert there["uy"] == pytest.approx(block["displacement"][nearest, 1], rel=1e-3)
+    with pytest.raises(mlsanm.RunError, match=r"saved at 0\.5, 1, not at 0\.7"):
+        run.fields("block", at=0.7)
+    with pytest.raises(mlsanm.RunError, match="no body"):
+        run.fields("blok")
+
+
+def test_wrong_names_are_told_with_the_right_ones(run: mlsanm.Run, tmp_path: Path) -> None:
+    with pytest.raises(mlsanm.RunError, match="no contact") as wrong:
+        run.contact("nose")
+    assert wrong.value.hint == "there are: interface"
+    with pytest.raises(mlsanm.RunError, match="not a run"):
+        mlsanm.open(tmp_path)
+    with pytest.raises(AttributeError, match="no attribute 'solve'"):
+        getattr(mlsanm, "solve")  # noqa: B009
+
+
+def test_errors_are_those_of_the_commands(case: Path) -> None:
+    with pytest.raises(mlsanm.CaseError) as wrong:
+        mlsanm.run(case, {"solver.ordr": 15, "material.steel.nu": 0.7})
+    assert {problem.key for problem in wrong.value.problems} == {"solver.ordr", "material.steel.nu"}
+    with pytest.raises(mlsanm.RunError, match="already holds a run"):
+        mlsanm.run(case, out=case.parent / "run")
+
+
+def test_a_failed_and_a_stopped_run_raise_and_can_be_opened(tmp_path: Path) -> None:
+    path = tmp_path / "patch.toml"
+    path.write_text(PATCH)
+    changes = {"contact.*.regularization.law": "hyperbolic", "solver.max_steps": 1, "solver.polish": False}
+    with pytest.raises(mlsanm.NumericalError, match=r"kept in results/patch") as failed:
+        mlsanm.run(path, changes)
+    assert "solver.max_steps" in failed.value.hint
+    assert mlsanm.open("results/patch").status == "failed"
+
+
+def test_stopped_runs_are_resumed(tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(BAR)
+    with pytest.raises(mlsanm.Interrupted, match="wall time"):
+        mlsanm.run(path, max_wall=1e-9)
+    whole = mlsanm.run(path, force=True)
+    assert whole.status == "done"
+    assert mlsanm.resume(whole.directory).status == "done"
+    assert whole.probe is not None
+    assert whole.contacts == ()
+    np.testing.assert_allclose(whole.force("pull", at=0.25), [7.5, 0.0])
+
+
+def test_warnings_are_pythons(tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    path.write_text(BAR)
+    with pytest.warns(mlsanm.MlsanmWarning, match="strain"):
+        mlsanm.run(path, {"material.steel.E": 100.0})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mlsanm.MlsanmWarning)
+        mlsanm.run(path, {"material.steel.E": 100.0}, force=True)
+
+
+def test_changes_are_written_as_toml() -> None:
+    refine = [{"at": np.array([0.0, 0.5]), "spacing": np.float64(0.1)}]
+    assert mlsanm.overrides({"a": True, "b": Path("x/y"), "body.block.refine": refine}) == (
+        "a=true",
+        'b="x/y"',
+        'body.block.refine=[{"at" = [0.0, 0.5], "spacing" = 0.1}]',
+    )
+    with pytest.raises(TypeError, match="cannot hold"):
+        mlsanm.overrides({"a": object()})
