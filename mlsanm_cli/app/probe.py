@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics.body import enough_neighbors
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
-from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from mlsanm_cli.parts import cKDTree
 
 QUANTITIES = ("pressure", "traction", "gap", "slip")
@@ -99,6 +99,10 @@ def probe_named(rundir: Path, at: Sequence[float], name: str, field: str | None 
             seen = np.concatenate(
                 [level.between(run.probes[name].displacement), level.between(run.probes[name].stress)]
             )
+        if run.is_finite:
+            seen = np.append(seen, level.between(run.probes[name].von_mises))
+            rows.append(_told(level) | _columns(seen, field))
+            continue
         rows.append(_told(level) | _fields(case, body, level, seen, field))
     return rows
 
@@ -121,12 +125,35 @@ def probe_point(
         )
     levels = _levels(run, at)
     found = [displacement_at(run, level, body) for level in levels]
+    if run.is_finite:
+        return [
+            {"position": level.position, "how": how}
+            | _finite_fields(run, case, body, point, displacement, field)
+            for level, (displacement, how) in zip(levels, found, strict=True)
+        ]
     rows = _rows_at(run, case, body, np.array([point]))
     return [
         {"position": level.position, "how": how}
         | _fields(case, body, level, _stressed(case, body, level, rows @ displacement.ravel()), field)
         for level, (displacement, how) in zip(levels, found, strict=True)
     ]
+
+
+def _finite_fields(
+    run: RunData,
+    case: Case,
+    body: str,
+    point: tuple[float, float],
+    displacement: FloatArray,
+    field: str | None,
+) -> Values:
+    """Columns at a point of a body at finite strain: the stress is Cauchy's."""
+    from mlsanm_cli.app.finite.fields import fields_by
+    from mlsanm_cli.app.finite.scene import law_of
+
+    derivatives = _stencils_at(run, case, body, np.array([point])).derivatives(displacement)
+    seen = fields_by(law_of(case, body), derivatives)
+    return _columns(np.concatenate([seen.displacement[0], seen.stress[0], seen.von_mises]), field)
 
 
 def _read(rundir: Path) -> tuple[RunData, Case]:
@@ -202,6 +229,11 @@ def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatAr
 
 def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
     """Rows (5, 2n) of displacement and stress at ``points`` (1, 2) over the stored nodes."""
+    return point_rows(_stencils_at(run, case, body, points), _material(case, body).stiffness)
+
+
+def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Stencils:
+    """Stencils of value and first derivatives at ``points`` (1, 2) over the stored nodes."""
     data = run.bodies[body]
     if not belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)[0]:
         x, y = points[0]
@@ -209,8 +241,7 @@ def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
     material = _material(case, body)
     settings = enough_neighbors(mls_settings(case), material)
     sight = look(data.points, boundary_edges(data))
-    stencils = build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight)
-    return point_rows(stencils, material.stiffness)
+    return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight)
 
 
 def _material(case: Case, body: str) -> PlaneMaterial:
@@ -237,7 +268,11 @@ def _fields(case: Case, body: str, level: Level, seen: FloatArray, field: str | 
     """Columns of a displacement and stress (5,); of one field, or of all."""
     stress = seen[None, 2:]
     across = _material(case, body).across_stress(stress, _degrees(case, body, level))
-    values = np.concatenate([seen, von_mises(stress, across)])
+    return _columns(np.concatenate([seen, von_mises(stress, across)]), field)
+
+
+def _columns(values: FloatArray, field: str | None) -> Values:
+    """Displacement, stress and von Mises stress (6,) by name; of one field, or of all."""
     columns = [name for names in FIELDS.values() for name in names]
     wanted = FIELDS[field] if field else columns
     return {name: float(value) for name, value in zip(columns, values, strict=True) if name in wanted}

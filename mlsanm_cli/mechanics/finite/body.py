@@ -7,9 +7,8 @@ the first Piola-Kirchhoff stress P in place of the Cauchy stress::
     sum over the faces of a piece of P N + int t + int b = 0          forces
     sum of (x - x_P) x (P N) + int (x - x_P) x t + ... = 0            moments about deformed places
 
-x = X + u is the deformed place, x_P that of the piece, the mean of its nodes. Moments of stresses are balanced
-about deformed places only: about those of the reference a bent body would lose what its force times its
-deflection is.
+x = X + u is the deformed place, x_P that of the piece, the mean of its nodes. Moments are balanced
+about deformed places: about those of the reference a body would lack its forces times its deflection.
 """
 
 from __future__ import annotations
@@ -19,9 +18,10 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cells import Rule
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.finite.faces import Points, held_points, inner_points, middles
+from mlsanm_cli.mechanics.finite.faces import Points, held_points, inner_points, middles, rule_of
 from mlsanm_cli.mechanics.finite.law import Law, determinant
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads, cofactor_normal
 from mlsanm_cli.values import dataclass
@@ -48,6 +48,11 @@ class FiniteBody:
         """Number of pieces (k)."""
         return self.elastic.pieces.count
 
+    @property
+    def rule(self) -> Rule:
+        """The quadrature rule of faces and held sides."""
+        return rule_of(self.elastic.model)
+
     @cached_property
     def stressed(self) -> tuple[Points, Points]:
         """The points that carry stress: inner faces, held sides."""
@@ -73,10 +78,10 @@ class FiniteBody:
         return found
 
     @cached_property
-    def conditions(self) -> list[tuple[str, FloatArray, FloatArray, BoolArray]]:
-        """Of every surface name, nodes (b,), normals (b, 2) and held components (2,)."""
+    def conditions(self) -> list[tuple[str, IntArray, FloatArray, tuple[bool, bool]]]:
+        """Of every surface its name, nodes (b,), normals (b, 2) and whether x and y are held."""
         return [
-            (name, surface.index, surface.normal, np.array(self.elastic.held.get(name, (False, False))))
+            (name, surface.index, surface.normal, self.elastic.held.get(name, (False, False)))
             for name, surface in self.elastic.model.cloud.surfaces.items()
         ]
 
@@ -206,7 +211,7 @@ class BodySeries:
         for number, (node, component) in enumerate(elastic.held_nodes):
             left[first + number] += u[node, component]
         left[elastic.rows - 3 * body.count :] = self._pieces(order)
-        return left
+        return np.asarray(left)
 
     def _pieces(self, order: int) -> FloatArray:
         """Forces x, y and moments (3k,) that pieces lack."""
@@ -215,9 +220,9 @@ class BodySeries:
         arm = self._place[: order + 1][:, :, point] - self._middle[: order + 1][:, :, owner]
         back = force[::-1]
         moment = np.einsum("km,km->m", arm[:, 0], back[:, 1]) - np.einsum("km,km->m", arm[:, 1], back[:, 0])
-        parts = [np.bincount(owner, one, count) for one in (*force[order], moment)]
-        parts[2] /= self.body.elastic.pieces.size
-        lack = np.concatenate(parts) - self.body.of_force @ self._factors[order]
+        x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
+        lack = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
+        lack -= self.body.of_force @ self._factors[order]
         if self.body.loads.force is not None:
             lack[2 * count :] -= self._shifted(order)
         return lack
@@ -235,10 +240,9 @@ class BodySeries:
             total += arm[:, 0] * pull[:, 1] - arm[:, 1] * pull[:, 0]
         return np.asarray(np.bincount(labels, total, count) / elastic.pieces.size)
 
-    def reactions(self) -> FloatArray:
-        """Force x and y, at order 0, that held sides give the body (2,)."""
-        first, last = int(self._ends[1]), int(self._ends[2])
-        return np.asarray(self._force[0, :, first:last].sum(axis=1))
+    def held_forces(self) -> FloatArray:
+        """Forces (2, g), at order 0, at the points of the held sides."""
+        return self._force[0, :, int(self._ends[1]) : int(self._ends[2])]
 
     def resultant(self) -> FloatArray:
         """Forces x and y (2, k), at order 0, by which the rows of the pieces count those on their faces."""

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.rows import pair_rows
@@ -41,7 +41,7 @@ class Points:
     @property
     def count(self) -> int:
         """How many points there are (q), all fits together."""
-        return self.places.shape[0] * self.places.shape[1]
+        return int(self.places.shape[0] * self.places.shape[1])
 
     def seen(self, displacement: FloatArray) -> FloatArray:
         """Value, d/dX, d/dY (3, q, 2) of nodal ``displacement`` (N, 2)."""
@@ -67,7 +67,7 @@ class Points:
 def inner_points(body: ElasticBody) -> Points:
     """The faces between the body's pieces."""
     model, labels = body.model, body.pieces.labels
-    edges = model.cloud.faces.between(labels).edges(_rule(model))
+    edges = model.cloud.faces.between(labels).edges(rule_of(model))
     fits = np.arange(len(edges.one))
     both, sign = np.tile(fits, 2), np.repeat([-1.0, 1.0], len(fits))
     owner = np.concatenate([labels[edges.one], labels[edges.other]])
@@ -80,8 +80,11 @@ def held_points(body: ElasticBody) -> Points:
     """The sides with held components, in which they carry stress."""
     model = body.model
     chosen = [name for name, components in body.gripped.items() if any(components)]
-    found = [_along(body, name, _rule(model)) for name in chosen]
-    kept = [np.tile(np.array(body.gripped[name], dtype=float), (len(f[0]), 1)) for name, f in zip(chosen, found, strict=True)]
+    found = [_along(body, name, rule_of(model)) for name in chosen]
+    kept = [
+        np.tile(np.array(body.gripped[name], dtype=float), (len(f[0]), 1))
+        for name, f in zip(chosen, found, strict=True)
+    ]
     return _outline_points(model, found, kept)
 
 
@@ -95,7 +98,7 @@ def loaded_points(body: ElasticBody, surfaces: Collection[str]) -> Points:
     return _outline_points(body.model, found, kept)
 
 
-def _along(body: ElasticBody, name: str, rule: tuple[tuple[float, float], ...]) -> tuple[FloatArray, FloatArray, IntArray]:
+def _along(body: ElasticBody, name: str, rule: Rule) -> tuple[FloatArray, FloatArray, IntArray]:
     surface = body.model.cloud.surfaces[name]
     halves = Halves.of(surface, rule)
     normals = halves.length[:, None] * surface.curve.normals(halves.arc)
@@ -118,7 +121,8 @@ def _stencils(model: BodyModel, centers: FloatArray, points: FloatArray) -> Sten
     return build_gradients(model.nodes, model.tree, centers, points, model.settings, sight, values=True)
 
 
-def _rule(model: BodyModel) -> tuple[tuple[float, float], ...]:
+def rule_of(model: BodyModel) -> Rule:
+    """As many of Gauss's points as tell the moments of stresses of the degree exactly."""
     return GAUSS[model.settings.degree // 2 + 1]
 
 
@@ -128,5 +132,3 @@ def middles(body: ElasticBody) -> sparse.csr_array:
     count = np.bincount(labels, minlength=body.pieces.count)
     entries = (1.0 / count[labels], (labels, np.arange(len(labels))))
     return sparse.csr_array(entries, shape=(body.pieces.count, len(body.model.nodes)))
-
-

@@ -12,7 +12,9 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 
 
-def cauchy(one: FloatArray, other: FloatArray, order: int, first: int = 0, last: int | None = None) -> FloatArray:
+def cauchy(
+    one: FloatArray, other: FloatArray, order: int, first: int = 0, last: int | None = None
+) -> FloatArray:
     """What the orders ``first`` to ``last`` (by default all) of ``one`` (K + 1, j, n) add to the coefficient
     of ``order`` of the product with ``other`` (K + 1, j, n): (j, n)."""
     end = order if last is None else last

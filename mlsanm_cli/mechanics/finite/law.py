@@ -33,7 +33,7 @@ DIRECTIONS = 24
 
 @dataclass(frozen=True)
 class Law:
-    """A law of one of two kinds with Lame's constants ``lam`` and ``mu`` in ``plane`` "strain" or "stress"."""
+    """A law of one of two kinds with Lame's constants ``lam``, ``mu`` in ``plane`` "strain" or "stress"."""
 
     kind: Kind
     lam: float
@@ -57,7 +57,7 @@ class Law:
         """P (4, n) by the displacement ``gradient`` (4, n)."""
         response = self.series(0, 1, gradient.shape[1])
         response.put(0, gradient[:, None])
-        return response.stress[:, 0, 0]
+        return np.asarray(response.stress[:, 0, 0])
 
     def moduli(self, gradient: FloatArray) -> FloatArray:
         """dP/dF (4, 4, n) at a displacement ``gradient`` (4, n)."""
@@ -79,10 +79,10 @@ class Law:
             response = self.series(0, 1, gradient.shape[1])
             response.put(0, gradient[:, None])
             assert isinstance(response, _Neo)
-            return np.sqrt(response.theta[0, 0])
+            return np.asarray(np.sqrt(response.theta[0, 0]))
         strain = green(gradient)
         square = 1.0 - 2.0 * self.lam / (self.lam + 2.0 * self.mu) * (strain[0] + strain[1])
-        return np.sqrt(np.maximum(square, 0.0))
+        return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
     def stress_across(self, gradient: FloatArray) -> FloatArray:
         """Cauchy's stress (n,) across the plane."""
@@ -177,7 +177,9 @@ class _Neo(Response):
             pressure = -law.mu * self.theta[: order + 1]
         self._factor[order] = cauchy(pressure, self._over[: order + 1], order)
         for place, (other, sign) in enumerate(COFACTOR):
-            self.stress[place, order] = law.mu * f[place, order] + sign * cauchy(f[other], self._factor, order)
+            self.stress[place, order] = law.mu * f[place, order] + sign * cauchy(
+                f[other], self._factor, order
+            )
 
     def _stretch(self, order: int) -> None:
         """The square of the stretch across the plane, and its logarithm M: mu (theta - 1) + lam (L + M/2) = 0
@@ -193,7 +195,11 @@ class _Neo(Response):
             log[0, 1:] = theta[0, 1:] / theta[0, 0]
             return
         over = inverse(theta[0])
-        rest = cauchy(weighted(log, order), theta[: order + 1], order, 1, order - 1) / order if order > 1 else 0.0
+        rest = (
+            cauchy(weighted(log, order), theta[: order + 1], order, 1, order - 1) / order
+            if order > 1
+            else 0.0
+        )
         slope = 0.5 * lam * over
         slope[0] += mu
         known = -lam * self._log[order]
@@ -235,6 +241,4 @@ def stretches(gradient: FloatArray) -> FloatArray:
     """The principal stretches (2, n) in the plane, the larger first."""
     xx, yy, xy = 2.0 * green(gradient)
     mean, half = 1.0 + 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
-    return np.sqrt(np.stack([mean + half, np.maximum(mean - half, 0.0)]))
-
-
+    return np.asarray(np.sqrt(np.stack([mean + half, np.maximum(mean - half, 0.0)])))

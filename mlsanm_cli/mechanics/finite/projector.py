@@ -1,8 +1,8 @@
 """The equations of a body at finite strain, and their factorised derivative.
 
-Least squares of nonlinear rows R would ask for J(u)^T W^2 R(u) = 0, whose own derivative is not at hand: its
-Gauss-Newton iterations converge slowly, and its series jump. So the rows J_0 of one state, the station, make the
-equations for a whole path, a smooth square system::
+Least squares of nonlinear rows R would ask for J(u)^T W^2 R(u) = 0, whose own derivative is not at hand:
+Gauss-Newton iterations converge slowly, and series jump from step to step. So the rows J_0 of one state, the
+station, make the equations of a path, a smooth square system::
 
     J_0^T W^2 R(u) = 0        derivative  J_0^T W^2 J(u)
 
@@ -53,17 +53,23 @@ class Weights:
 
 @dataclass(frozen=True)
 class Projector:
-    """The rows of a station as they are weighted, with their factorised least-squares problem."""
+    """The rows of a ``station`` (2N,), a displacement, as they are weighted, with their factorised
+    least-squares problem; ``places`` (k, 2) are the means of the pieces' nodes."""
 
     body: FiniteBody
     weights: Weights
+    station: FloatArray
     system: LeastSquares
     places: FloatArray
-    order: IntArray
 
     @classmethod
     def at(
-        cls, body: FiniteBody, weights: Weights, displacement: FloatArray, factors: FloatArray, solver: DirectSolver
+        cls,
+        body: FiniteBody,
+        weights: Weights,
+        displacement: FloatArray,
+        factors: FloatArray,
+        solver: DirectSolver,
     ) -> Projector:
         """Those of a state of ``displacement`` (2N,) and load ``factors`` (L,); NumericalError for a singular
         one."""
@@ -79,7 +85,7 @@ class Projector:
         none = sparse.csr_array((0, count))
         strong = Strong(strong_rows, sparse.csr_array(loads), owner, places, none)
         system = least_squares.factorise(rows, weights.nodes, nodes, solver, strong)
-        return cls(body, weights, system, places, np.zeros(0, dtype=np.int64))
+        return cls(body, weights, displacement, system, places)
 
     def displaced(self, left: FloatArray) -> FloatArray:
         """The displacement (2N,) that what is ``left`` (r,) of the rows stands for, at the station."""
@@ -87,7 +93,7 @@ class Projector:
 
     def scaled(self, left: FloatArray) -> FloatArray:
         """What is ``left`` (r,) of the rows as they are weighted."""
-        return left * np.concatenate([self.weights.nodes, self.weights.pieces])
+        return np.asarray(left * np.concatenate([self.weights.nodes, self.weights.pieces]))
 
     def image(self, displacement: FloatArray) -> FloatArray:
         """The station's weighted rows (r,) of a ``displacement`` (2N,)."""
@@ -104,20 +110,20 @@ class Projector:
     def factorised(self, displacement: FloatArray, factors: FloatArray) -> Factorised:
         """The derivative of the equations in a state of ``displacement`` (2N,) and load ``factors`` (L,);
         NumericalError where it is singular."""
+        if np.array_equal(displacement, self.station):
+            return Factorised(self, self.system.rows, self.system.strong.rows, None)
         rows, strong = weighted_rows(self.body, self.weights, displacement, factors)
         normal = sparse.csr_array(self._turned @ rows)
         place = self._multipliers
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
         down = place @ strong
-        matrix = sparse.block_array(
-            [[normal, up], [down, -sparse.eye_array(place.shape[0])]], format="csc"
-        )
+        matrix = sparse.block_array([[normal, up], [down, -sparse.eye_array(place.shape[0])]], format="csc")
         factor = SuperLUSolver().factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix))
         return Factorised(self, rows, strong, factor)
 
     @cached_property
     def _multipliers(self) -> sparse.csr_array:
-        """Where the pieces' rows have their multipliers (4k, 3k): two vertices of two each for every piece."""
+        """Where the pieces' rows have their multipliers (4k, 3k): two vertices of two for every piece."""
         count = self.body.count
         number = np.arange(3 * count)
         line = 4 * (number % count) + number // count
@@ -131,12 +137,12 @@ class Projector:
 @dataclass(frozen=True)
 class Factorised:
     """The factorised derivative of a projector's equations in a state, whose weighted rows are ``rows`` and
-    ``strong``."""
+    ``strong``; at the station it is the projector's own, and there is no other ``factor``."""
 
     projector: Projector
     rows: sparse.csr_array
     strong: sparse.csr_array
-    factor: Factor
+    factor: Factor | None
 
     def solve(self, scaled: FloatArray) -> FloatArray:
         """The displacement (2N,) whose rows in this state are the ``scaled`` (r,), as far as the equations
@@ -151,6 +157,9 @@ class Factorised:
     def _roughly(self, scaled: FloatArray) -> FloatArray:
         projector = self.projector
         count = len(projector.weights.nodes)
+        if self.factor is None:
+            gathered = projector.gathered(scaled) + self.strong.T @ scaled[count:]
+            return projector.system.inverse_normal(gathered[:, None])[:, 0]
         below = projector._multipliers @ scaled[count:]
         whole = self.factor.solve(np.concatenate([projector.gathered(scaled), below]))
         return whole[: self.rows.shape[1]]

@@ -136,7 +136,12 @@ def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: Float
 
 
 def _spread(
-    body: FiniteBody, points: Points, moduli: FloatArray, force: FloatArray, place: FloatArray, middle: FloatArray
+    body: FiniteBody,
+    points: Points,
+    moduli: FloatArray,
+    force: FloatArray,
+    place: FloatArray,
+    middle: FloatArray,
 ) -> sparse.csr_array:
     """What points add: ``moduli`` (2, 2, 2, e, t) of their forces, ``force`` and ``place`` (2, e, t), pieces'
     ``middle`` (2, k). Moments of a fit are taken about its own middle, and there moved to the pieces."""
