@@ -105,9 +105,8 @@ class Material(Section):
     """Thermal expansion: one number, or three where the material has axes; none by default."""
 
     law: Literal["linear", "saint-venant-kirchhoff", "neo-hookean"] = "linear"
-    """Elastic law: linear for small strains; for finite ones Saint Venant-Kirchhoff (linear in Green's strain:
-    large rotations, moderate strains) or compressible neo-Hookean (large strains), by E and nu of small
-    strains."""
+    """Elastic law: linear for small strains; for finite ones Saint Venant-Kirchhoff (large rotations,
+    moderate strains) or compressible neo-Hookean (large strains), by the E and nu of small strains."""
 
     @property
     def form(self) -> Form:

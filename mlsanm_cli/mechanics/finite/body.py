@@ -21,6 +21,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Rule
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.finite.cells import moments_of_force
 from mlsanm_cli.mechanics.finite.faces import Points, held_points, inner_points, middles, rule_of
 from mlsanm_cli.mechanics.finite.law import Law, determinant
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads, cofactor_normal
@@ -71,11 +72,22 @@ class FiniteBody:
     @cached_property
     def of_force(self) -> FloatArray:
         """Force and moment (3k, L) of the body force on the pieces before they deform."""
+        if self.loads.known is not None:
+            return self.loads.known
         found = np.zeros((3 * self.count, self.loads.count))
         if self.loads.force is not None:
             for number in range(self.loads.count):
                 found[:, number] = self.elastic.pieces.of_force(self.loads.force[:, :, number])
         return found
+
+    @cached_property
+    def turning(self) -> list[sparse.csr_array]:
+        """For every load, rows (k, 2N) of the moments, over the pieces' size, that its body force has because
+        the body has moved under it; none without body forces."""
+        force = self.loads.force
+        if force is None:
+            return []
+        return [moments_of_force(self.elastic, self.centers, one) for one in np.moveaxis(force, 2, 0)]
 
     @cached_property
     def conditions(self) -> list[tuple[str, IntArray, FloatArray, tuple[bool, bool]]]:
@@ -223,22 +235,13 @@ class BodySeries:
         x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
         lack = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
         lack -= self.body.of_force @ self._factors[order]
-        if self.body.loads.force is not None:
-            lack[2 * count :] -= self._shifted(order)
+        for number, turning in enumerate(self.body.turning):
+            for low in range(order + 1):
+                if self._factors[low, number]:
+                    lack[2 * count :] -= self._factors[low, number] * (
+                        turning @ self._displacement[order - low]
+                    )
         return lack
-
-    def _shifted(self, order: int) -> FloatArray:
-        """Moments (k,) of the body force by how far nodes have moved beyond their pieces, over their size."""
-        elastic, force = self.body.elastic, self.body.loads.force
-        assert force is not None
-        labels, count = elastic.pieces.labels, self.body.count
-        total = np.zeros(len(labels))
-        for low in range(order + 1):
-            pull = elastic.model.cloud.areas[:, None] * (force @ self._factors[low])
-            moved = self._displacement[order - low].reshape(-1, 2)[: len(labels)]
-            arm = moved - (self.body.centers @ self._displacement[order - low].reshape(-1, 2))[labels]
-            total += arm[:, 0] * pull[:, 1] - arm[:, 1] * pull[:, 0]
-        return np.asarray(np.bincount(labels, total, count) / elastic.pieces.size)
 
     def held_forces(self) -> FloatArray:
         """Forces (2, g), at order 0, at the points of the held sides."""

@@ -35,7 +35,8 @@ class Loads:
 
     ``sources`` (r, L) are right-hand sides of the nodes' rows: displacements, tractions, minus forces per
     volume. ``tractions[surface]`` (g, 2, L) are dead ones at the FINE points of a surface's halves, ``force``
-    (n, 2, L) is per volume, ``pressing`` what follows.
+    (n, 2, L) is per volume, linear between the nodes unless its force and moment on the pieces before they
+    deform are ``known`` (3k, L); ``pressing`` is what follows.
     """
 
     count: int
@@ -43,6 +44,7 @@ class Loads:
     tractions: Mapping[str, FloatArray] = field(default_factory=dict)
     force: FloatArray | None = None
     pressing: Sequence[Pressing] = ()
+    known: FloatArray | None = None
 
     @property
     def surfaces(self) -> tuple[str, ...]:

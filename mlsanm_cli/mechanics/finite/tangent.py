@@ -186,14 +186,9 @@ def _turned(body: FiniteBody, state: BodySeries, factors: FloatArray) -> sparse.
     rows = np.concatenate([2 * count + own] * 2)
     columns = np.concatenate([2 * node, 2 * node + 1])
     values = np.concatenate([pull[1] * centers.data, -pull[0] * centers.data]) / size[np.tile(own, 2)]
-    if body.loads.force is not None:
-        labels, areas = body.elastic.pieces.labels, body.elastic.model.cloud.areas
-        nodal = areas[:, None] * (body.loads.force @ factors)
-        whole = np.stack([np.bincount(labels, one, count) for one in nodal.T])[:, own]
-        at = np.arange(len(labels))
-        rows = np.concatenate([rows, *[2 * count + labels] * 2, *[2 * count + own] * 2])
-        columns = np.concatenate([columns, 2 * at, 2 * at + 1, 2 * node, 2 * node + 1])
-        more = [nodal[:, 1] / size[labels], -nodal[:, 0] / size[labels]]
-        less = [-whole[1] * centers.data / size[own], whole[0] * centers.data / size[own]]
-        values = np.concatenate([values, *more, *less])
-    return sparse.csr_array((values, (rows, columns)), shape=(3 * count, 2 * nodes))
+    entries = (values, (rows, columns))
+    turned: sparse.csr_array = sparse.csr_array(entries, shape=(3 * count, 2 * nodes))
+    for factor, turning in zip(factors, body.turning, strict=False):
+        nothing = sparse.csr_array((2 * count, 2 * nodes))
+        turned = turned + sparse.vstack([nothing, factor * turning], format="csr")
+    return sparse.csr_array(turned)
