@@ -108,7 +108,8 @@ def _summary(
     }
     if ending.hint:
         summary["hint"] = ending.hint
-    summary |= {"nodes": nodes, "unknowns": 2 * nodes, "contacts": {}, "residual": recorder.residual}
+    summary |= {"nodes": nodes, "unknowns": 2 * nodes, "contact_unknowns": 0, "contacts": {}}
+    summary |= {"residual": recorder.residual}
     if state is not None:
         forces = Forces.of(scene.body, state.displacement, state.factors)
         summary["forces"] = {name: force.tolist() for name, force in resultants(scene, forces).items()}
