@@ -66,7 +66,7 @@ class FiniteRecorder:
         self.steps = 0
         self.last: FiniteState | None = None
         self.iterations = self.factorizations = self.solves = self.renewed = 0
-        self.residual = self.balance = 0.0
+        self.residual = self.balance = self._largest = 0.0
         self.turns: list[Turn] = []
         self.warnings: list[str] = []
 
@@ -144,7 +144,9 @@ class FiniteRecorder:
         self.renewed += step.renewed
         self.turns += step.turns
         self.residual = max(self.residual, step.state.residual, *(one.residual for one in step.saved), 0.0)
-        self.balance = Forces.of(scene.body, step.state.displacement, step.state.factors).balance
+        forces = Forces.of(scene.body, step.state.displacement, step.state.factors)
+        self._largest = max(self._largest, forces.size)
+        self.balance = forces.rest / self._largest if self._largest else 0.0
 
     def warn(self, message: str) -> None:
         """A warning on the console, in the events and in the summary."""

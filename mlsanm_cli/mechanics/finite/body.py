@@ -243,6 +243,11 @@ class BodySeries:
                     )
         return lack
 
+    def outline_forces(self) -> tuple[FloatArray, FloatArray]:
+        """Forces (2, g), at order 0, at the points of the held sides and of those with given tractions."""
+        first, last = int(self._ends[1]), int(self._ends[2])
+        return self._force[0, :, first:last], self._force[0, :, last:]
+
     def held_forces(self) -> FloatArray:
         """Forces (2, g), at order 0, at the points of the held sides."""
         return self._force[0, :, int(self._ends[1]) : int(self._ends[2])]

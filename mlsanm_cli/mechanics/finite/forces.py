@@ -16,28 +16,30 @@ from mlsanm_cli.values import dataclass
 @dataclass(frozen=True)
 class Forces:
     """Forces on a body in one state: ``loads`` (L, 2) of tractions, pressures and body forces, ``reactions``
-    (2,) of held sides by surface."""
+    (2,) of held sides by surface. ``size`` is the largest of what they add up to without their directions."""
 
     loads: FloatArray
     reactions: dict[str, FloatArray]
+    size: float
 
     @classmethod
     def of(cls, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> Forces:
         """In the state of ``displacement`` (2N,) and load ``factors`` (L,)."""
         series = BodySeries(body, 0)
         series.put(0, displacement, factors)
-        return cls(_of_loads(body, displacement, factors), _reactions(body, series))
+        loads, reactions = _of_loads(body, displacement, factors), _reactions(body, series)
+        sizes = [float(np.hypot(*force).sum()) for force in series.outline_forces()]
+        return cls(loads, reactions, max([*sizes, *np.hypot(*loads.T).tolist()], default=0.0))
 
     def held(self, surfaces: Iterable[str]) -> FloatArray:
         """The force (2,) of some surfaces together."""
         return np.asarray(sum((self.reactions.get(name, np.zeros(2)) for name in surfaces), np.zeros(2)))
 
     @property
-    def balance(self) -> float:
-        """What all forces together leave, over the largest; 0 where there is none."""
+    def rest(self) -> float:
+        """What all forces together leave; forces of single held nodes are not among them."""
         every = np.array([*self.loads, *self.reactions.values()]).reshape(-1, 2)
-        largest = float(np.abs(every).max(initial=0.0))
-        return float(np.abs(every.sum(axis=0)).max()) / largest if largest else 0.0
+        return float(np.abs(every.sum(axis=0)).max())
 
 
 def _of_loads(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
