@@ -129,6 +129,12 @@ def _cantilever(run: RunData) -> dict[str, float]:
     return {"displacement of the end, over the length": float(max(off))}
 
 
+def _deep(run: RunData) -> dict[str, float]:
+    found = -2.0 * run.path.resultants["press"][:, 1]
+    forces = {1.0 / 3.0: 0.1691, 2.0 / 3.0: 0.4097, 1.0: 0.701}
+    return {"force": max(abs(found[_at(run, position)] / exact - 1.0) for position, exact in forces.items())}
+
+
 def _snapped(run: RunData) -> dict[str, float]:
     summary = json.loads((run.directory / "summary.json").read_text())
     limit, lower = (0.2 * point["position"] for point in summary["finite_strain"]["limit_points"])
@@ -218,6 +224,9 @@ ENTRIES: dict[str, Entry] = {
     "press_fit": Entry("bodies", "Lamé: two rings that press on each other", _fit),
     "bent_cantilever": Entry(
         "bodies", "finite elements, 80 x 8 of nine nodes: shortening and deflection of the end", _cantilever
+    ),
+    "deep_cylinder": Entry(
+        "bodies", "finite elements of nine nodes: the force at depths of 0.1, 0.2 and 0.3", _deep
     ),
     "snap_through": Entry(
         "force", "finite elements, 48 x 4 of nine nodes: the load at both limit points", _snapped

@@ -138,7 +138,12 @@ def _contact_force(contact: ContactData) -> FloatArray:
 
 
 def _draw_forces(path: Path, run: RunData) -> None:
-    curves = {name: np.hypot(*_contact_force(contact).T) for name, contact in run.contacts.items()}
+    if run.is_finite:
+        # Normals turn: the forces are stored as such.
+        forces = {name: run.path.resultants[f"contact {name}"] for name in run.contacts}
+    else:
+        forces = {name: _contact_force(contact) for name, contact in run.contacts.items()}
+    curves = {name: np.hypot(*force.T) for name, force in forces.items()}
     _draw_curves(path, run, curves, "contact force per unit thickness", "Contact force along the path")
 
 

@@ -76,7 +76,9 @@ def probe_force(rundir: Path, at: Sequence[float], name: str) -> list[Values]:
         raise RunError(f'"{name}" is both a load and a contact', "give one of them another name")
     rows = []
     for level in _levels(run, at):
-        if name in run.contacts:
+        if name in run.contacts and run.is_finite:
+            force = level.between(run.path.resultants[f"contact {name}"])
+        elif name in run.contacts:
             force = _contact_force(run, case, level, name)
         elif level.how == SERIES:
             force = _mapped(run, level, "forces", name)

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.loads import Platen, Pressure, Temperature
+from mlsanm_cli.case.loads import ObstacleMotion, Platen, Pressure, Temperature
 from mlsanm_cli.case.materials import Material
+from mlsanm_cli.case.model import Contact
 from mlsanm_cli.case.report import Report
 
 LARGEST_NU = 4.0 / 9.0
@@ -70,6 +71,9 @@ def _check_loads(draft: Draft, plane: str, report: Report) -> None:
             report.add(
                 (*path, "follows"), f"a following pressure in plane stress {_ALONE}", "follows = false"
             )
+        elif isinstance(load, ObstacleMotion):
+            if any(control == "force" for control, _ in load.control.values()):
+                report.add(path, f"an obstacle moved by a force {_ALONE}", "move it by a displacement")
         elif isinstance(load, Platen):
             if any(control == "force" for control, _ in load.control.values()):
                 hint = "move it by a displacement, or load the boundary with a traction"
@@ -78,9 +82,30 @@ def _check_loads(draft: Draft, plane: str, report: Report) -> None:
                 report.add((*path, "rotation"), f"a platen that turns {_ALONE}", 'rotation = "fixed"')
 
 
+def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
+    if contact.obstacle is None:
+        report.add((*path, "master"), f"contact between bodies {_ALONE}", "a rigid obstacle")
+        return
+    if contact.obstacle.kind == "polyline":
+        report.add((*path, "obstacle", "kind"), f'a "polyline" {_ALONE}', '"plane" or "disk"')
+    if not isinstance(contact.slave, str):
+        report.add((*path, "slave"), f"a side of several boundaries {_ALONE}", "one boundary")
+    if contact.friction:
+        report.add((*path, "friction"), f"friction {_ALONE}", "0.0")
+    if contact.interference is not None:
+        report.add((*path, "interference"), f"an interference {_ALONE}", "move the obstacle")
+    if contact.regularization.law != "exact":
+        message = f'the "{contact.regularization.law}" contact law {_ALONE}'
+        report.add((*path, "regularization", "law"), message, 'law = "exact"')
+    for key in ("accuracy", "reach"):
+        if key in contact.model_fields_set:
+            message = "has no meaning at finite strain: any node of the slave may touch"
+            report.add((*path, key), message, "remove it")
+
+
 def _check_rest(draft: Draft, report: Report) -> None:
-    for index in range(draft.count("contact")):
-        report.add(("contact", index), f"contact {_ALONE}", _SMALL)
+    for index, contact in draft.contacts.items():
+        _check_contact(contact, ("contact", index), report)
     if draft.count("body") > 1:
         report.add(("body", 1), f"more than one body {_ALONE}", "one case for each body")
     if "reference" in draft.data:
@@ -96,7 +121,7 @@ def _check_rest(draft: Draft, report: Report) -> None:
     given = draft.data.get("solver")
     if solver is None or not isinstance(given, Mapping):
         return
-    if solver.method == "active-set":
+    if solver.method == "active-set" and not draft.count("contact"):
         report.add(("solver", "method"), '"active-set" is for contact', '"anm" or "newton"')
     if solver.linear in ("pardiso", "mumps"):
         report.add(("solver", "linear"), f'"{solver.linear}" {_ALONE}', '"auto"')

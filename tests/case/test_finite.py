@@ -69,6 +69,10 @@ def test_what_is_not_there_yet_is_refused_by_name(overrides: tuple[str, ...], ke
 PLATE = '[[load]]\nname = "plate"\nboundary = "block.left"\nkind = "platen"\n'
 WARM = '[[load]]\nname = "warm"\nbody = "block"\nkind = "temperature"\ntemperature = 1.0\n'
 OBSTACLE = '[contact.obstacle]\nkind = "plane"\npoint = [-0.1, 0.0]\nnormal = [1.0, 0.0]\n'
+CONTACT = '[[contact]]\nname = "c"\nslave = "block.left"\n'
+EXACT = '[contact.regularization]\nlaw = "exact"\n'
+CORNER = '[contact.obstacle]\nkind = "polyline"\npoints = [[-0.1, 0.0], [-0.1, 1.0]]\n'
+PUSH = '[[load]]\nname = "push"\nkind = "obstacle"\nobstacle = "c"\nfx = 1.0\n'
 SQUARE = 'shape = { kind = "rectangle", x = [2.0, 3.0], y = [0.0, 1.0] }\n'
 SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
 
@@ -80,7 +84,12 @@ SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
         (WARM, "load.warm.temperature", "temperature"),
         (f"{PLATE}fx = 1.0\n", "load.plate", "force"),
         (f'{PLATE}ux = 0.1\nrotation = "free"\n', "load.plate.rotation", "turns"),
-        (f'[[contact]]\nname = "c"\nslave = "block.left"\n{OBSTACLE}', "contact.c", "contact"),
+        (f"{CONTACT}{OBSTACLE}", "contact.c.regularization.law", "hyperbolic"),
+        (f"{CONTACT}friction = 0.1\n{OBSTACLE}{EXACT}", "contact.c.friction", "friction"),
+        (f"{CONTACT}reach = 0.1\n{OBSTACLE}{EXACT}", "contact.c.reach", "any node"),
+        (f'{CONTACT}master = "block.right"\n{EXACT}', "contact.c.master", "between bodies"),
+        (f"{CONTACT}{CORNER}{EXACT}", "contact.c.obstacle.kind", "polyline"),
+        (f"{CONTACT}{OBSTACLE}{EXACT}{PUSH}", "load.push", "force"),
         (f'[[body]]\nname = "other"\nmaterial = "rubber"\n{SQUARE}', "body.other", "more than one"),
     ],
 )
@@ -99,3 +108,9 @@ def test_laws_are_isotropic() -> None:
     wood = "E1 = 1.0\nE2 = 2.0\nE3 = 1.0\nG12 = 0.5\nnu12 = 0.1\nnu13 = 0.1\nnu23 = 0.1\n"
     found = problems(BLOCK.replace("E = 2.6\nnu = 0.3\n", wood))
     assert "isotropic" in found["material.rubber.law"]
+
+
+def test_exact_contact_with_a_rigid_obstacle_is_accepted() -> None:
+    assert not problems(BLOCK + CONTACT + OBSTACLE + EXACT)
+    assert not problems(BLOCK + CONTACT + OBSTACLE + EXACT, 'solver.method="active-set"')
+    assert "anm" in problems(BLOCK + CONTACT + OBSTACLE + EXACT, 'solver.method="anm"')["solver.method"]

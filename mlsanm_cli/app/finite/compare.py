@@ -96,8 +96,10 @@ def compare_finite(
     return {**result, "directory": str(directory)}
 
 
-def refuse(methods: tuple[str, ...], analytic: bool) -> None:
-    """Raise RunError for methods that finite strain does not have."""
+def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
+    """Raise RunError for methods that finite strain does not have, and where there is but one."""
+    if contact:
+        raise RunError("contact at finite strain has one method only: there is nothing to compare")
     for name in methods:
         if name != "newton":
             raise RunError(f"--{name}: finite strain knows power series and Newton's method only", "--newton")

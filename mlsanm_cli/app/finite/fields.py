@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Displacement, Platen
-from mlsanm_cli.io.records import ProbeRecord
+from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
+from mlsanm_cli.contact.profile import half_width
+from mlsanm_cli.contact.sets import OPEN, SLIP
+from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, stretches
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.values import dataclass
+
+CONTACT = "contact "
+"""Before the name of a contact, among the resultants of a run: the force of its obstacle."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +79,59 @@ def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeReco
 def resultants(scene: FiniteScene, forces: Forces) -> dict[str, FloatArray]:
     """The force (2,) of every load and support on the body."""
     held = {name: forces.held(surfaces) for name, surfaces in scene.supports.items()}
+    pressed = contact_forces(scene, forces)
     loads = {
-        load.name: forces.loads[number]
+        load.name: pressed[load.obstacle] if isinstance(load, ObstacleMotion) else forces.loads[number]
         for number, load in enumerate(scene.case.load)
         if not isinstance(load, Displacement | Platen)
     }
-    return loads | held
+    return loads | held | {f"{CONTACT}{name}": force for name, force in pressed.items()}
+
+
+def contact_forces(scene: FiniteScene, forces: Forces) -> dict[str, FloatArray]:
+    """The force (2,) of every obstacle on the body."""
+    found, first = {}, len(scene.case.moved)
+    for contact in scene.contacts:
+        found[contact.name] = forces.loads[first : first + 2 * contact.count].sum(axis=0)
+        first += 2 * contact.count
+    return found
+
+
+def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, ContactRecord]:
+    """Pressures per current length, and gaps, of every contact."""
+    records, first = {}, 0
+    gradient = scene.body.gradient(state.displacement) if scene.contacts else np.zeros((4, 0))
+    for contact in scene.contacts:
+        here = slice(first, first + contact.count)
+        first = here.stop
+        xx, xy, yx, yy = gradient[:, contact.nodes]
+        x, y = -contact.outward[:, 1], contact.outward[:, 0]
+        stretch = np.hypot((1.0 + xx) * x + xy * y, yx * x + (1.0 + yy) * y)
+        pressure, none = state.pressure[here], np.zeros(contact.count)
+        status = np.where(pressure > 0.0, SLIP, OPEN).astype(np.int8)
+        unknown = np.full(contact.count, np.nan)
+        records[contact.name] = ContactRecord(pressure / stretch, none, state.gap[here], unknown, status)
+    return records
+
+
+def contact_summary(scene: FiniteScene, state: FiniteState, forces: Forces) -> dict[str, dict[str, Any]]:
+    """The engineer's figures of every contact; the half-width is along the side before loading."""
+    pressed = contact_forces(scene, forces)
+    records = contact_records(scene, state)
+    return {
+        contact.name: {
+            "peak_pressure": float(records[contact.name].pressure.max(initial=0.0)),
+            "half_width": half_width(contact.arc, records[contact.name].pressure),
+            "force": pressed[contact.name].tolist(),
+            "closed_nodes": int((records[contact.name].status != OPEN).sum()),
+            "stick_nodes": 0,
+            "slip_nodes": int((records[contact.name].status != OPEN).sum()),
+            "min_gap": float(records[contact.name].gap.min()),
+            "dissipated_work": 0.0,
+            "max_cone_ratio": None,
+        }
+        for contact in scene.contacts
+    }
 
 
 def platen_displacements(scene: FiniteScene, factors: FloatArray) -> dict[str, FloatArray]:

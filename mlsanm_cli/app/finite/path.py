@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -31,12 +31,23 @@ SAMPLES = 65
 
 @dataclass(frozen=True)
 class FiniteState:
-    """One state of the path: position, load factors (L,), nodal displacement (2N,), residual."""
+    """One state of the path: position, load factors (L,), nodal displacement (2N,), residual; in contact also
+    nominal pressures, gaps (c,) and obstacles' normals (c, 2) at the nodes of all contacts, and how stable
+    these are."""
 
     position: float
     factors: FloatArray
     displacement: FloatArray
     residual: float
+    pressure: FloatArray = field(default_factory=lambda: np.zeros(0))
+    gap: FloatArray = field(default_factory=lambda: np.zeros(0))
+    normal: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    stability: float = np.inf
+
+    @property
+    def acting(self) -> FloatArray:
+        """The factors of all loads on the body: the case's, then tractions x, y of every node in contact."""
+        return np.concatenate([self.factors, (self.pressure[:, None] * self.normal).ravel()])
 
 
 @dataclass(frozen=True)

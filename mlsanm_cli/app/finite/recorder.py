@@ -14,6 +14,7 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.finite.fields import (
     FiniteFields,
+    contact_records,
     fields_of,
     platen_displacements,
     probe_records,
@@ -67,6 +68,7 @@ class FiniteRecorder:
         self.last: FiniteState | None = None
         self.iterations = self.factorizations = self.solves = self.renewed = 0
         self.residual = self.balance = self._largest = 0.0
+        self.stability = float("inf")
         self.turns: list[Turn] = []
         self.warnings: list[str] = []
 
@@ -83,7 +85,11 @@ class FiniteRecorder:
                 [surface.name for surface in surfaces for _ in surface.index],
             )
             nothing = scene.stages[0]
-            forces = Forces.of(scene.body, np.zeros(scene.body.unknowns), nothing)
+            for contact in scene.contacts:
+                shape = contact.shape.closest(contact.places, contact.outward)[1]
+                self._file.write_contact(contact.name, contact.places, shape, contact.arc, contact.weight)
+            unloaded = np.zeros(scene.body.loads.count)
+            forces = Forces.of(scene.body, np.zeros(scene.body.unknowns), unloaded)
             moved = tuple(platen_displacements(scene, nothing))
             probes = tuple(probe.name for probe in scene.probes)
             self._file.start_path(scene.case.moved, tuple(resultants(scene, forces)), moved, probes)
@@ -119,7 +125,7 @@ class FiniteRecorder:
         self._console.step(self.steps, state.position, state.residual, text)
 
     def _row(self, scene: FiniteScene, state: FiniteState, step: FiniteStep) -> StepRecord:
-        forces = Forces.of(scene.body, state.displacement, state.factors)
+        forces = Forces.of(scene.body, state.displacement, state.acting)
         return StepRecord(
             position=state.position,
             step_length=step.length,
@@ -130,7 +136,7 @@ class FiniteRecorder:
             seconds=time.monotonic() - self._started,
             factors=dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
             resultants=resultants(scene, forces),
-            contacts={},
+            contacts=contact_records(scene, state),
             displacements=platen_displacements(scene, state.factors),
             probes=probe_records(scene, state),
         )
@@ -143,8 +149,9 @@ class FiniteRecorder:
         self.solves += step.solves
         self.renewed += step.renewed
         self.turns += step.turns
+        self.stability = min(self.stability, step.state.stability)
         self.residual = max(self.residual, step.state.residual, *(one.residual for one in step.saved), 0.0)
-        forces = Forces.of(scene.body, step.state.displacement, step.state.factors)
+        forces = Forces.of(scene.body, step.state.displacement, step.state.acting)
         self._largest = max(self._largest, forces.size)
         self.balance = forces.rest / self._largest if self._largest else 0.0
 

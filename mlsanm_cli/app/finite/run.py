@@ -6,9 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from mlsanm_cli.app.certificate import CONTACT_LIMIT
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.finite.fields import extremes, probe_records, resultants
+from mlsanm_cli.app.finite.contact_path import contact_path
+from mlsanm_cli.app.finite.fields import contact_summary, extremes, probe_records, resultants
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
@@ -33,10 +37,7 @@ def run_finite(
     clock: Clock,
     console: Console,
 ) -> Mapping[str, Any]:
-    """Follow the path and write the run directory; the mapping of summary.json.
-
-    Raises CaseError for a body that can move freely.
-    """
+    """Follow the path and write the run directory; the mapping of summary.json."""
     with clock.phase("operators"):
         scene = finite_scene(loaded.case, prepared)
     with clock.phase("cloud"):
@@ -59,7 +60,7 @@ def _followed(
     try:
         recorder.start(scene)
         stopper.gentle = True
-        steps = finite_path(scene)
+        steps = contact_path(scene) if scene.contacts else finite_path(scene)
         while True:
             stopper.check()
             with clock.phase("continuation"):
@@ -112,7 +113,9 @@ def _summary(
     summary |= {"nodes": nodes, "unknowns": 2 * nodes, "contact_unknowns": 0, "contacts": {}}
     summary |= {"residual": recorder.residual}
     if state is not None:
-        forces = Forces.of(scene.body, state.displacement, state.factors)
+        summary["contact_unknowns"] = len(state.pressure)
+        forces = Forces.of(scene.body, state.displacement, state.acting)
+        summary["contacts"] = contact_summary(scene, state, forces)
         summary["forces"] = {name: force.tolist() for name, force in resultants(scene, forces).items()}
         if scene.probes:
             summary["probes"] = {
@@ -124,6 +127,8 @@ def _summary(
                 for name, seen in probe_records(scene, state).items()
             }
         summary["force_balance"] = recorder.balance
+        if np.isfinite(recorder.stability):
+            summary["stability"] = recorder.stability
         summary["finite_strain"] = {
             "law": scene.body.law.kind,
             **extremes(scene, state),
@@ -133,13 +138,12 @@ def _summary(
                 for turn in recorder.turns
             ],
         }
+    limits = {"residual": scene.case.solver.tolerance, "force_balance": BALANCE_LIMIT, "ellipticity": 0.0}
+    if "stability" in summary:
+        limits["stability"] = CONTACT_LIMIT
     return summary | {
         "quality": quality.figures,
-        "limits": {
-            "residual": scene.case.solver.tolerance,
-            "force_balance": BALANCE_LIMIT,
-            "ellipticity": 0.0,
-        },
+        "limits": limits,
         "seconds": clock.seconds,
         "wall_seconds": clock.wall_seconds,
         "peak_memory_mb": peak_memory_mb(),

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mlsanm_cli.app.contacts import shape_of
 from mlsanm_cli.app.linear import direct_solver
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.stages import stage_factors
@@ -13,6 +14,9 @@ from mlsanm_cli.app.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.contact.finite.loads import with_contacts
+from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
@@ -28,7 +32,8 @@ from mlsanm_cli.values import dataclass
 
 @dataclass(frozen=True)
 class FiniteScene:
-    """A ``body`` called ``name`` with its loads, which move from stage to stage: ``stages`` (T + 1, L).
+    """A ``body`` called ``name`` with its loads, which move from stage to stage: ``stages`` (T + 1, L). The
+    body's last loads, beyond these, are unit tractions x, y at the nodes of the ``contacts`` in turn.
 
     ``supports`` names the surfaces of every support and of every load that holds a displacement.
     """
@@ -40,6 +45,7 @@ class FiniteScene:
     supports: dict[str, tuple[str, ...]]
     probes: tuple[Probe, ...]
     solver: DirectSolver
+    contacts: tuple[RigidContact, ...] = ()
 
     @property
     def points(self) -> FloatArray:
@@ -56,17 +62,48 @@ class FiniteScene:
         return Projector.at(self.body, self.weights, displacement, factors, self.solver)
 
 
+def refuse_unsupported(prepared: Prepared) -> None:
+    """Raise CaseError for what clouds and pairs show that finite strain cannot do yet: bodies that can move
+    freely, sides in contact of several pieces."""
+    for mover in prepared.movers:
+        if isinstance(mover, mechanics.LooseBody):
+            message = f"body {mover.body} can move freely, which finite strain does not support yet"
+            problem = CaseProblem(f"body.{mover.body}", message, hint="hold it with a [[support]]")
+            raise CaseError((problem,))
+    for pairing in prepared.pairings:
+        if pairing.slave.parts:
+            message = "a side of several pieces with finite strain is not supported yet"
+            problem = CaseProblem(f"contact.{pairing.name}.slave", message, hint="one smooth side")
+            raise CaseError((problem,))
+
+
 def finite_scene(case: Case, prepared: Prepared) -> FiniteScene:
-    """Take over clouds, conditions and loads. Raises CaseError for a body that can move freely."""
+    """Take over clouds, conditions and loads of a scene that :func:`refuse_unsupported` has let pass."""
     name, model = next(iter(prepared.models.items()))
-    loose = [mover for mover in prepared.movers if isinstance(mover, mechanics.LooseBody)]
-    if loose:
-        message = f"body {name} can move freely, which finite strain does not support yet"
-        raise CaseError((CaseProblem("support", message, hint="hold it with a [[support]]"),))
     solver = direct_solver(case)
     elastic = assemble(model, prepared.held[name], prepared.held_nodes[name], solver)
-    body = FiniteBody(elastic, law_of(case, name), _loads(case, prepared, elastic))
-    return FiniteScene(case, name, body, stage_factors(case), _supports(case), prepared.probes, solver)
+    contacts = tuple(_contact(case, prepared, one) for one in prepared.pairings)
+    loads = with_contacts(_loads(case, prepared, elastic), elastic, contacts)
+    body = FiniteBody(elastic, law_of(case, name), loads)
+    supports = _supports(case)
+    return FiniteScene(case, name, body, stage_factors(case), supports, prepared.probes, solver, contacts)
+
+
+def _contact(case: Case, prepared: Prepared, pairing: Pairing) -> RigidContact:
+    """A side of the body against a rigid obstacle."""
+    slave = pairing.slave
+    found = next(one for one in case.contact if one.name == pairing.name)
+    assert found.obstacle is not None
+    motion = np.zeros((2, len(case.moved)))
+    for mover in prepared.movers:
+        if isinstance(mover, mechanics.Obstacle) and mover.contact == pairing.name:
+            for one in mover.motions:
+                assert one.prescribed is not None
+                motion[one.component] += one.prescribed
+    places = prepared.models[pairing.slave_body].cloud.points[slave.index]
+    shape = shape_of(found.obstacle)
+    args = (slave.index, places, slave.normal, slave.weight, slave.arc_length)
+    return RigidContact(pairing.name, slave.name, *args, shape, motion)
 
 
 def law_of(case: Case, body: str) -> Law:

@@ -107,12 +107,24 @@ class Projector:
         """The equations' right-hand side (2N,) by weighted rows (r,), those of the pieces left out."""
         return np.asarray(self._turned @ scaled[: len(self.weights.nodes)])
 
-    def factorised(self, displacement: FloatArray, factors: FloatArray) -> Factorised:
-        """The derivative of the equations in a state of ``displacement`` (2N,) and load ``factors`` (L,);
-        NumericalError where it is singular."""
-        if np.array_equal(displacement, self.station):
+    def scaled_columns(self, left: sparse.csr_array) -> FloatArray:
+        """The same of several (r, c), as an array."""
+        scale = np.concatenate([self.weights.nodes, self.weights.pieces])
+        return np.asarray((sparse.diags_array(scale) @ left).toarray())
+
+    def factorised(
+        self, displacement: FloatArray, factors: FloatArray, turning: sparse.csr_array | None = None
+    ) -> Factorised:
+        """The derivative of the equations in a state of ``displacement`` (2N,) and load ``factors`` (L,), the
+        rows ``turning`` (r, 2N) of other loads that turn added; NumericalError where it is singular."""
+        if np.array_equal(displacement, self.station) and (turning is None or not turning.nnz):
             return Factorised(self, self.system.rows, self.system.strong.rows, None)
         rows, strong = weighted_rows(self.body, self.weights, displacement, factors)
+        if turning is not None:
+            scale = np.concatenate([self.weights.nodes, self.weights.pieces])
+            more = sparse.csr_array(sparse.diags_array(scale) @ turning)
+            rows = sparse.csr_array(rows + more[: rows.shape[0]])
+            strong = sparse.csr_array(strong + more[rows.shape[0] :])
         normal = sparse.csr_array(self._turned @ rows)
         place = self._multipliers
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
@@ -147,19 +159,21 @@ class Factorised:
     def solve(self, scaled: FloatArray) -> FloatArray:
         """The displacement (2N,) whose rows in this state are the ``scaled`` (r,), as far as the equations
         see, with one step of refinement on the rows themselves."""
-        solution = self._roughly(scaled)
-        return solution + self._roughly(scaled - self.image(solution))
+        solution = self.roughly(scaled)
+        return solution + self.roughly(scaled - self.image(solution))
 
     def image(self, displacement: FloatArray) -> FloatArray:
         """The weighted rows (r,) of a ``displacement`` (2N,) in this state."""
         return np.concatenate([self.rows @ displacement, self.strong @ displacement])
 
-    def _roughly(self, scaled: FloatArray) -> FloatArray:
+    def roughly(self, scaled: FloatArray) -> FloatArray:
+        """The same by the factor alone, of one (r,) or several (r, c)."""
         projector = self.projector
         count = len(projector.weights.nodes)
         if self.factor is None:
             gathered = projector.gathered(scaled) + self.strong.T @ scaled[count:]
-            return projector.system.inverse_normal(gathered[:, None])[:, 0]
+            shape = (len(gathered), -1)
+            return projector.system.inverse_normal(gathered.reshape(shape)).reshape(gathered.shape)
         below = projector._multipliers @ scaled[count:]
         whole = self.factor.solve(np.concatenate([projector.gathered(scaled), below]))
         return whole[: self.rows.shape[1]]

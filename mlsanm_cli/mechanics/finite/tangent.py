@@ -175,6 +175,19 @@ def _onto(
     return sparse.csr_array(entries, shape=(3 * count, 3 * fits))
 
 
+def load_columns(body: FiniteBody, displacement: FloatArray, some: slice) -> sparse.csr_array:
+    """Derivatives (r, l) of all rows by the factors of ``some`` loads, dead tractions, in a state of
+    ``displacement`` (2N,)."""
+    points, dead = body.applied.points, body.applied.dead[:, :, some]
+    u = displacement.reshape(-1, 2)
+    place = points.places.reshape(-1, 2).T + points.seen(u)[0].T
+    middle = body.elastic.pieces.whole.middle.T + (body.centers @ u).T
+    onto = _onto(body, points.fit, points.owner, points.sign, place, middle)
+    forces = sparse.csr_array(dead.reshape(2 * points.count, -1))
+    nodes = sparse.csr_array(-body.loads.sources[: body.elastic.rows - 3 * body.count, some])
+    return sparse.csr_array(sparse.vstack([nodes, onto[:, : 2 * points.count] @ forces], format="csr"))
+
+
 def _turned(body: FiniteBody, state: BodySeries, factors: FloatArray) -> sparse.csr_array:
     """What the moments change by as the pieces' middles move (3k, 2N), to be taken off; with the body force
     also by how its nodes do."""
