@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -119,6 +120,27 @@ def _pin(run: RunData) -> dict[str, float]:
     }
 
 
+def _cantilever(run: RunData) -> dict[str, float]:
+    tips = {0.1: (0.0572, 0.3039), 0.2: (0.1634, 0.4979), 0.4: (0.3354, 0.6775), 1.0: (0.5674, 0.8253)}
+    moved = run.probes["end"].displacement / 10.0
+    off = [
+        np.abs(moved[_at(run, position)] - [-short, deep]).max() for position, (short, deep) in tips.items()
+    ]
+    return {"displacement of the end, over the length": float(max(off))}
+
+
+def _deep(run: RunData) -> dict[str, float]:
+    found = -2.0 * run.path.resultants["press"][:, 1]
+    forces = {1.0 / 3.0: 0.1691, 2.0 / 3.0: 0.4097, 1.0: 0.701}
+    return {"force": max(abs(found[_at(run, position)] / exact - 1.0) for position, exact in forces.items())}
+
+
+def _snapped(run: RunData) -> dict[str, float]:
+    summary = json.loads((run.directory / "summary.json").read_text())
+    limit, lower = (0.2 * point["position"] for point in summary["finite_strain"]["limit_points"])
+    return {"limit load": abs(limit / 0.14431 - 1.0), "lower limit load": abs(lower / 0.07607 - 1.0)}
+
+
 def _self_weight(run: RunData) -> dict[str, float]:
     y, fields = run.bodies["block"].points[:, 1], run.states[-1].bodies["block"]
     settled = -0.024 / (30e3 * 0.8 / (1.2 * 0.6)) * (3.0 * y - 0.5 * y**2)
@@ -200,5 +222,14 @@ ENTRIES: dict[str, Entry] = {
     ),
     "stack": Entry("bodies", "the same pressure everywhere", _stack),
     "press_fit": Entry("bodies", "Lamé: two rings that press on each other", _fit),
+    "bent_cantilever": Entry(
+        "bodies", "finite elements, 80 x 8 of nine nodes: shortening and deflection of the end", _cantilever
+    ),
+    "deep_cylinder": Entry(
+        "bodies", "finite elements of nine nodes: the force at depths of 0.1, 0.2 and 0.3", _deep
+    ),
+    "snap_through": Entry(
+        "force", "finite elements, 48 x 4 of nine nodes: the load at both limit points", _snapped
+    ),
     "rigid_punch": Entry("pressure", "a flat punch on a half-plane: F/(pi sqrt(a² - x²))", _punch),
 }

@@ -114,6 +114,10 @@ def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo =
         prepared = place(loaded.case, clock, console, memo=memo)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(prepared.pairings)
+        if loaded.case.model.strain == "finite":
+            from mlsanm_cli.app.finite.scene import refuse_unsupported
+
+            refuse_unsupported(prepared)
     except CaseError as error:
         raise loaded.located(error) from error
     return prepared

@@ -73,6 +73,23 @@ def compare(
     """
     clock = Clock()
     loaded = load_with_files(case_path, overrides)
+    if loaded.case.model.strain == "finite":
+        from mlsanm_cli.app.finite.compare import compare_finite, refuse
+
+        refuse(bool(loaded.case.contact), wishes.methods, wishes.analytic)
+        return compare_finite(
+            loaded,
+            case_path,
+            _levels(loaded.case, wishes.levels),
+            overrides=overrides,
+            tolerance=wishes.tolerance,
+            repeat=wishes.repeat,
+            directory=out or RESULTS / case_path.stem,
+            force=force,
+            threads=threads,
+            console=console,
+            argv=argv,
+        )
     check_reference(loaded)
     methods = chosen_methods(loaded.case, wishes.methods)
     _refuse(loaded.case, wishes, methods)

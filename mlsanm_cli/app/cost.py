@@ -24,6 +24,9 @@ STEPS = 70
 DENSE = 7.0e-11
 FIELDS = 1.0e-5
 REFERENCE_STENCIL = 16.0
+FINITE_STEPS = 6
+FINITE_NODE = 3.5e-4
+"""Steps of a stage at finite strain, and seconds of one per node: a factor without symmetry, and series."""
 
 
 def cpu_seconds(case: Case, prepared: Prepared) -> float:
@@ -53,4 +56,6 @@ def cpu_seconds(case: Case, prepared: Prepared) -> float:
     path: float = (
         len(case.stage) * (STAGE + STAGE_NODE * unknown + STEPS * DENSE * unknown**3) if unknown else 0.0
     )
+    if case.model.strain == "finite":
+        path = FINITE_STEPS * FINITE_NODE * len(case.stage) * stencil**0.7 * sum(sizes)
     return float(START + bulk + condensing + path + FIELDS * max(len(case.output.at), 1) * sum(sizes))

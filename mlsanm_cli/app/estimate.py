@@ -46,7 +46,7 @@ def estimate(case: Case) -> Estimate:
 
 def _solver(case: Case) -> str:
     """What factorises the case's bodies."""
-    return "superlu" if mls_settings(case).square else case.solver.linear
+    return "superlu" if mls_settings(case).square or case.model.strain == "finite" else case.solver.linear
 
 
 def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:

@@ -59,13 +59,15 @@ def level_at(run: RunData, position: float) -> Level:
     two stored states under the exact law, or by another method than series.
     """
     rows = np.asarray(run.path.position)
+    finite = run.is_finite
     if not len(rows):
         raise RunError(f"{run.directory} holds no finished step yet")
     # Not of the position asked for: one that is infinite would be close to all.
     slack = SAME * max(float(rows[-1]), 1.0)
-    if not rows[0] - slack <= position <= rows[-1] + slack:
+    last = float(rows.max())
+    if not rows[0] - slack <= position <= last + slack:
         raise RunError(
-            f"the path does not reach position {position:g}: it goes from {rows[0]:g} to {rows[-1]:g}",
+            f"the path does not reach position {position:g}: it goes from {rows[0]:g} to {last:g}",
             "a position is the number of finished stages plus the finished fraction of the current one",
         )
     nothing = np.zeros(0)
@@ -75,6 +77,12 @@ def level_at(run: RunData, position: float) -> Level:
         factors = _factors(run, row, 1.0)
         return Level(float(rows[row]), STORED, row, 1.0, factors, nothing, nothing, nothing, nothing)
     row = int(np.flatnonzero(rows > position)[0])
+    if finite:
+        raise RunError(
+            f"nothing is stored between positions {rows[row - 1]:.6g} and {rows[row]:.6g}, "
+            "and finite strain is not linear there",
+            f"run again with {position:g} in output.at",
+        )
     share = float((position - rows[row - 1]) / (rows[row] - rows[row - 1]))
     factors = _factors(run, row, share)
     arrays, attributes = read_series(run.directory, row)
@@ -119,7 +127,7 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
     for state in saved:
         if abs(state.position - level.position) <= SAME * max(abs(level.position), 1.0):
             return state.bodies[body]["displacement"], STORED
-    if not run.contacts:
+    if not run.contacts and not run.is_finite:
         known = np.array([level_at(run, state.position).factors for state in saved])
         shares = np.linalg.lstsq(known.T, level.factors, rcond=None)[0]
         missed = np.abs(shares @ known - level.factors).max(initial=0.0)

@@ -224,7 +224,12 @@ def _contact_force(contact: ContactData) -> FloatArray:
 
 
 def _draw_forces(path: Path, run: RunData, case: Case) -> None:
-    curves = {name: np.hypot(*_contact_force(contact).T) for name, contact in run.contacts.items()}
+    if run.is_finite:
+        # Normals turn: the forces are stored as such.
+        forces = {name: run.path.resultants[f"contact {name}"] for name in run.contacts}
+    else:
+        forces = {name: _contact_force(contact) for name, contact in run.contacts.items()}
+    curves = {name: np.hypot(*force.T) for name, force in forces.items()}
     label = case.units.label("contact force per unit thickness", "force")
     _draw_curves(path, run, curves, label, "Contact force along the path")
 

@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics.body import enough_neighbors
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
-from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.operators.stencils import Stencils, build_stencils
 from mlsanm_cli.parts import cKDTree
 
 QUANTITIES = ("pressure", "traction", "gap", "slip")
@@ -81,7 +81,9 @@ def probe_force(
         raise RunError(f'"{name}" is both a load and a contact', "give one of them another name")
     rows = []
     for level in _levels(run, at):
-        if name in run.contacts:
+        if name in run.contacts and run.is_finite:
+            force = level.between(run.path.resultants[f"contact {name}"])
+        elif name in run.contacts:
             force = _contact_force(run, case, level, name)
         elif level.how == SERIES:
             force = _mapped(run, level, "forces", name)
@@ -106,6 +108,10 @@ def probe_named(
             seen = np.concatenate(
                 [level.between(run.probes[name].displacement), level.between(run.probes[name].stress)]
             )
+        if run.is_finite:
+            seen = np.append(seen, level.between(run.probes[name].von_mises))
+            rows.append(_told(level) | _columns(seen, field))
+            continue
         rows.append(_told(level) | _fields(case, body, level, seen, field))
     return rows
 
@@ -128,6 +134,12 @@ def probe_point(
     _refuse_ghosts(case)
     levels = _levels(run, at)
     found = [displacement_at(run, level, body) for level in levels]
+    if run.is_finite:
+        return [
+            {"position": level.position, "how": how}
+            | _columns(_seen_at_finite(run, case, body, np.array([point]), displacement)[0], field)
+            for level, (displacement, how) in zip(levels, found, strict=True)
+        ]
     rows = _rows_at(run, case, body, np.array([point]))
     return [
         {"position": level.position, "how": how}
@@ -141,6 +153,8 @@ def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Leve
     fields are saved at the level. Raises RunError as `probe_point` does."""
     _refuse_ghosts(case)
     displacement, _ = displacement_at(run, level, body)
+    if run.is_finite:
+        return _seen_at_finite(run, case, body, points, displacement)
     seen = (_rows_at(run, case, body, points) @ displacement.ravel()).reshape(5, -1).T
     degrees = _degrees(case, body, level)
     stress = seen[:, 2:] - stress_of_expansion(_material(case, body)) * degrees
@@ -154,6 +168,19 @@ def _refuse_ghosts(case: Case) -> None:
             "fields of the ghost scheme are stored without the ghosts that values between nodes need",
             "run again with a [[probe]] at the point",
         )
+
+
+def _seen_at_finite(
+    run: RunData, case: Case, body: str, points: FloatArray, displacement: FloatArray
+) -> FloatArray:
+    """Displacement, Cauchy stress and von Mises stress (e, 6) at ``points`` (e, 2) of a body at finite
+    strain."""
+    from mlsanm_cli.app.finite.fields import fields_by
+    from mlsanm_cli.app.finite.scene import law_of
+
+    derivatives = _stencils_at(run, case, body, points).derivatives(displacement)
+    seen = fields_by(law_of(case, body), derivatives)
+    return np.column_stack([seen.displacement, seen.stress, seen.von_mises])
 
 
 def _read(rundir: Path | RunData) -> tuple[RunData, Case]:
@@ -230,6 +257,11 @@ def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatAr
 def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
     """Rows (5e, 2n) of displacement and stress at ``points`` (e, 2) over the stored nodes, quantity by
     quantity."""
+    return point_rows(_stencils_at(run, case, body, points), _material(case, body).stiffness)
+
+
+def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Stencils:
+    """Stencils of value and first derivatives at ``points`` (e, 2) over the stored nodes."""
     data = run.bodies[body]
     inside = belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
     if not inside.all():
@@ -238,8 +270,7 @@ def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
     material = _material(case, body)
     settings = enough_neighbors(mls_settings(case), material)
     sight = look(data.points, boundary_edges(data))
-    stencils = build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight)
-    return point_rows(stencils, material.stiffness)
+    return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight)
 
 
 def _material(case: Case, body: str) -> PlaneMaterial:
@@ -266,7 +297,11 @@ def _fields(case: Case, body: str, level: Level, seen: FloatArray, field: str | 
     """Columns of a displacement and stress (5,); of one field, or of all."""
     stress = seen[None, 2:]
     across = _material(case, body).across_stress(stress, _degrees(case, body, level))
-    values = np.concatenate([seen, von_mises(stress, across)])
+    return _columns(np.concatenate([seen, von_mises(stress, across)]), field)
+
+
+def _columns(values: FloatArray, field: str | None) -> Values:
+    """Displacement, stress and von Mises stress (6,) by name; of one field, or of all."""
     columns = [name for names in FIELDS.values() for name in names]
     wanted = FIELDS[field] if field else columns
     return {name: float(value) for name, value in zip(columns, values, strict=True) if name in wanted}

@@ -54,6 +54,8 @@ def resume(
                 f"the run in {rundir} failed, and would fail again", "change the case and run it with --force"
             )
         loaded = stored_case(origin, rundir)
+        if loaded.case.model.strain == "finite":
+            raise RunError("a run at finite strain cannot be resumed yet", "run the case again with --force")
         recorded, refinement = _stored(origin, PATH, Recorded), _stored(origin, CLOUDS, Refinement)
         memo = shelf(threads, console.warning, on_disk=cache)
         prepared = build_scene(loaded, clock, console, memo)

@@ -85,6 +85,11 @@ def run(
         with locked(directory):
             run_dir.prepare(directory, force)
             provenance = attributes(loaded, argv, threads)
+            if loaded.case.model.strain == "finite":
+                from mlsanm_cli.app.finite.run import run_finite
+
+                found = run_finite(loaded, prepared, directory, provenance, stopper, clock, console)
+                return {**found, "directory": str(directory)}
             recorder = Recorder(directory, loaded, provenance, clock, console)
             with resumable(directory), recorder:
                 summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console, memo)

@@ -113,6 +113,8 @@ def prepare(
     }
     free = movers(case, clouds, held, held_nodes, grips, loads.springs)
     occupied = {name: {**sides, **dict.fromkeys(loads.springs[name], None)} for name, sides in held.items()}
+    # At finite strain pressures live at the nodes.
+    grids = grids and case.model.strain == "small"
     clear = clear_contacts(case, models, pairings, occupied) if grids else {}
     moving, notes = restrained(case, clouds, directed(pairings, clear), free, loads)
     probes = _probes(case, clouds)

@@ -39,7 +39,8 @@ def scalar_of(
     and its name."""
     scalar = fields.get("von_mises")
     heated = any(isinstance(load, Temperature) and load.owner == body for load in case.load)
-    if scalar is None and "stress" in fields and not heated:
+    finite = case.model.strain == "finite"
+    if scalar is None and "stress" in fields and not heated and not finite:
         material = materials(case)[next(b.material for b in case.body if b.name == body)]
         scalar = von_mises(fields["stress"], material.across_stress(fields["stress"]))
     # A plane stiffness leaves the stress across the plane open.
@@ -93,6 +94,8 @@ def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
     Surfaces that met after closing a gap overlap in a picture by (scale - 1) times that gap, so scenes with
     curved contacts are drawn nearly to scale.
     """
+    if run.is_finite:
+        return 1.0
     size = _size(bodies)
     largest = max(float(np.hypot(*body.displacement.T).max(initial=0.0)) for body in bodies)
     if largest == 0.0:

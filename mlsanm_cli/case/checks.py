@@ -13,6 +13,7 @@ from mlsanm_cli.case.conditions import check_conditions
 from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.drift import check_drift
 from mlsanm_cli.case.files import Geometry, Points
+from mlsanm_cli.case.finite import check_finite
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.load_checks import check_loads
 from mlsanm_cli.case.loads import ObstacleMotion, Platen
@@ -51,6 +52,7 @@ def run_checks(draft: Draft, report: Report) -> None:
     _check_numerics(draft, report)
     check_conditions(draft, report)
     check_drift(draft, report)
+    check_finite(draft, report)
 
 
 def _check_names(draft: Draft, report: Report) -> None:

@@ -86,6 +86,9 @@ class Pressure(_OnBoundary):
     """Pressure, positive in compression: a number or an expression in x and y."""
     table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_sound), STRESS] | None = None
     """Rows of arc length along the boundary and pressure, interpolated linearly; instead of `pressure`."""
+    follows: bool = False
+    """Whether the pressure follows the deformed boundary (finite strain): per current length, along the
+    current normal. If not, it keeps the direction and the force it has before loading."""
 
 
 class Displacement(_OnBoundary):

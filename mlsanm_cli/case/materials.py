@@ -104,6 +104,10 @@ class Material(Section):
     ) = None
     """Thermal expansion: one number, or three where the material has axes; none by default."""
 
+    law: Literal["linear", "saint-venant-kirchhoff", "neo-hookean"] = "linear"
+    """Elastic law: linear for small strains; for finite ones Saint Venant-Kirchhoff (large rotations,
+    moderate strains) or compressible neo-Hookean (large strains), by the E and nu of small strains."""
+
     @property
     def form(self) -> Form:
         """Which form the keys belong to; isotropic where there are none."""
@@ -116,7 +120,7 @@ class Material(Section):
 def check_material(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
     """Adds what is missing or contradicts itself, and stiffnesses that no material has in ``plane``."""
     form = material.form
-    allowed = {*FORMS[form], "alpha", *((*ACROSS, "angle") if form == "orthotropic" else ())}
+    allowed = {*FORMS[form], "alpha", "law", *((*ACROSS, "angle") if form == "orthotropic" else ())}
     for key in material.model_fields_set - allowed:
         message = f"does not go together with {', '.join(FORMS[form])}"
         report.add((*path, key), message, "E, nu; or E1, E2, G12, nu12; or stiffness")

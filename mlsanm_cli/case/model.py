@@ -38,6 +38,9 @@ class Model(Section):
 
     plane: Literal["strain", "stress"]
     """Plane strain (nothing moves out of the plane) or plane stress (a thin sheet)."""
+    strain: Literal["small", "finite"] = "small"
+    """Small strains and rotations (linear elasticity), or finite ones: equilibrium of the deformed body, with
+    a material `law`."""
 
 
 class Refine(Section):

@@ -123,6 +123,11 @@ class RunData:
         """running (or killed), done, failed or stopped."""
         return str(self.attributes["status"])
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether the run is one at finite strain, whose states between two rows no rule tells."""
+        return self.attributes.get("strain") == "finite"
+
 
 @dataclass(frozen=True)
 class RunOrigin:

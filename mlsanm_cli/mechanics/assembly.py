@@ -85,7 +85,7 @@ def assemble(
         choice = sparse.csr_array((choice.data, choice.indices, choice.indptr), (choice.shape[0], count))
         factorise = partial(square.factorise, rows, choice, model.nodes, solver)
     else:
-        weight = _row_weights(cloud, held, single, table, grips)
+        weight = row_weights(cloud, held, single, table, grips)
         known = pieces.told(list(held_nodes))
         if fold is not None:
             known = np.asarray(known & np.isin(np.arange(len(known)), fold.strong))
@@ -230,7 +230,7 @@ def _freed(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
     return FreeSystem(body.system, patterns, mean, places, work, balance)
 
 
-def _row_weights(
+def row_weights(
     cloud: Cloud,
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],

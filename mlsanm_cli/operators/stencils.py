@@ -91,10 +91,12 @@ def build_gradients(
     targets: FloatArray,
     settings: MlsSettings,
     sight: Sight | None = None,
+    values: bool = False,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the weights (nnz, 2 t) of d/dx and d/dy at each of their t
-    ``targets`` (e, t, 2), from one polynomial for all of them."""
-    return _built(points, tree, centers, targets, (1, 1), settings, sight, None)
+    ``targets`` (e, t, 2), from one polynomial for all of them; with ``values`` those of the value too, before
+    them: (nnz, 3 t)."""
+    return _built(points, tree, centers, targets, (0 if values else 1, 1), settings, sight, None)
 
 
 def _built(

@@ -1,0 +1,164 @@
+"""``mlsanm compare`` at finite strain: power series beside Newton's method, on the same equations."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.build import build_scene
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, finite_path
+from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
+from mlsanm_cli.app.foreign import load_with_files
+from mlsanm_cli.app.provenance import attributes
+from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.errors import NumericalError, RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.summary import write_json_atomic
+from mlsanm_cli.values import dataclass
+
+METHODS = ("anm", "newton")
+SAME = 1e-2
+"""Largest difference between states of the two methods, over the largest displacement. Both have the same
+equations, but renew them at different places; what that changes is part of the discretisation error."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What one method did: its steps, states by level, CPU seconds, and why it failed if it did."""
+
+    method: str
+    steps: tuple[FiniteStep, ...]
+    seconds: float
+    failure: NumericalError | None
+
+    @property
+    def states(self) -> dict[float, FiniteState]:
+        """States by position, where they are first passed."""
+        return {state.position: state for step in reversed(self.steps) for state in reversed(step.saved)}
+
+
+def compare_finite(
+    loaded: LoadedCase,
+    case_path: Path,
+    levels: list[float],
+    *,
+    overrides: tuple[str, ...],
+    tolerance: float | None,
+    repeat: int,
+    directory: Path,
+    force: bool,
+    threads: int,
+    console: Console,
+    argv: tuple[str, ...],
+) -> Mapping[str, Any]:
+    """Follow the path by both methods; the mapping of comparison.json with its directory."""
+    clock = Clock()
+    wanted = load_with_files(case_path, (*overrides, f"output.at={levels!r}"))
+    run_dir.check_comparison(directory, force)
+    prepared = build_scene(wanted, clock, console)
+    with clock.phase("operators"):
+        scene = finite_scene(wanted.case, prepared)
+    rows = []
+    for method in METHODS:
+        console.phase(f"following the path: {method}")
+        rows.append(_followed(scene, method, repeat))
+    limit = SAME if tolerance is None else tolerance
+    table = [_figures(row, rows, limit, clock) for row in rows]
+    if table[0]["status"] == "failed":
+        status = "failed"
+    else:
+        agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)
+        status = "agree" if agree else "disagree"
+    result = {
+        "status": status,
+        "case": str(loaded.path),
+        "title": loaded.case.title,
+        "overrides": list(overrides),
+        "levels": sorted(rows[0].states),
+        "limits": {"displacement": limit},
+        "nodes": len(scene.points),
+        "contact_unknowns": 0,
+        "methods": table,
+        "seconds": clock.seconds,
+        "provenance": attributes(loaded, argv, threads),
+        "warnings": [],
+    }
+    run_dir.prepare_comparison(directory, force)
+    write_json_atomic(directory / run_dir.COMPARISON_FILE, result)
+    return {**result, "directory": str(directory)}
+
+
+def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
+    """Raise RunError for methods that finite strain does not have, and where there is but one."""
+    if contact:
+        raise RunError("contact at finite strain has one method only: there is nothing to compare")
+    for name in methods:
+        if name != "newton":
+            raise RunError(f"--{name}: finite strain knows power series and Newton's method only", "--newton")
+    if analytic:
+        raise RunError("--analytic: there is no closed formula for finite strain", "--newton")
+    if not methods:
+        raise RunError("nothing to compare ANM with", "add --newton")
+
+
+def _followed(scene: FiniteScene, method: str, repeat: int) -> Followed:
+    """The path by one method; the median time counts."""
+    changes = {"method": method}
+    solver = scene.case.solver.model_copy(update=changes)
+    chosen = replace(scene, case=scene.case.model_copy(update={"solver": solver}))
+    times: list[float] = []
+    steps: list[FiniteStep] = []
+    failure: NumericalError | None = None
+    for _ in range(repeat):
+        begun, steps, failure = time.process_time(), [], None
+        try:
+            steps.extend(finite_path(chosen))
+        except NumericalError as error:
+            failure = error
+        times.append(time.process_time() - begun)
+    return Followed(method, tuple(steps), statistics.median(times), failure)
+
+
+def _figures(row: Followed, rows: list[Followed], limit: float, clock: Clock) -> dict[str, Any]:
+    """One method as comparison.json tells it."""
+    found: dict[str, Any] = {
+        "method": row.method,
+        "law": "finite strain",
+        "status": "failed" if row.failure else "done",
+        "steps": max(len(row.steps) - 1, 0),
+        "iterations": sum(step.iterations for step in row.steps),
+        "dense_factorizations": 0,
+        "sparse_factorizations": sum(step.factorizations for step in row.steps),
+        "dense_solves": 0,
+        "sparse_solves": sum(step.solves for step in row.steps),
+        "seconds_setup": sum(clock.seconds[phase] for phase in ("cloud", "operators")),
+        "seconds_path": row.seconds,
+    }
+    if row.failure:
+        return found | {"reason": row.failure.message, "hint": row.failure.hint}
+    base = rows[0]
+    if row is base or base.failure:
+        return found
+    apart = _apart(row.states, base.states)
+    return found | {
+        "against": base.method,
+        "difference": {"pressure": 0.0, "traction": 0.0, "displacement": apart},
+        "limit": limit,
+        "agrees": apart <= limit,
+    }
+
+
+def _apart(one: Mapping[float, FiniteState], other: Mapping[float, FiniteState]) -> float:
+    """The largest difference of displacements over the largest of them, at all levels that both have."""
+    shared = sorted(one.keys() & other.keys())
+    largest = max((float(np.abs(other[level].displacement).max()) for level in shared), default=0.0)
+    differences = [float(np.abs(one[k].displacement - other[k].displacement).max()) for k in shared]
+    return max(differences, default=0.0) / largest if largest else 0.0

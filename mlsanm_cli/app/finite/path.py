@@ -1,0 +1,239 @@
+"""The path of a body at finite strain: stage by stage, its equations renewed as it deforms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import field, replace
+
+import numpy as np
+
+from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.finite.verdict import judge, told_why
+from mlsanm_cli.app.stages import factors_at
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, follow
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.problem import FiniteProblem
+from mlsanm_cli.values import dataclass
+
+RENEW = 1.25
+"""The equations are renewed behind a step at whose end some node is stretched by more than this, or by less
+than 1 over it, against the state that they are of. Rotations do not count. Block of 289 nodes, 40 % down
+between platens that stick: with those of the reference all along 24 steps, at degree 4 onto another branch;
+renewed, two steps, whether from 1.15 or 1.5."""
+MENDS = 25
+"""Updates with the new equations' own factor that take a state to them; each leaves about a fifth."""
+UNLIMITED = 1_000_000
+SAMPLES = 65
+"""Places of a step at which the slope of the load factor is looked at, to find where it turns."""
+
+
+@dataclass(frozen=True)
+class FiniteState:
+    """One state of the path: position, load factors (L,), nodal displacement (2N,), residual; in contact also
+    nominal pressures, gaps (c,) and obstacles' normals (c, 2) at the nodes of all contacts, and how stable
+    these are."""
+
+    position: float
+    factors: FloatArray
+    displacement: FloatArray
+    residual: float
+    pressure: FloatArray = field(default_factory=lambda: np.zeros(0))
+    gap: FloatArray = field(default_factory=lambda: np.zeros(0))
+    normal: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    stability: float = np.inf
+
+    @property
+    def acting(self) -> FloatArray:
+        """The factors of all loads on the body: the case's, then tractions x, y of every node in contact."""
+        return np.concatenate([self.factors, (self.pressure[:, None] * self.normal).ravel()])
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A limit point: where the load factors turn back, and whether it is a maximum of them."""
+
+    position: float
+    maximum: bool
+
+
+@dataclass(frozen=True)
+class FiniteStep:
+    """A finished step: the state at its end, wanted states in it as they follow each other (its end may be
+    one), what it cost, limit points in it.
+
+    ``renewed`` tells that the equations were renewed at its end.
+    """
+
+    state: FiniteState
+    saved: tuple[FiniteState, ...] = ()
+    length: float = 0.0
+    order: int = 0
+    iterations: int = 0
+    factorizations: int = 0
+    solves: int = 0
+    turns: tuple[Turn, ...] = ()
+    renewed: bool = False
+
+
+def finite_path(scene: FiniteScene) -> Iterator[FiniteStep]:
+    """All steps, the start first. Raises NumericalError where the path breaks off, or where a state has no
+    sense: det F <= 0, or a law that has lost ellipticity."""
+    stages, case = scene.stages, scene.case
+    wanted = sorted(set(case.output.at)) or [float(len(stages) - 1)]
+    x = np.zeros(scene.body.unknowns)
+    first = FiniteState(0.0, stages[0], x, 0.0)
+    yield FiniteStep(first, (first,) if 0.0 in wanted else ())
+    problem = _first_problem(scene)
+    steps = 0
+    for stage in range(len(stages) - 1):
+        problem = replace(problem, start=stages[stage], end=stages[stage + 1])
+        levels = [position - stage for position in wanted if stage < position <= stage + 1]
+        walk = _Stage(scene, problem, stage, levels)
+        for step in walk.steps(x):
+            steps += 1
+            if steps > case.solver.max_steps:
+                message = f"max steps, more than {case.solver.max_steps} steps come before the end"
+                raise NumericalError(f"the path stopped: {message}", "raise solver.max_steps")
+            yield step
+        x, problem = walk.x, walk.problem
+
+
+def _first_problem(scene: FiniteScene) -> FiniteProblem:
+    """The equations of the reference state, scaled by what the linear body would do."""
+    body, stages = scene.body, scene.stages
+    still = np.zeros(body.unknowns)
+    projector = scene.projector(still, stages[0])
+    problem = FiniteProblem(body, projector, stages[0], stages[0], 1.0)
+    size = float(np.ptp(body.elastic.model.nodes, axis=0).max())
+    moved = [
+        float(np.abs(replace(problem, end=factors).load_derivative(still, 0.0)).max())
+        for factors in stages[1:]
+        if factors.any()
+    ]
+    largest = max(moved, default=0.0)
+    return replace(problem, length=min(largest, size) if largest else size)
+
+
+class _Stage:
+    """The way through one stage."""
+
+    def __init__(self, scene: FiniteScene, problem: FiniteProblem, stage: int, levels: list[float]) -> None:
+        self._scene, self.problem, self._stage = scene, problem, stage
+        self._levels = list(levels)
+        self.x = np.zeros(0)
+        self._lam = 0.0
+        self._station = problem.projector.station
+
+    def steps(self, x: FloatArray) -> Iterator[FiniteStep]:
+        """The steps from a state ``x`` (2N,) at the stage's start to its end."""
+        self.x, previous, fresh = x, None, False
+        while True:
+            follower = follow(
+                self.problem, self.x, self._lam, 1.0, _options(self._scene), previous, levels=self._levels
+            )
+            moved = 0
+            for step in follower.steps():
+                moved += 1
+                judge(self._scene, self._stage + step.lam, step.x)
+                told = self._told(step)
+                self.x, self._lam, previous = step.x, step.lam, step.branch
+                stretched = (
+                    step.lam != 1.0 and most_stretched(self._scene.body, step.x, self._station) > RENEW
+                )
+                if stretched:
+                    follower.stop()
+                    told = replace(told, renewed=True, factorizations=told.factorizations + 1)
+                yield told
+            outcome = follower.outcome
+            if outcome.reached:
+                return
+            if outcome.reason.value != "stopped by caller":
+                if (fresh and not moved) or np.array_equal(self._station, self.x):
+                    raise told_why(self._scene, self._stage + self._lam, self.x, outcome)
+                fresh = True
+            self._renew()
+
+    def _renew(self) -> None:
+        """Take the equations of the present state, and the state to them."""
+        factors = self.problem.factors(self._lam)
+        self._station = self.x
+        problem = replace(self.problem, projector=self._scene.projector(self.x, factors))
+        x, lack = self.x, problem.residual(self.x, self._lam)
+        goal = 0.01 * self._scene.case.solver.tolerance
+        for _ in range(MENDS):
+            if np.abs(lack).max() <= goal:
+                break
+            better = x - problem.length * lack
+            left = problem.residual(better, self._lam)
+            # Where the way is longer than the station's own tangent is good for, Newton's method goes it.
+            if not np.abs(left).max() < np.abs(lack).max():
+                break
+            x, lack = better, left
+        self.problem, self.x = problem, x
+
+    def _told(self, step: Step) -> FiniteStep:
+        state = self._state(step.lam, step.x, step.residual)
+        saved, left = [], []
+        for level in self._levels:
+            at = step.branch.first_crossing(level) if step.order else None
+            if level == step.lam:
+                saved.append((step.branch.length, state))
+            elif at is not None:
+                x = step.branch.evaluate(at)[0]
+                residual = float(np.abs(self.problem.residual(x, level)).max())
+                saved.append((at, self._state(level, x, residual)))
+            else:
+                left.append(level)
+        self._levels = left
+        passed = tuple(one for _, one in sorted(saved, key=lambda pair: pair[0]))
+        turns = _turns(step.branch, self._stage) if step.order else ()
+        return FiniteStep(
+            state,
+            passed,
+            step.arc_length,
+            step.order,
+            step.iterations,
+            step.factorizations,
+            step.solves,
+            turns,
+        )
+
+    def _state(self, lam: float, x: FloatArray, residual: float) -> FiniteState:
+        position = self._stage + lam
+        return FiniteState(position, factors_at(self._scene.stages, position), x, residual)
+
+
+def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
+    """The case's method; steps are counted over the whole path."""
+    solver = scene.case.solver
+    if solver.method == "newton":
+        return NewtonOptions(tolerance=solver.tolerance, max_steps=UNLIMITED, control="arc-length")
+    return AnmOptions(order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=UNLIMITED)
+
+
+def _turns(branch: Branch, stage: int) -> tuple[Turn, ...]:
+    """The limit points within a step."""
+    a = np.linspace(0.0, branch.length, SAMPLES)
+    slope = branch.derivative_weights(a) @ branch.terms[1]
+    found = []
+    for k in np.flatnonzero(slope[:-1] * slope[1:] < 0.0):
+        low, high = a[k], a[k + 1]
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            here = float((branch.derivative_weights(np.array([middle])) @ branch.terms[1])[0])
+            low, high = (middle, high) if here * slope[k] > 0.0 else (low, middle)
+        found.append(Turn(stage + branch.load_factor(0.5 * (low + high)), bool(slope[k] > 0.0)))
+    return tuple(found)
+
+
+def most_stretched(body: FiniteBody, displacement: FloatArray, station: FloatArray) -> float:
+    """By how much a node is stretched at most between the ``station`` (2N,) and a ``displacement`` (2N,), or
+    1 over by how little."""
+    now, then = (
+        (body.gradient(u) + np.array([1.0, 0.0, 0.0, 1.0])[:, None]).T.reshape(-1, 2, 2)
+        for u in (displacement, station)
+    )
+    ratios = np.linalg.svd(now @ np.linalg.inv(then), compute_uv=False)
+    return float(max(ratios.max(), 1.0 / ratios.min()))

@@ -1,0 +1,151 @@
+"""``mlsanm run`` of a case at finite strain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.certificate import CONTACT_LIMIT
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.finite.contact_path import contact_path
+from mlsanm_cli.app.finite.fields import contact_summary, extremes, probe_records, resultants
+from mlsanm_cli.app.finite.path import finite_path
+from mlsanm_cli.app.finite.recorder import FiniteRecorder
+from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
+from mlsanm_cli.app.finite.verdict import FEW_WAVES
+from mlsanm_cli.app.judge import BALANCE_LIMIT
+from mlsanm_cli.app.quality import Quality, assess, case_warnings
+from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.app.signals import Stopper
+from mlsanm_cli.app.summary import Ending
+from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.finite.forces import Forces
+from mlsanm_cli.system import peak_memory_mb
+
+
+def run_finite(
+    loaded: LoadedCase,
+    prepared: Prepared,
+    directory: Path,
+    provenance: Mapping[str, str | int | float],
+    stopper: Stopper,
+    clock: Clock,
+    console: Console,
+) -> Mapping[str, Any]:
+    """Follow the path and write the run directory; the mapping of summary.json."""
+    with clock.phase("operators"):
+        scene = finite_scene(loaded.case, prepared)
+    with clock.phase("cloud"):
+        quality = assess(loaded.case, prepared)
+    with FiniteRecorder(directory, loaded, provenance, clock, console) as recorder:
+        for note in prepared.notes:
+            console.note(note)
+        for warning in (*quality.warnings, *case_warnings(loaded.case)):
+            recorder.warn(warning)
+        ending = _followed(scene, recorder, stopper, clock, console)
+        summary = _summary(scene, recorder, ending, quality, clock)
+        recorder.finish(summary)
+    return summary
+
+
+def _followed(
+    scene: FiniteScene, recorder: FiniteRecorder, stopper: Stopper, clock: Clock, console: Console
+) -> Ending:
+    """Go along the path; how it ended."""
+    try:
+        recorder.start(scene)
+        stopper.gentle = True
+        steps = contact_path(scene) if scene.contacts else finite_path(scene)
+        while True:
+            stopper.check()
+            with clock.phase("continuation"):
+                step = next(steps, None)
+            if step is None:
+                break
+            recorder.step(scene, step)
+        _judge(scene, recorder)
+    except NumericalError as error:
+        console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
+        recorder.failure(error, scene)
+        return Ending("failed", error.message, error.hint)
+    except KeyboardInterrupt as stop:
+        return Ending("stopped", str(stop), "run the case again with --force: finite strain is not resumed")
+    return Ending("done", "end of the last stage")
+
+
+def _judge(scene: FiniteScene, recorder: FiniteRecorder) -> None:
+    """Warn of, or refuse, a last state that cannot be believed."""
+    assert recorder.last is not None
+    waves = extremes(scene, recorder.last)["ellipticity"]
+    if waves < FEW_WAVES:
+        recorder.warn(
+            f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
+        )
+    # What single nodes hold a body with is not told by its stress.
+    if recorder.balance > BALANCE_LIMIT and not scene.body.elastic.held_nodes:
+        raise NumericalError(
+            f"the forces on body {scene.name} balance to {100 * recorder.balance:.2g} % only",
+            "make the spacing smaller",
+        )
+
+
+def _summary(
+    scene: FiniteScene, recorder: FiniteRecorder, ending: Ending, quality: Quality, clock: Clock
+) -> dict[str, Any]:
+    """The content of summary.json, as far as the run came."""
+    state, nodes = recorder.last, len(scene.points)
+    summary: dict[str, Any] = {
+        "status": ending.status,
+        "stop_reason": ending.reason,
+        "position": state.position if state else None,
+        "steps": recorder.steps,
+        "iterations": recorder.iterations,
+        "factorizations": recorder.factorizations,
+        "solves": recorder.solves,
+    }
+    if ending.hint:
+        summary["hint"] = ending.hint
+    summary |= {"nodes": nodes, "unknowns": 2 * nodes, "contact_unknowns": 0, "contacts": {}}
+    summary |= {"residual": recorder.residual}
+    if state is not None:
+        summary["contact_unknowns"] = len(state.pressure)
+        forces = Forces.of(scene.body, state.displacement, state.acting)
+        summary["contacts"] = contact_summary(scene, state, forces)
+        summary["forces"] = {name: force.tolist() for name, force in resultants(scene, forces).items()}
+        if scene.probes:
+            summary["probes"] = {
+                name: {
+                    "displacement": seen.displacement.tolist(),
+                    "stress": seen.stress.tolist(),
+                    "von_mises": seen.von_mises,
+                }
+                for name, seen in probe_records(scene, state).items()
+            }
+        summary["force_balance"] = recorder.balance
+        if np.isfinite(recorder.stability):
+            summary["stability"] = recorder.stability
+        summary["finite_strain"] = {
+            "law": scene.body.law.kind,
+            **extremes(scene, state),
+            "equations_renewed": recorder.renewed,
+            "limit_points": [
+                {"position": turn.position, "kind": "maximum" if turn.maximum else "minimum"}
+                for turn in recorder.turns
+            ],
+        }
+    limits = {"residual": scene.case.solver.tolerance, "force_balance": BALANCE_LIMIT, "ellipticity": 0.0}
+    if "stability" in summary:
+        limits["stability"] = CONTACT_LIMIT
+    return summary | {
+        "quality": quality.figures,
+        "limits": limits,
+        "seconds": clock.seconds,
+        "wall_seconds": clock.wall_seconds,
+        "peak_memory_mb": peak_memory_mb(),
+        "warnings": recorder.warnings,
+    }

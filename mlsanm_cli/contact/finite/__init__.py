@@ -1,0 +1,1 @@
+"""Contact of bodies at finite strain."""

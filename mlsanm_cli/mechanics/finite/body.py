@@ -1,0 +1,274 @@
+"""A body at finite strain: what is left of its equations in a state, order by order, and their derivative.
+
+Total Lagrangian: all derivatives are those of the reference cloud. Rows are those of the linear body, with
+the first Piola-Kirchhoff stress P in place of the Cauchy stress::
+
+    Div P + b = 0  at every node        P N = t  on free sides        u = g  on held ones
+    sum over the faces of a piece of P N + int t + int b = 0          forces
+    sum of (x - x_P) x (P N) + int (x - x_P) x t + ... = 0            moments about deformed places
+
+x = X + u is the deformed place, x_P that of the piece, the mean of its nodes. Moments are balanced
+about deformed places: about those of the reference a body would lack its forces times its deflection.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cells import Rule
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.finite.cells import moments_of_force
+from mlsanm_cli.mechanics.finite.faces import Points, held_points, inner_points, middles, rule_of
+from mlsanm_cli.mechanics.finite.law import Law, determinant
+from mlsanm_cli.mechanics.finite.loads import Applied, Loads, cofactor_normal
+from mlsanm_cli.values import dataclass
+
+SECOND = ((3, 4), (4, 5))
+"""Where the derivatives by X and Y of d/dX and of d/dY are among those of a stencil."""
+
+
+@dataclass(frozen=True)
+class FiniteBody:
+    """An ``elastic`` body, whose cloud, rows and pieces it takes over, with its ``law`` and ``loads``."""
+
+    elastic: ElasticBody
+    law: Law
+    loads: Loads
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement unknowns."""
+        return self.elastic.model.unknowns
+
+    @property
+    def count(self) -> int:
+        """Number of pieces (k)."""
+        return self.elastic.pieces.count
+
+    @property
+    def rule(self) -> Rule:
+        """The quadrature rule of faces and held sides."""
+        return rule_of(self.elastic.model)
+
+    @cached_property
+    def stressed(self) -> tuple[Points, Points]:
+        """The points that carry stress: inner faces, held sides."""
+        return inner_points(self.elastic), held_points(self.elastic)
+
+    @cached_property
+    def applied(self) -> Applied:
+        """The loads where the pieces take them."""
+        return Applied.on(self.elastic, self.loads)
+
+    @cached_property
+    def centers(self) -> sparse.csr_array:
+        """Rows (k, N) of the means over the nodes of every piece."""
+        return middles(self.elastic)
+
+    @cached_property
+    def of_force(self) -> FloatArray:
+        """Force and moment (3k, L) of the body force on the pieces before they deform."""
+        if self.loads.known is not None:
+            return self.loads.known
+        found = np.zeros((3 * self.count, self.loads.count))
+        if self.loads.force is not None:
+            for number in range(self.loads.count):
+                found[:, number] = self.elastic.pieces.of_force(self.loads.force[:, :, number])
+        return found
+
+    @cached_property
+    def turning(self) -> list[sparse.csr_array]:
+        """For every load, rows (k, 2N) of the moments, over the pieces' size, that its body force has because
+        the body has moved under it; none without body forces."""
+        force = self.loads.force
+        if force is None:
+            return []
+        return [moments_of_force(self.elastic, self.centers, one) for one in np.moveaxis(force, 2, 0)]
+
+    @cached_property
+    def conditions(self) -> list[tuple[str, IntArray, FloatArray, tuple[bool, bool]]]:
+        """Of every surface its name, nodes (b,), normals (b, 2) and whether x and y are held."""
+        return [
+            (name, surface.index, surface.normal, self.elastic.held.get(name, (False, False)))
+            for name, surface in self.elastic.model.cloud.surfaces.items()
+        ]
+
+    def gradient(self, displacement: FloatArray) -> FloatArray:
+        """The displacement gradient (4, n) at the nodes, components 11, 12, 21, 22."""
+        found = self.elastic.model.stencils.derivatives(displacement.reshape(-1, 2))
+        return np.stack([found[:, 1, 0], found[:, 2, 0], found[:, 1, 1], found[:, 2, 1]])
+
+    def face_gradient(self, displacement: FloatArray) -> FloatArray:
+        """The same (4, q) at the points that carry stress between the pieces."""
+        parts = [_gradient(one, displacement.reshape(-1, 2)) for one in self.stressed]
+        return np.concatenate(parts, axis=1)
+
+    def least_volume(self, displacement: FloatArray) -> float:
+        """The least det F in the plane, over nodes and faces."""
+        parts = (self.gradient(displacement), self.face_gradient(displacement))
+        return 1.0 + min(float(determinant(one).min(initial=np.inf)) for one in parts)
+
+
+def _gradient(points: Points, displacement: FloatArray) -> FloatArray:
+    _, by_x, by_y = points.seen(displacement)
+    return np.stack([by_x[:, 0], by_y[:, 0], by_x[:, 1], by_y[:, 1]])
+
+
+class BodySeries:
+    """What is left of a body's equations along u(a), factors(a), filled order by order.
+
+    Order k of what is left needs the orders up to k of displacement and factors; one that is not known yet
+    may be put as None first, and then for good.
+    """
+
+    def __init__(self, body: FiniteBody, orders: int) -> None:
+        self.body = body
+        inner, held = body.stressed
+        self._loaded = body.applied.points
+        groups = (inner, held, self._loaded)
+        self._ends = np.cumsum([0, *(one.count for one in groups)])
+        self._nodes = body.law.series(orders, 3, len(body.elastic.model.cloud.points))
+        self._faces = body.law.series(orders, 1, int(self._ends[2]))
+        total, pieces = int(self._ends[3]), body.count
+        self._force = np.zeros((orders + 1, 2, total))
+        self._place = np.zeros((orders + 1, 2, total))
+        self._middle = np.zeros((orders + 1, 2, pieces))
+        self._displacement = np.zeros((orders + 1, body.unknowns))
+        self._factors = np.zeros((orders + 1, body.loads.count))
+        self._loaded_gradient = np.zeros((orders + 1, 4, self._loaded.count))
+        self._normals = np.concatenate([one.normals.reshape(-1, 2) for one in groups])
+        kept = [np.repeat(one.kept, one.places.shape[1], axis=0) for one in groups]
+        self._kept = np.concatenate(kept).T
+        self._pairs()
+
+    def _pairs(self) -> None:
+        """Which point acts on which piece, with which sign."""
+        point, owner, sign = [], [], []
+        for one, first in zip((*self.body.stressed, self._loaded), self._ends, strict=False):
+            each = one.places.shape[1]
+            point.append(first + (each * one.fit[:, None] + np.arange(each)).ravel())
+            owner.append(np.repeat(one.owner, each))
+            sign.append(np.repeat(one.sign, each))
+        self._point, self._owner, self._sign = (np.concatenate(some) for some in (point, owner, sign))
+
+    def put(self, order: int, displacement: FloatArray | None, factors: FloatArray) -> None:
+        """Set ``order`` of displacement (2N,) and load factors (L,)."""
+        body, inner, held = self.body, *self.body.stressed
+        self._factors[order] = factors
+        if displacement is None:
+            self._displacement[order] = 0.0
+            for values in (self._place, self._middle, self._loaded_gradient):
+                values[order] = 0.0
+            self._nodes.put(order, None)
+            self._faces.put(order, None)
+        else:
+            self._displacement[order] = displacement
+            u = displacement.reshape(-1, 2)
+            seen = [one.seen(u) for one in (inner, held, self._loaded)]
+            self._place[order] = np.concatenate([one[0] for one in seen]).T
+            self._middle[order] = (body.centers @ u).T
+            gradient = [np.stack([s[1, :, 0], s[2, :, 0], s[1, :, 1], s[2, :, 1]]) for s in seen]
+            self._faces.put(order, np.concatenate(gradient[:2], axis=1)[:, None])
+            self._loaded_gradient[order] = gradient[2]
+            self._nodes.put(order, _jets(body.elastic.model.stencils.derivatives(u)))
+        if not order:
+            places = [one.places.reshape(-1, 2) for one in (inner, held, self._loaded)]
+            self._place[0] += np.concatenate(places).T
+            self._middle[0] += body.elastic.pieces.whole.middle.T
+            self._loaded_gradient[0, [0, 3]] += 1.0
+        self._forces(order)
+
+    def _forces(self, order: int) -> None:
+        """Forces at all points, in components that count."""
+        applied, end = self.body.applied, int(self._ends[2])
+        stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
+        self._force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
+        self._force[order, 1, :end] = stress[2] * normal[0] + stress[3] * normal[1]
+        self._force[order, :, end:] = applied.dead @ self._factors[order]
+        if applied.follows:
+            for low in range(order + 1):
+                pressure = applied.pressure @ self._factors[low]
+                turned = cofactor_normal(self._loaded_gradient[order - low], self._normals[end:])
+                self._force[order, :, end:] -= pressure * turned
+        self._force[order] *= self._kept
+
+    def rows(self, order: int) -> FloatArray:
+        """The coefficient (r,) of ``order`` of what is left of all rows: of the nodes, and of the pieces."""
+        body, elastic, applied = self.body, self.body.elastic, self.body.applied
+        left = -(body.loads.sources @ self._factors[order])
+        count = len(elastic.model.cloud.points)
+        stress = self._nodes.stress[:, order]
+        left[:count] += stress[0, 1] + stress[1, 2]
+        left[count : 2 * count] += stress[2, 1] + stress[3, 2]
+        u = self._displacement[order].reshape(-1, 2)
+        gradient = self._nodes.gradient
+        for name, index, normal, held in body.conditions:
+            for component in (0, 1):
+                at = elastic.condition_rows(name, component)
+                if held[component]:
+                    left[at] += u[index, component]
+                    continue
+                row = stress[2 * component : 2 * component + 2, 0, index]
+                left[at] += row[0] * normal[:, 0] + row[1] * normal[:, 1]
+                if applied.follows:
+                    for low in range(order + 1):
+                        pressure = applied.pressed[at] @ self._factors[low]
+                        turned = cofactor_normal(gradient[:, order - low, 0, index], normal)
+                        left[at] += pressure * turned[component]
+        first = elastic.rows - 3 * body.count - len(elastic.held_nodes)
+        for number, (node, component) in enumerate(elastic.held_nodes):
+            left[first + number] += u[node, component]
+        left[elastic.rows - 3 * body.count :] = self._pieces(order)
+        return np.asarray(left)
+
+    def _pieces(self, order: int) -> FloatArray:
+        """Forces x, y and moments (3k,) that pieces lack."""
+        count, owner, point = self.body.count, self._owner, self._point
+        force = self._sign * self._force[: order + 1][:, :, point]
+        arm = self._place[: order + 1][:, :, point] - self._middle[: order + 1][:, :, owner]
+        back = force[::-1]
+        moment = np.einsum("km,km->m", arm[:, 0], back[:, 1]) - np.einsum("km,km->m", arm[:, 1], back[:, 0])
+        x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
+        lack = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
+        lack -= self.body.of_force @ self._factors[order]
+        for number, turning in enumerate(self.body.turning):
+            for low in range(order + 1):
+                if self._factors[low, number]:
+                    lack[2 * count :] -= self._factors[low, number] * (
+                        turning @ self._displacement[order - low]
+                    )
+        return lack
+
+    def outline_forces(self) -> tuple[FloatArray, FloatArray]:
+        """Forces (2, g), at order 0, at the points of the held sides and of those with given tractions."""
+        first, last = int(self._ends[1]), int(self._ends[2])
+        return self._force[0, :, first:last], self._force[0, :, last:]
+
+    def held_forces(self) -> FloatArray:
+        """Forces (2, g), at order 0, at the points of the held sides."""
+        return self._force[0, :, int(self._ends[1]) : int(self._ends[2])]
+
+    def resultant(self) -> FloatArray:
+        """Forces x and y (2, k), at order 0, by which the rows of the pieces count those on their faces."""
+        force = self._sign * self._force[0][:, self._point]
+        return np.stack([np.bincount(self._owner, one, self.body.count) for one in force])
+
+    def state(self) -> tuple[FloatArray, ...]:
+        """At order 0: forces (2, q), places (2, q) and middles (2, k), as the derivative takes them."""
+        return self._force[0], self._place[0], self._middle[0]
+
+
+def _jets(derivatives: FloatArray) -> FloatArray:
+    """Jets (4, 3, n) of the displacement gradient by ``derivatives`` (n, 6, 2) of the displacement."""
+    found = np.empty((4, 3, len(derivatives)))
+    for component in (0, 1):
+        for axis in (0, 1):
+            where = 2 * component + axis
+            found[where, 0] = derivatives[:, 1 + axis, component]
+            for along in (0, 1):
+                found[where, 1 + along] = derivatives[:, SECOND[axis][along], component]
+    return found

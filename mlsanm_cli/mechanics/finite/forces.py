@@ -1,0 +1,69 @@
+"""What acts on a body in a state: forces of loads by number, of held sides by name, and their balance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cells import Halves
+from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.loads import cofactor_normal
+from mlsanm_cli.values import dataclass
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Forces on a body in one state: ``loads`` (L, 2) of tractions, pressures and body forces, ``reactions``
+    (2,) of held sides by surface. ``size`` is the largest of what they add up to without their directions."""
+
+    loads: FloatArray
+    reactions: dict[str, FloatArray]
+    size: float
+
+    @classmethod
+    def of(cls, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> Forces:
+        """In the state of ``displacement`` (2N,) and load ``factors`` (L,)."""
+        series = BodySeries(body, 0)
+        series.put(0, displacement, factors)
+        loads, reactions = _of_loads(body, displacement, factors), _reactions(body, series)
+        sizes = [float(np.hypot(*force).sum()) for force in series.outline_forces()]
+        return cls(loads, reactions, max([*sizes, *np.hypot(*loads.T).tolist()], default=0.0))
+
+    def held(self, surfaces: Iterable[str]) -> FloatArray:
+        """The force (2,) of some surfaces together."""
+        return np.asarray(sum((self.reactions.get(name, np.zeros(2)) for name in surfaces), np.zeros(2)))
+
+    @property
+    def rest(self) -> float:
+        """What all forces together leave; forces of single held nodes are not among them."""
+        every = np.array([*self.loads, *self.reactions.values()]).reshape(-1, 2)
+        return float(np.abs(every.sum(axis=0)).max())
+
+
+def _of_loads(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
+    applied = body.applied
+    points = applied.points
+    found = np.einsum("iql->li", applied.dead) * factors[:, None]
+    if points.count:
+        _, by_x, by_y = points.seen(displacement.reshape(-1, 2))
+        gradient = np.stack([1.0 + by_x[:, 0], by_y[:, 0], by_x[:, 1], 1.0 + by_y[:, 1]])
+        turned = cofactor_normal(gradient, points.normals.reshape(-1, 2)) * points.kept.T
+        found -= (turned @ applied.pressure).T * factors[:, None]
+    count = body.count
+    whole = body.of_force[: 2 * count].reshape(2, count, -1)[:, body.elastic.pieces.main].sum(axis=1)
+    return np.asarray(found + whole.T * factors[:, None])
+
+
+def _reactions(body: FiniteBody, series: BodySeries) -> dict[str, FloatArray]:
+    """By surface, in the order of the held points."""
+    found, first = {}, 0
+    force = series.held_forces()
+    for name, components in body.elastic.gripped.items():
+        if any(components):
+            surface = body.elastic.model.cloud.surfaces[name]
+            count = len(Halves.of(surface, body.rule).arc)
+            found[name] = force[:, first : first + count].sum(axis=1)
+            first += count
+    return found

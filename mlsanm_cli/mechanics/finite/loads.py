@@ -1,0 +1,99 @@
+"""What acts on a body at finite strain: given displacements, dead and following loads, by load factors.
+
+Dead loads keep their direction and their amount per reference length or volume. A pressure that follows is
+per current length along the current normal: its nominal traction is - p cof(F) N, linear in F in the plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import field
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.finite.faces import Points, loaded_points
+from mlsanm_cli.values import dataclass
+
+
+@dataclass(frozen=True)
+class Pressing:
+    """A pressure that follows: ``nodal`` (b,) at a surface's nodes and ``between`` (g,) them, at the FINE
+    points of its halves, for load ``number`` at factor 1."""
+
+    number: int
+    surface: str
+    nodal: FloatArray
+    between: FloatArray
+
+
+@dataclass(frozen=True)
+class Loads:
+    """All loads on a body, of ``count`` load factors (L).
+
+    ``sources`` (r, L) are right-hand sides of the nodes' rows: displacements, tractions, minus forces per
+    volume. ``tractions[surface]`` (g, 2, L) are dead ones at the FINE points of a surface's halves, ``force``
+    (n, 2, L) is per volume, linear between the nodes unless its force and moment on the pieces before they
+    deform are ``known`` (3k, L); ``pressing`` is what follows.
+    """
+
+    count: int
+    sources: FloatArray
+    tractions: Mapping[str, FloatArray] = field(default_factory=dict)
+    force: FloatArray | None = None
+    pressing: Sequence[Pressing] = ()
+    known: FloatArray | None = None
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """The surfaces with given tractions."""
+        return tuple(dict.fromkeys([*self.tractions, *(one.surface for one in self.pressing)]))
+
+
+@dataclass(frozen=True)
+class Applied:
+    """Loads at the points where a ``body``'s pieces take them: ``dead`` (2, q, L) forces, ``pressure``
+    (q, L) of what follows; at its nodes ``pressed`` (r, L) for every row of a traction, which is 0 for
+    others."""
+
+    points: Points
+    dead: FloatArray
+    pressure: FloatArray
+    pressed: FloatArray
+
+    @classmethod
+    def on(cls, body: ElasticBody, loads: Loads) -> Applied:
+        """Find the points, and what acts there."""
+        points = loaded_points(body, loads.surfaces)
+        dead = np.zeros((2, points.count, loads.count))
+        pressure = np.zeros((points.count, loads.count))
+        pressed = np.zeros((body.rows, loads.count))
+        first = 0
+        for name in loads.surfaces:
+            halves = Halves.of(body.model.cloud.surfaces[name], FINE)
+            here = slice(first, first + len(halves.arc))
+            first = here.stop
+            if name in loads.tractions:
+                dead[:, here] += halves.length[:, None] * loads.tractions[name].transpose(1, 0, 2)
+            for one in loads.pressing:
+                if one.surface == name:
+                    pressure[here, one.number] += one.between
+        dead *= points.kept.T[:, :, None]
+        for one in loads.pressing:
+            for component in (0, 1):
+                if not body.held.get(one.surface, (False, False))[component]:
+                    pressed[body.condition_rows(one.surface, component), one.number] += one.nodal
+        return cls(points, dead, pressure, pressed)
+
+    @property
+    def follows(self) -> bool:
+        """Whether any load follows the body."""
+        return bool(self.pressure.any() or self.pressed.any())
+
+
+def cofactor_normal(gradient: FloatArray, normal: FloatArray) -> FloatArray:
+    """cof(F) N (2, n) by the components 11, 12, 21, 22 of F (4, n) and N (n, 2); linear in F."""
+    xx, xy, yx, yy = gradient
+    return np.stack([yy * normal[:, 0] - yx * normal[:, 1], -xy * normal[:, 0] + xx * normal[:, 1]])

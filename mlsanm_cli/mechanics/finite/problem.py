@@ -1,0 +1,120 @@
+"""A stage of a body's path at finite strain, as the continuation methods take it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
+from mlsanm_cli.values import dataclass
+
+
+@dataclass(frozen=True)
+class FiniteProblem:
+    """R(u, lam) = 0 for the nodal displacement u (2N,), load factors going from ``start`` to ``end`` (L,).
+
+    A residual is the displacement that would mend the state at the projector's station, over ``length``, the
+    typical displacement.
+    """
+
+    body: FiniteBody
+    projector: Projector
+    start: FloatArray
+    end: FloatArray
+    length: float
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.body.unknowns
+
+    @property
+    def scale(self) -> FloatArray:
+        """The typical displacement (2N,)."""
+        return np.full(self.size, self.length)
+
+    def factors(self, lam: float) -> FloatArray:
+        """Load factors (L,) at a part of the stage."""
+        return np.asarray((1.0 - lam) * self.start + lam * self.end)
+
+    def left(self, x: FloatArray, lam: float) -> FloatArray:
+        """What is left of the rows (r,)."""
+        series = BodySeries(self.body, 0)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            series.put(0, x, self.factors(lam))
+            return series.rows(0)
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        """What would mend the state, (2N,), over the typical displacement; nan where det F <= 0."""
+        left = self.left(x, lam)
+        if not np.isfinite(left).all():
+            return np.full(self.size, np.nan)
+        return self.projector.displaced(left) / self.length
+
+    def tangent(self, x: FloatArray, lam: float) -> FiniteTangent:
+        """The factorised derivative; LinAlgError where it is singular."""
+        try:
+            factorised = self.projector.factorised(x, self.factors(lam))
+        except NumericalError as error:
+            raise np.linalg.LinAlgError(error.message) from error
+        return FiniteTangent(self, factorised)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        """dR/dlam (2N,)."""
+        return self.projector.displaced(self._loaded(x, lam).rows(1)) / self.length
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        """Minus the coefficient (2N,) of the next order, by those of the lower ones."""
+        series = self._series(x, lam, len(x))
+        series.put(len(x), None, np.zeros(len(self.start)))
+        return -self.projector.displaced(series.rows(len(x))) / self.length
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        """Whether det F > 0 everywhere."""
+        return bool(np.isfinite(x).all()) and self.body.least_volume(x) > 0.0
+
+    def _loaded(self, x: FloatArray, lam: float) -> BodySeries:
+        series = BodySeries(self.body, 1)
+        series.put(0, x, self.factors(lam))
+        series.put(1, None, self.end - self.start)
+        return series
+
+    def _series(self, x: FloatArray, lam: FloatArray, orders: int) -> BodySeries:
+        series = BodySeries(self.body, orders)
+        for order in range(len(x)):
+            series.put(order, x[order], self._part(lam, order))
+        return series
+
+    def _part(self, lam: FloatArray, order: int) -> FloatArray:
+        """The coefficient (L,) of the load factors."""
+        return self.factors(lam[0]) if not order else lam[order] * (self.end - self.start)
+
+
+@dataclass(frozen=True)
+class FiniteTangent:
+    """The ``factorised`` derivative of a ``problem``."""
+
+    problem: FiniteProblem
+    factorised: Factorised
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """The displacement (2N,) that changes the residual by ``rhs`` (2N,)."""
+        return self.factorised.solve(self.problem.projector.image(self.problem.length * rhs))
+
+    def orders(
+        self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
+    ) -> None:
+        """Fill the coefficients of the orders from 2 on of ``x`` (N + 1, 2N) and ``lam`` (N + 1,)."""
+        problem, last = self.problem, len(lam) - 1
+        series = problem._series(x[:2], lam[:2], last)
+        nothing = np.zeros(len(problem.start))
+        for order in range(2, last + 1):
+            series.put(order, None, nothing)
+            left = problem.projector.scaled(series.rows(order))
+            free = -self.factorised.solve(left)
+            lam[order] = -float(normal @ free) / size
+            x[order] = free + lam[order] * slope
+            if order < last:
+                series.put(order, x[order], problem._part(lam, order))

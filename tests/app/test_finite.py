@@ -1,0 +1,249 @@
+"""Runs at finite strain: what they tell, against finite elements, linear elasticity and Newton's method."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.check import check
+from mlsanm_cli.app.compare import Wishes, compare
+from mlsanm_cli.app.plot import plot
+from mlsanm_cli.app.probe import probe_named, probe_point
+from mlsanm_cli.app.resume import resume
+from mlsanm_cli.errors import CaseError, RunError
+from tests.app.scenes import Quiet, solve
+
+BEAM = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.steel]
+E = 1200.0
+nu = 0.0
+law = "saint-venant-kirchhoff"
+[[body]]
+name = "beam"
+material = "steel"
+spacing = 0.25
+shape = { kind = "rectangle", x = [0.0, 10.0], y = [0.0, 1.0] }
+[[support]]
+boundary = "beam.left"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "tip"
+boundary = "beam.right"
+kind = "traction"
+traction = [0.0, "60 * y * (1 - y)"]
+[[probe]]
+name = "end"
+body = "beam"
+point = [10.0, 0.5]
+[output]
+at = [0.1, 0.4, 1.0]
+"""
+TIPS = {0.1: (0.0572, 0.3039), 0.4: (0.3354, 0.6775), 1.0: (0.5674, 0.8253)}
+"""Shortening and deflection over the length by position: 80 x 8 nine-node finite elements."""
+
+BLOCK = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.rubber]
+E = 2.6
+nu = 0.3
+law = "neo-hookean"
+[[body]]
+name = "block"
+material = "rubber"
+spacing = 0.05
+shape = { kind = "rectangle", x = [0.0, 1.0], y = [0.0, 1.0] }
+[[support]]
+boundary = "block.bottom"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+boundary = "block.top"
+kind = "displacement"
+displacement = [0.0, -0.4]
+[[probe]]
+name = "side"
+body = "block"
+point = [1.0, 0.5]
+"""
+
+ARCH = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.m]
+E = 1000.0
+nu = 0.0
+law = "saint-venant-kirchhoff"
+[[body]]
+name = "arch"
+material = "m"
+spacing = 0.0625
+[body.shape]
+kind = "sector"
+center = [0.0, 0.0]
+radii = [9.875, 10.125]
+angles = [69.94647717, 110.05352283]
+[[support]]
+boundary = ["arch.start", "arch.end"]
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "snow"
+boundary = "arch.outer"
+kind = "traction"
+traction = [0.0, -0.2]
+"""
+
+
+@pytest.fixture(scope="module")
+def beam(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mapping[str, Any], Path]:
+    directory = tmp_path_factory.mktemp("finite") / "beam"
+    return solve(BEAM, directory), directory
+
+
+def test_cantilever_bends_as_finite_elements_do(beam: tuple[Mapping[str, Any], Path]) -> None:
+    summary, directory = beam
+    assert summary["status"] == "done"
+    assert summary["nodes"] <= 300
+    assert summary["factorizations"] <= 8
+    for position, (short, deep) in TIPS.items():
+        (seen,) = probe_named(directory, [position], "end")
+        assert abs(-seen["ux"] / 10.0 - short) <= 0.003 * 0.5674
+        assert abs(seen["uy"] / 10.0 - deep) <= 0.003 * 0.8253
+    assert summary["force_balance"] <= 1e-4
+    np.testing.assert_allclose(summary["forces"]["tip"], [0.0, 10.0], atol=1e-9)
+    np.testing.assert_allclose(summary["forces"]["beam.left"], [0.0, -10.0], atol=1e-3)
+
+
+def test_fields_are_stored_and_told_anywhere(beam: tuple[Mapping[str, Any], Path]) -> None:
+    summary, directory = beam
+    with h5py.File(directory / "run.h5", "r") as file:
+        last = file["fields/2/beam"]
+        assert set(last) == {"displacement", "stress", "von_mises", "stretch", "volume_ratio"}
+        stretch, volume = last["stretch"][()], last["volume_ratio"][()]
+        # nu = 0: the area is all that changes.
+        np.testing.assert_allclose(stretch.prod(axis=1), volume, rtol=1e-12)
+        assert file["path/position"][()].tolist()[0] == 0.0
+        assert {0.1, 0.4, 1.0} <= set(file["path/position"][()].tolist())
+    text = (directory / "fields_0000.vtu").read_text()
+    assert all(name in text for name in ("stretch_1", "stretch_2", "volume_ratio"))
+    (named,) = probe_named(directory, [0.4], "end")
+    (point,) = probe_point(directory, [0.4], "beam", (10.0, 0.5))
+    for key in ("ux", "uy", "xx", "yy", "xy", "von_mises"):
+        assert abs(named[key] - point[key]) <= 1e-9 * max(abs(named["uy"]), 1.0)
+    least = summary["finite_strain"]["least_stretch"]
+    assert stretch.min() == pytest.approx(least)
+    with pytest.raises(RunError, match=r"nothing is stored between"):
+        probe_named(directory, [0.05], "end")
+    with pytest.raises(RunError, match=r"saved at position"):
+        probe_point(directory, [0.0], "beam", (10.0, 0.5))
+    pictures = plot(directory)
+    assert {file.name for file in pictures} == {"plot_force.png", "plot_bodies.png"}
+
+
+def test_small_loads_are_linear_elasticity(tmp_path: Path) -> None:
+    small = BEAM.replace('strain = "finite"\n', "").replace('law = "saint-venant-kirchhoff"\n', "")
+    weak = BEAM.replace('"60 *', '"0.003 *'), small.replace('"60 *', '"0.003 *')
+    one, other = (solve(text, tmp_path / str(k)) for k, text in enumerate(weak))
+    for key in ("displacement", "stress"):
+        np.testing.assert_allclose(
+            one["probes"]["end"][key],
+            other["probes"]["end"][key],
+            atol=1e-3 * np.abs(other["probes"]["end"][key]).max(),
+        )
+
+
+def test_block_is_compressed_by_two_fifths(tmp_path: Path) -> None:
+    summary = solve(BLOCK, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["factorizations"] <= 4
+    # 0.1278 with 1,478 nodes, 0.1273 with 1,039 of degree 4.
+    assert summary["probes"]["side"]["displacement"][0] == pytest.approx(0.1274, rel=0.03)
+    assert summary["finite_strain"]["equations_renewed"] >= 1
+    assert 0.2 <= summary["finite_strain"]["least_volume_ratio"] <= 0.5
+
+
+def test_arch_snaps_through(tmp_path: Path) -> None:
+    summary = solve(ARCH, tmp_path / "run")
+    limit, lower = summary["finite_strain"]["limit_points"]
+    assert (limit["kind"], lower["kind"]) == ("maximum", "minimum")
+    # 48 x 4 nine-node finite elements, displacement controlled.
+    assert 0.2 * limit["position"] == pytest.approx(0.14431, rel=0.005)
+    assert 0.2 * lower["position"] == pytest.approx(0.07607, rel=0.01)
+    assert summary["position"] == 1.0
+
+
+def test_series_and_newton_go_the_same_way(tmp_path: Path) -> None:
+    case = tmp_path / "beam.toml"
+    case.write_text(BEAM)
+    wishes = Wishes(("newton",), levels=2, picture=False)
+    result = compare(case, wishes, out=tmp_path / "out", console=Quiet())
+    assert result["status"] == "agree"
+    anm, newton = result["methods"]
+    assert anm["sparse_factorizations"] <= 8 < newton["sparse_factorizations"]
+    assert newton["difference"]["displacement"] <= 2e-3
+    assert json.loads((tmp_path / "out" / "comparison.json").read_text())["status"] == "agree"
+    with pytest.raises(RunError, match=r"--active-set"):
+        compare(case, Wishes(("active-set",)), out=tmp_path / "out", force=True, console=Quiet())
+
+
+def test_pressure_that_follows(tmp_path: Path) -> None:
+    """A block under the same pressure all around shrinks evenly: nominal tractions need not be known."""
+    text = BLOCK.replace("displacement = [0.0, -0.4]", "pressure = 0.5\nfollows = true")
+    text = text.replace('boundary = "block.top"', 'boundary = ["block.top", "block.right"]')
+    text = text.replace('kind = "displacement"', 'kind = "pressure"').replace("ux = 0.0\nuy", "uy")
+    text += '[[support]]\nboundary = "block.left"\nux = 0.0\n'
+    summary = solve(text, tmp_path / "run")
+    stress = summary["probes"]["side"]["stress"]
+    np.testing.assert_allclose(stress, [-0.5, -0.5, 0.0], atol=1e-9)
+    np.testing.assert_allclose(summary["forces"]["press"][0], summary["forces"]["press"][1], rtol=1e-9)
+    dead = solve(text.replace("follows = true", "follows = false"), tmp_path / "dead")
+    assert dead["probes"]["side"]["stress"][0] < -0.54
+
+
+def test_lost_ellipticity_is_refused_by_node(tmp_path: Path) -> None:
+    text = BLOCK.replace("neo-hookean", "saint-venant-kirchhoff").replace("ux = 0.0\nuy", "uy")
+    text = text.replace("displacement = [0.0, -0.4]", "uy = -0.4")
+    text += '[[support]]\nboundary = ["block.left", "block.right"]\nux = 0.0\n'
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "failed"
+    assert "ellipticity" in summary["stop_reason"]
+    assert "body block, node" in summary["stop_reason"]
+    # Even strain: it goes at a stretch of 0.703.
+    assert summary["position"] < 0.297 / 0.4
+    assert (tmp_path / "run" / "failure.vtu").is_file()
+
+
+def test_bodies_that_can_move_freely_and_resumed_runs_are_refused(tmp_path: Path) -> None:
+    case = tmp_path / "loose.toml"
+    case.write_text(
+        BLOCK.replace('boundary = "block.bottom"\nux = 0.0\n', 'boundary = "block.bottom"\n').replace(
+            "displacement = [0.0, -0.4]", "uy = -0.1"
+        )
+    )
+    with pytest.raises(CaseError, match=r"can drift"):
+        solve(case.read_text(), tmp_path / "run")
+    case.write_text(BLOCK)
+    told = check(case, console=Quiet())
+    assert told["nodes"] > 100
+    solve(BLOCK, tmp_path / "killed", "load.press.displacement=[0.0,-0.01]")
+    # As if it had been killed just before its end.
+    (tmp_path / "killed" / "summary.json").unlink()
+    with pytest.raises(RunError, match=r"cannot be resumed"):
+        resume(tmp_path / "killed", console=Quiet())

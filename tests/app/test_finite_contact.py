@@ -1,0 +1,117 @@
+"""Rigid obstacles pressed deep into bodies at finite strain, and dragged along them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.compare import Wishes, compare
+from mlsanm_cli.app.plot import plot
+from mlsanm_cli.app.probe import probe_contact, probe_force
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
+from tests.app.scenes import Quiet, solve
+
+BLOCK = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.rubber]
+E = 2.6
+nu = 0.3
+law = "neo-hookean"
+[[body]]
+name = "block"
+material = "rubber"
+spacing = 0.25
+shape = {{ kind = "rectangle", x = [{left}, 2.0], y = [0.0, 2.0] }}
+refine = [{refine}]
+[[support]]
+boundary = "block.bottom"
+{bottom}uy = 0.0
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "under"
+uy = {depth}
+[[contact]]
+name = "under"
+slave = "block.top"
+obstacle = {{ {obstacle} }}
+[contact.regularization]
+law = "exact"
+"""
+SIDE = '[[support]]\nboundary = "block.left"\nux = 0.0\n'
+DISK = 'kind = "disk", center = [0.0, 3.0], radius = 1.0'
+FINE = "{at = [0.0, 2.0], spacing = 0.05, radius = 0.75, growth = 0.15}"
+CLAMPED = {"bottom": "ux = 0.0\n", "obstacle": DISK}
+
+
+def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
+    """Half of it: forces against nine-node finite elements, half-widths against Hertz at small depth."""
+    text = BLOCK.format(left=0.0, depth=-0.3, refine=FINE, **CLAMPED) + SIDE
+    text += f"[output]\nat = {[0.05 / 0.3, 0.1 / 0.3, 0.2 / 0.3, 1.0]}\n"
+    directory = tmp_path / "run"
+    summary = solve(text, directory)
+    assert summary["status"] == "done"
+    assert summary["nodes"] <= 400
+    assert summary["factorizations"] <= 30
+    positions = [0.05 / 0.3, 0.1 / 0.3, 0.2 / 0.3, 1.0]
+    forces = [-2.0 * row["fy"] for row in probe_force(directory, positions, "under")]
+    np.testing.assert_allclose(forces[1:], [0.1691, 0.4097, 0.701], rtol=5e-3)
+    assert forces[0] == pytest.approx(0.0728, rel=0.015)
+    assert summary["contacts"]["under"]["min_gap"] >= -1e-9
+    assert summary["forces"]["press"] == summary["contacts"]["under"]["force"]
+    assert summary["force_balance"] <= 1e-6
+    assert summary["stability"] >= 0.8
+    seen = probe_contact(directory, [1.0], "under")[0]
+    assert set(seen) >= {"pressure", "gap"}
+    assert (np.array(seen["pressure"]) * np.array(seen["gap"])).max() <= 1e-12
+    assert {file.name for file in plot(directory)} >= {"plot_pressure_under.png", "plot_force.png"}
+    with pytest.raises(RunError, match=r"one method only"):
+        compare(directory.with_suffix(".toml"), Wishes(("newton",)), out=tmp_path / "c", console=Quiet())
+
+
+def test_plate_makes_an_even_state(tmp_path: Path) -> None:
+    """A smooth plate on a block on a smooth base: even strains, the pressure Cauchy's stress."""
+    plate = 'kind = "plane", point = [0.0, 2.0], normal = [0.0, -3.0]'
+    text = BLOCK.format(left=0.0, depth=-0.6, refine="", bottom="", obstacle=plate) + SIDE
+    directory = tmp_path / "run"
+    summary = solve(text, directory)
+    assert summary["status"] == "done"
+    state = read_run(directory).states[-1].bodies["block"]
+    across, along = state["stretch"].T
+    np.testing.assert_allclose(along, 0.7, rtol=1e-8)
+    np.testing.assert_allclose(across, across[0], rtol=1e-8)
+    law = Law.isotropic("neo-hookean", 2.6, 0.3, "strain")
+    gradient = np.array([across[0] - 1.0, 0.0, 0.0, -0.3])[:, None]
+    xx, yy, _ = cauchy_stress(law, gradient)[:, 0]
+    assert abs(xx) <= 1e-7
+    pressure = probe_contact(directory, [1.0], "under")[0]["pressure"]
+    np.testing.assert_allclose(pressure, -yy, rtol=1e-6)
+    np.testing.assert_allclose(summary["contacts"]["under"]["force"], [0.0, 2.0 * across[0] * yy], atol=1e-7)
+
+
+def test_dragging_without_friction_takes_no_force(tmp_path: Path) -> None:
+    """A cylinder dragged by three contact widths along a block: only the ends of the block resist."""
+    top = '{along = "top", spacing = 0.07, radius = 0.05, growth = 0.15}'
+    text = BLOCK.format(left=-2.0, depth=-0.1, refine=top, **CLAMPED).replace("[0.0, 3.0]", "[-0.4, 3.0]")
+    text += '[[load]]\nname = "drag"\nkind = "obstacle"\nobstacle = "under"\nux = 0.8\n'
+    text += "[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n[output]\nat = [1.0, 1.5, 2.0]\n"
+    directory = tmp_path / "run"
+    summary = solve(text, directory)
+    assert summary["status"] == "done"
+    first, middle, last = (
+        np.array([row["fx"], row["fy"]]) for row in probe_force(directory, [1.0, 1.5, 2.0], "under")
+    )
+    assert abs(middle[0]) <= 0.01 * abs(middle[1])
+    np.testing.assert_allclose(last, first * [-1.0, 1.0], atol=0.01 * abs(middle[1]))
+    nodes = read_run(directory).contacts["under"]
+    loaded = nodes.points[nodes.pressure[-1] > 0.0, 0]
+    # The block has given way, yet the cylinder touches where it is now.
+    assert loaded.min() > 0.0
+    assert loaded.max() < 0.8

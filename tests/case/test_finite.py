@@ -1,0 +1,116 @@
+"""Finite strain in the case: what it needs, and what it cannot do yet is refused by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mlsanm_cli.case import parse_case
+from mlsanm_cli.errors import CaseError
+
+BLOCK = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.rubber]
+E = 2.6
+nu = 0.3
+law = "neo-hookean"
+[[body]]
+name = "block"
+material = "rubber"
+shape = { kind = "rectangle", x = [0.0, 1.0], y = [0.0, 1.0] }
+[[support]]
+boundary = "block.bottom"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+boundary = "block.top"
+kind = "pressure"
+pressure = 0.5
+"""
+
+
+def problems(text: str, *overrides: str) -> dict[str, str]:
+    """Messages by key."""
+    try:
+        parse_case(text, Path("case.toml"), overrides)
+    except CaseError as error:
+        return {problem.key: problem.message for problem in error.problems}
+    return {}
+
+
+def test_a_block_is_accepted() -> None:
+    assert not problems(BLOCK)
+    assert not problems(BLOCK, "load.press.follows=true")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "key", "word"),
+    [
+        (('material.rubber.law="linear"',), "material.rubber.law", "finite"),
+        (("material.rubber.nu=0.49",), "material.rubber.nu", "incompressible"),
+        (('model.plane="stress"', "load.press.follows=true"), "load.press.follows", "plane stress"),
+        (("mls.degree=1",), "mls.degree", "degree 1"),
+        (('mls.scheme="collocation"',), "mls.scheme", "collocation"),
+        (("adapt.passes=1",), "adapt.passes", "refinement"),
+        (('solver.method="active-set"',), "solver.method", "contact"),
+        (('solver.linear="mumps"',), "solver.linear", "mumps"),
+        (('reference.solution="hertz-line"',), "reference", "closed formula"),
+    ],
+)
+def test_what_is_not_there_yet_is_refused_by_name(overrides: tuple[str, ...], key: str, word: str) -> None:
+    assert word in problems(BLOCK, *overrides)[key]
+
+
+PLATE = '[[load]]\nname = "plate"\nboundary = "block.left"\nkind = "platen"\n'
+WARM = '[[load]]\nname = "warm"\nbody = "block"\nkind = "temperature"\ntemperature = 1.0\n'
+OBSTACLE = '[contact.obstacle]\nkind = "plane"\npoint = [-0.1, 0.0]\nnormal = [1.0, 0.0]\n'
+CONTACT = '[[contact]]\nname = "c"\nslave = "block.left"\n'
+EXACT = '[contact.regularization]\nlaw = "exact"\n'
+CORNER = '[contact.obstacle]\nkind = "polyline"\npoints = [[-0.1, 0.0], [-0.1, 1.0]]\n'
+PUSH = '[[load]]\nname = "push"\nkind = "obstacle"\nobstacle = "c"\nfx = 1.0\n'
+SQUARE = 'shape = { kind = "rectangle", x = [2.0, 3.0], y = [0.0, 1.0] }\n'
+SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
+
+
+@pytest.mark.parametrize(
+    ("more", "key", "word"),
+    [
+        (SPRING, "support.1.spring", "spring"),
+        (WARM, "load.warm.temperature", "temperature"),
+        (f"{PLATE}fx = 1.0\n", "load.plate", "force"),
+        (f'{PLATE}ux = 0.1\nrotation = "free"\n', "load.plate.rotation", "turns"),
+        (f"{CONTACT}{OBSTACLE}", "contact.c.regularization.law", "hyperbolic"),
+        (f"{CONTACT}friction = 0.1\n{OBSTACLE}{EXACT}", "contact.c.friction", "friction"),
+        (f"{CONTACT}reach = 0.1\n{OBSTACLE}{EXACT}", "contact.c.reach", "any node"),
+        (f'{CONTACT}master = "block.right"\n{EXACT}', "contact.c.master", "between bodies"),
+        (f"{CONTACT}{CORNER}{EXACT}", "contact.c.obstacle.kind", "polyline"),
+        (f"{CONTACT}{OBSTACLE}{EXACT}{PUSH}", "load.push", "force"),
+        (f'[[body]]\nname = "other"\nmaterial = "rubber"\n{SQUARE}', "body.other", "more than one"),
+    ],
+)
+def test_parts_that_are_not_there_yet_are_refused_by_name(more: str, key: str, word: str) -> None:
+    assert word in problems(BLOCK + more)[key]
+
+
+def test_keys_of_finite_strain_mean_nothing_at_small_ones() -> None:
+    small = BLOCK.replace('strain = "finite"\n', "")
+    found = problems(small, "load.press.follows=true")
+    assert "finite strain" in found["material.rubber.law"]
+    assert "finite strain" in found["load.press.follows"]
+
+
+def test_laws_are_isotropic() -> None:
+    wood = "E1 = 1.0\nE2 = 2.0\nE3 = 1.0\nG12 = 0.5\nnu12 = 0.1\nnu13 = 0.1\nnu23 = 0.1\n"
+    found = problems(BLOCK.replace("E = 2.6\nnu = 0.3\n", wood))
+    assert "isotropic" in found["material.rubber.law"]
+
+
+def test_exact_contact_with_a_rigid_obstacle_is_accepted() -> None:
+    assert not problems(BLOCK + CONTACT + OBSTACLE + EXACT)
+    assert not problems(BLOCK + CONTACT + OBSTACLE + EXACT, 'solver.method="active-set"')
+    assert "anm" in problems(BLOCK + CONTACT + OBSTACLE + EXACT, 'solver.method="anm"')["solver.method"]

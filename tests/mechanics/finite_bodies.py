@@ -1,0 +1,92 @@
+"""Bodies at finite strain made by hand for the tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.finite.law import Kind, Law
+from mlsanm_cli.mechanics.finite.loads import Loads
+from mlsanm_cli.mechanics.finite.problem import FiniteProblem
+from mlsanm_cli.mechanics.finite.projector import Projector, Weights
+from mlsanm_cli.mechanics.material import isotropic
+from mlsanm_cli.operators.linear.cholesky import CholeskySolver
+from tests.mechanics.bodies import build
+
+E, NU = 2.6, 0.3
+KINDS: tuple[Kind, ...] = ("saint-venant-kirchhoff", "neo-hookean")
+
+
+def finite_body(
+    cloud: Cloud,
+    kind: Kind,
+    held: Mapping[str, tuple[bool, bool]],
+    loads: Callable[[ElasticBody], Loads],
+    degree: int = 2,
+    plane: str = "strain",
+) -> FiniteBody:
+    """A body of E = 2.6, nu = 0.3."""
+    elastic = build(cloud, held, degree, isotropic(E, NU, plane))
+    return FiniteBody(elastic, Law.isotropic(kind, E, NU, plane), loads(elastic))
+
+
+def boundary_loads(
+    body: ElasticBody, law: Law, exact: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+) -> Loads:
+    """One load: on every side what belongs to an ``exact`` displacement (n, 2) and gradient (4, n) at places
+    (n, 2)."""
+    cloud = body.model.cloud
+    sources, tractions = np.zeros((body.rows, 1)), {}
+
+    def traction(points: FloatArray, normal: FloatArray) -> FloatArray:
+        p = law.stress(exact(points)[1])
+        return np.stack(
+            [p[0] * normal[:, 0] + p[1] * normal[:, 1], p[2] * normal[:, 0] + p[3] * normal[:, 1]], 1
+        )
+
+    for name, surface in cloud.surfaces.items():
+        at, arc = cloud.points[surface.index], Halves.of(surface, FINE).arc
+        sources[:, 0] += body.source(name, traction(at, surface.normal), held=False)
+        sources[:, 0] += body.source(name, exact(at)[0], held=True)
+        between = traction(surface.curve.points(arc), surface.curve.normals(arc))
+        tractions[name] = between[:, :, None]
+    return Loads(1, sources, tractions)
+
+
+def problem_of(body: FiniteBody, length: float = 1.0) -> FiniteProblem:
+    """One stage, from nothing to all loads, with the equations of the reference."""
+    start, end = np.zeros(body.loads.count), np.ones(body.loads.count)
+    projector = Projector.at(body, Weights.of(body), np.zeros(body.unknowns), start, CholeskySolver())
+    return FiniteProblem(body, projector, start, end, length)
+
+
+def newton(problem: FiniteProblem, x: FloatArray, lam: float, most: int = 8) -> FloatArray:
+    """Newton's method at one load factor."""
+    for _ in range(most):
+        residual = problem.residual(x, lam)
+        if np.abs(residual).max() < 1e-12:
+            break
+        x = x - problem.tangent(x, lam).solve(residual)
+    return x
+
+
+def left_of(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
+    """What is left of all rows in a state."""
+    series = BodySeries(body, 0)
+    series.put(0, displacement, factors)
+    return series.rows(0)
+
+
+def renewed(problem: FiniteProblem, x: FloatArray, lam: float) -> FiniteProblem:
+    """The same with the equations of another state."""
+    projector = problem.projector
+    factors = problem.factors(lam)
+    made = Projector.at(problem.body, projector.weights, x, factors, CholeskySolver())
+    return replace(problem, projector=made)

@@ -1,0 +1,202 @@
+"""Bodies at finite strain: homogeneous states, derivatives, series, manufactured solutions, turned bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.finite.body import BodySeries
+from mlsanm_cli.mechanics.finite.forces import Forces
+from mlsanm_cli.mechanics.finite.law import Kind, Law
+from mlsanm_cli.mechanics.finite.loads import Loads, Pressing, cofactor_normal
+from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
+from tests.mechanics.bodies import jittered_square, with_body_force
+from tests.mechanics.finite_bodies import (
+    KINDS,
+    NU,
+    E,
+    boundary_loads,
+    finite_body,
+    left_of,
+    newton,
+    problem_of,
+    renewed,
+)
+
+BOTTOM = {"bottom": (True, True)}
+STATES = {"stretch": [[0.3, 0.0], [0.0, -0.15]], "shear": [[0.0, 0.5], [0.0, 0.0]]}
+
+
+@pytest.mark.parametrize("degree", [2, 4])
+@pytest.mark.parametrize("plane", ["strain", "stress"])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("state", STATES)
+def test_homogeneous_states_are_exact(state: str, kind: Kind, plane: str, degree: int) -> None:
+    gradient = np.array(STATES[state])
+    law = Law.isotropic(kind, E, NU, plane)
+
+    def exact(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return points @ gradient.T, np.tile(gradient.reshape(4, 1), len(points))
+
+    cloud = jittered_square(9)
+    body = finite_body(
+        cloud, kind, BOTTOM, lambda elastic: boundary_loads(elastic, law, exact), degree, plane
+    )
+    problem, x = problem_of(body), np.zeros(body.unknowns)
+    for lam in (0.5, 1.0):
+        x = newton(problem, x, lam)
+    np.testing.assert_allclose(x.reshape(-1, 2), exact(cloud.points)[0], atol=1e-10)
+
+
+def mixed(elastic: ElasticBody) -> Loads:
+    """Two loads: a traction with a body force, a pressure that follows with another."""
+    cloud = elastic.model.cloud
+    arc = Halves.of(cloud.surfaces["top"], FINE).arc
+    tractions = np.zeros((len(arc), 2, 2))
+    tractions[:, 0, 0] = 0.3
+    sources, force = np.zeros((elastic.rows, 2)), np.zeros((len(cloud.points), 2, 2))
+    force[:, 1, 1], force[:, 0, 0] = 0.2, cloud.points[:, 0]
+    sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, 2)
+    sources[elastic.condition_rows("top", 0), 0] = 0.3
+    pressing = Pressing(1, "right", np.full(len(cloud.surfaces["right"].index), 0.2), np.full(len(arc), 0.2))
+    return Loads(2, sources, {"top": tractions}, force, [pressing])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_derivatives_and_series_are_those_of_the_rows(kind: Kind) -> None:
+    body, rng = finite_body(jittered_square(9), kind, BOTTOM, mixed), np.random.default_rng(0)
+    bent = body.elastic.model.nodes @ np.array([[0.1, -0.2], [0.3, 0.2]])
+    u, factors = bent.ravel() + 0.002 * rng.normal(size=body.unknowns), np.array([0.7, 0.6])
+    step, h = rng.normal(size=body.unknowns), 1e-6
+    difference = (left_of(body, u + h * step, factors) - left_of(body, u - h * step, factors)) / (2.0 * h)
+    split = body.elastic.rows - 3 * body.count
+    nodes = derivative_rows(body, u, factors) @ step
+    np.testing.assert_allclose(nodes, difference[:split], atol=1e-7 * np.abs(nodes).max())
+    pieces = derivative_pieces(body, u, factors) @ step
+    np.testing.assert_allclose(pieces, difference[split:], atol=1e-7 * np.abs(pieces).max())
+    orders = 5
+    path = 0.01 * rng.normal(size=(orders + 1, body.unknowns))
+    loads = 0.1 * rng.normal(size=(orders + 1, 2))
+    path[0], loads[0] = u, factors
+    series = BodySeries(body, orders)
+    for order in range(orders + 1):
+        # What is not known yet is put as nothing first: that must leave no trace.
+        series.put(order, None, np.zeros(2))
+        series.put(order, path[order], loads[order])
+    powers = 0.01 ** np.arange(orders + 1)
+    found = sum(power * series.rows(order) for order, power in enumerate(powers))
+    np.testing.assert_allclose(found, left_of(body, powers @ path, powers @ loads), atol=1e-9)
+
+
+def test_rows_of_the_reference_are_those_of_the_linear_body() -> None:
+    body = finite_body(jittered_square(9), "neo-hookean", BOTTOM, mixed)
+    projector, system = problem_of(body).projector, body.elastic.system
+    step = np.random.default_rng(0).normal(size=body.unknowns)
+    linear = system.equations(np.zeros((body.elastic.rows, 1)))  # type: ignore[arg-type]
+    assert linear.definite
+    own = projector.system.rows @ step
+    weighted = np.concatenate([own, projector.system.strong.rows @ step])
+    other = np.concatenate([system.rows @ step, system.strong.rows @ step])  # type: ignore[attr-defined]
+    np.testing.assert_allclose(weighted, other, atol=1e-9 * np.abs(other).max())
+
+
+def test_a_turned_body_without_loads_is_a_solution() -> None:
+    body = finite_body(
+        jittered_square(9), "neo-hookean", BOTTOM, lambda elastic: Loads(1, np.zeros((elastic.rows, 1)))
+    )
+    turn = np.array([[-1.0, -1.0], [1.0, -1.0]])  # by 90 degrees, less the identity
+    left = left_of(body, (body.elastic.model.nodes @ turn.T).ravel(), np.zeros(1))
+    held = np.concatenate([body.elastic.condition_rows("bottom", k) for k in (0, 1)])
+    assert np.abs(np.delete(left, held)).max() <= 1e-11
+
+
+def test_loads_and_reactions_balance_in_force_and_moment() -> None:
+    body = finite_body(jittered_square(9), "neo-hookean", BOTTOM, mixed)
+    problem, x = problem_of(body), np.zeros(body.unknowns)
+    for lam in (0.5, 1.0):
+        x = newton(problem, x, lam)
+    assert np.abs(x).max() > 0.1
+    forces = Forces.of(body, x, np.ones(2))
+    assert forces.rest <= 1e-5 * forces.size
+    series = BodySeries(body, 0)
+    series.put(0, x, np.ones(2))
+    # Moments of all pieces about their own deformed middles, moved to one point, are those on the body.
+    lack = series.rows(0)[-3 * body.count :].reshape(3, -1)
+    middle = series.state()[2]
+    size = body.elastic.pieces.size
+    moment = (size * lack[2] + middle[0] * lack[1] - middle[1] * lack[0]).sum()
+    assert abs(moment) <= 1e-5
+
+
+@pytest.mark.parametrize(("kind", "amplitude"), [("neo-hookean", 0.15), ("saint-venant-kirchhoff", 0.05)])
+@pytest.mark.parametrize(("degree", "bar"), [(2, 4e-3), (4, 1.5e-4)])
+def test_manufactured_solution(kind: Kind, amplitude: float, degree: int, bar: float) -> None:
+    """u = A (sin, sin), two sides held: at 17 x 17 nodes; 65 x 65 are in docs/method.md."""
+    cloud = jittered_square(17, 0.2)
+    waves, phase = np.array([[2.0, 1.5], [1.5, -2.0]]), np.array([0.3, 1.1])
+
+    def exact(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        angle = points @ waves.T + phase
+        slope = amplitude * np.cos(angle)
+        gradient = np.stack([slope[:, c] * waves[c, axis] for c in (0, 1) for axis in (0, 1)])
+        return amplitude * np.sin(angle), gradient
+
+    law, h = Law.isotropic(kind, E, NU, "strain"), 1e-5
+
+    def force(points: FloatArray) -> FloatArray:
+        """Minus Div P, by central differences of fourth order."""
+        total = np.zeros((len(points), 2))
+        for axis in (0, 1):
+            for shift, factor in ((1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)):
+                moved = points.copy()
+                moved[:, axis] += shift * 20.0 * h
+                p = law.stress(exact(moved)[1])
+                total -= factor * np.stack([p[axis], p[2 + axis]], axis=1) / (12.0 * 20.0 * h)
+        return total
+
+    def loads(elastic: ElasticBody) -> Loads:
+        found = boundary_loads(elastic, law, exact)
+        pull = force(cloud.points)
+        sources = found.sources
+        sources[: pull.size, 0] -= pull.T.ravel()
+        known = with_body_force(elastic, np.zeros(elastic.rows), force)[-3 * elastic.pieces.count :]
+        return Loads(1, sources, found.tractions, pull[:, :, None], known=known[:, None])
+
+    held = {"bottom": (True, True), "left": (True, True)}
+    body = finite_body(cloud, kind, held, loads, degree)
+    truth = exact(cloud.points)[0]
+    # The path to it: any state near it does, for Newton's method.
+    x = newton(problem_of(body), truth.ravel(), 1.0)
+    error = np.linalg.norm(x.reshape(-1, 2) - truth) / np.linalg.norm(truth)
+    assert error <= bar
+
+
+def test_renewed_equations_are_solved_next_to_the_old_ones() -> None:
+    gradient = np.array([[0.25, 0.1], [0.0, -0.2]])
+    law = Law.isotropic("neo-hookean", E, NU, "strain")
+
+    def exact(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return points @ gradient.T, np.tile(gradient.reshape(4, 1), len(points))
+
+    body = finite_body(
+        jittered_square(7), "neo-hookean", BOTTOM, lambda elastic: boundary_loads(elastic, law, exact)
+    )
+    problem, x = problem_of(body), np.zeros(body.unknowns)
+    for lam in (0.5, 1.0):
+        x = newton(problem, x, lam)
+    again = renewed(problem, x, 1.0)
+    assert np.abs(again.residual(x, 1.0)).max() <= 1e-10
+    # At its own station the derivative of the residual is one.
+    step = np.random.default_rng(0).normal(size=body.unknowns)
+    np.testing.assert_allclose(again.tangent(x, 1.0).solve(step), step, atol=1e-9)
+
+
+def test_normals_of_pressures_turn_with_the_body() -> None:
+    """Nanson's formula: n da = det(F) F^-T N dA, for any normal."""
+    f, angle = np.array([[1.3, 0.4], [-0.2, 0.7]]), 0.7
+    normal = np.array([[np.cos(angle), np.sin(angle)]])
+    expected = np.linalg.det(f) * np.linalg.inv(f).T @ normal[0]
+    np.testing.assert_allclose(cofactor_normal(f.reshape(4, 1), normal)[:, 0], expected, rtol=1e-13)
