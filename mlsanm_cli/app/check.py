@@ -146,8 +146,8 @@ def _described(load: AnyLoad) -> tuple[str, str]:
         moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}
         return moved.get("x", ""), moved.get("y", "")
     if isinstance(load, Temperature):
-        return (f"temperature {load.temperature:g}",) * 2
-    if isinstance(load, BodyForce):
+        x = y = load.temperature
+    elif isinstance(load, BodyForce):
         x, y = load.body_force
     elif isinstance(load, Displacement):
         x, y = (part if part is not None else "" for part in load.components)

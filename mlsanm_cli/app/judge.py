@@ -92,7 +92,7 @@ def largest_force(built: Built, body: str, unknowns: Sequence[FloatArray]) -> fl
         if body in pairing.bodies
     ]
     maps = [condensed.forces[load.name] for load in built.case.load if load.owner == body]
-    heat = abs(float(built.scene.degrees(body) @ factors)) * built.scene.heat_force(body)
+    heat = built.scene.heat_force(body, factors)
     return float(np.max([heat, *sizes, *(np.hypot(*force(*unknowns)) for force in maps)]))
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.levels import SERIES, Level, displacement_at, level_at
+from mlsanm_cli.app.loads import TemperatureField
 from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.scene import mls_settings
 from mlsanm_cli.app.views import boundary_edges
@@ -90,7 +91,7 @@ def probe_named(rundir: Path, at: Sequence[float], name: str, field: str | None 
     """What a ``[[probe]]`` of the case has seen."""
     run, case = _read(rundir)
     _known(name, run.probes, "[[probe]]")
-    body = next(probe.body for probe in case.probe if probe.name == name)
+    body, point = next((p.body, np.array([p.point])) for p in case.probe if p.name == name)
     rows = []
     for level in _levels(run, at):
         if level.how == SERIES:
@@ -99,7 +100,7 @@ def probe_named(rundir: Path, at: Sequence[float], name: str, field: str | None 
             seen = np.concatenate(
                 [level.between(run.probes[name].displacement), level.between(run.probes[name].stress)]
             )
-        rows.append(_told(level) | _fields(case, body, level, seen, field))
+        rows.append(_told(level) | _fields(case, body, level, point, seen, field))
     return rows
 
 
@@ -121,12 +122,13 @@ def probe_point(
         )
     levels = _levels(run, at)
     found = [displacement_at(run, level, body) for level in levels]
-    rows = _rows_at(run, case, body, np.array([point]))
-    return [
-        {"position": level.position, "how": how}
-        | _fields(case, body, level, _stressed(case, body, level, rows @ displacement.ravel()), field)
-        for level, (displacement, how) in zip(levels, found, strict=True)
-    ]
+    place = np.array([point])
+    rows, told = _rows_at(run, case, body, place), []
+    for level, (displacement, how) in zip(levels, found, strict=True):
+        seen = _stressed(case, body, level, place, rows @ displacement.ravel())
+        fields = _fields(case, body, level, place, seen, field)
+        told.append({"position": level.position, "how": how} | fields)
+    return told
 
 
 def _read(rundir: Path) -> tuple[RunData, Case]:
@@ -217,26 +219,27 @@ def _material(case: Case, body: str) -> PlaneMaterial:
     return materials(case)[next(one.material for one in case.body if one.name == body)]
 
 
-def _degrees(case: Case, body: str, level: Level) -> float:
-    """How much warmer than at the start the body is."""
-    loads = zip(case.load, level.factors, strict=True)
-    return sum(
-        float(factor) * load.temperature
-        for load, factor in loads
-        if isinstance(load, Temperature) and load.owner == body
-    )
+def _degrees(case: Case, body: str, level: Level, point: FloatArray) -> FloatArray:
+    """How much warmer (1,) than at the start the body is at a ``point`` (1, 2)."""
+    total = np.zeros(1)
+    for load, factor in zip(case.load, level.factors, strict=True):
+        if isinstance(load, Temperature) and load.owner == body:
+            total += float(factor) * TemperatureField(load.name, load.temperature).at(point)
+    return total
 
 
-def _stressed(case: Case, body: str, level: Level, seen: FloatArray) -> FloatArray:
-    """Displacement and stress (5,), the latter without what free expansion would give."""
-    free = stress_of_expansion(_material(case, body)) * _degrees(case, body, level)
+def _stressed(case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray) -> FloatArray:
+    """Displacement and stress (5,) at a ``point`` (1, 2), the latter without what free expansion would give."""
+    free = stress_of_expansion(_material(case, body)) * _degrees(case, body, level, point)
     return np.concatenate([seen[:2], seen[2:] - free])
 
 
-def _fields(case: Case, body: str, level: Level, seen: FloatArray, field: str | None) -> Values:
-    """Columns of a displacement and stress (5,); of one field, or of all."""
+def _fields(
+    case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray, field: str | None
+) -> Values:
+    """Columns of a displacement and stress (5,) at a ``point`` (1, 2); of one field, or of all."""
     stress = seen[None, 2:]
-    across = _material(case, body).across_stress(stress, _degrees(case, body, level))
+    across = _material(case, body).across_stress(stress, _degrees(case, body, level, point))
     values = np.concatenate([seen, von_mises(stress, across)])
     columns = [name for names in FIELDS.values() for name in names]
     wanted = FIELDS[field] if field else columns

@@ -145,9 +145,9 @@ def cone_ratio(built: Built, contact: str, state: State) -> float:
 def probe_record(built: Built, name: str, state: State) -> ProbeRecord:
     """What a probe observes in one state."""
     values = built.condensed.probes[name](*state.unknowns)
-    body = next(probe.body for probe in built.scene.probes if probe.name == name)
+    body, point = next((probe.body, probe.point) for probe in built.scene.probes if probe.name == name)
     stress, material = values[2:], built.scene.bodies[body].model.material
-    across = material.across_stress(stress[None], float(built.scene.degrees(body) @ state.factors))
+    across = material.across_stress(stress[None], built.scene.degrees(body, state.factors, point))
     return ProbeRecord(values[:2], stress, float(von_mises(stress[None], across)[0]))
 
 
@@ -228,11 +228,13 @@ def fields_of(
 def _fields(built: Built, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
     """Fields of one body by the ``displacement`` (N, 2) of its elastic system, ghosts last."""
     model = built.scene.bodies[name].model
-    degrees = float(built.scene.degrees(name) @ state.factors)
-    elastic = displacement - degrees * model.free_expansion
     moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns)
-    # Ghosts move, but stresses are told at the points of the cloud only.
-    sigma = model.stress(elastic) + stressed[: len(model.cloud.points)] if stress else np.zeros((0, 3))
+    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    if stress:
+        degrees = built.scene.degrees(name, state.factors)
+        # Ghosts move, but stresses are told at the points of the cloud only.
+        sigma = model.stress(displacement) + stressed[: len(model.cloud.points)]
+        sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
     across = model.material.across_stress(sigma, degrees)
     whole = (displacement + moved)[: len(model.cloud.points)]
     return Fields(whole, sigma, across, von_mises(sigma, across), displacement)
@@ -248,11 +250,12 @@ def shown_fields(built: Built, state: State, fields: Mapping[str, Fields], stres
 
 def _shown(built: Built, view: View, state: State, fields: Fields, stress: bool) -> Fields:
     name, material = view.model.name, view.model.material
-    degrees = float(built.scene.degrees(name) @ state.factors)
     moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns, view.cloud.points)
     seen = (view.rows @ fields.rest.ravel()).reshape(5, -1).T
-    sigma = seen[:, 2:] + stressed - degrees * stress_of_expansion(material)
-    sigma = sigma if stress else np.zeros((0, 3))
+    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    if stress:
+        degrees = built.scene.degrees(name, state.factors, view.cloud.points)
+        sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
     across = material.across_stress(sigma, degrees)
     return Fields(seen[:, :2] + moved, sigma, across, von_mises(sigma, across), fields.rest)
 

@@ -154,6 +154,9 @@ def _even_loads(acting: Acting, mirrors: Mapping[str, Mirror], stages: FloatArra
         forces = [(force.number, force.values) for force in acting.body_forces if force.body == name]
         if not _even_sum(forces, forces, mirror.image, mirror, stages):
             return False
+        heat = [(one.number, one.values[:, None]) for one in acting.heatings if one.body == name]
+        if not _even_sum(heat, heat, mirror.image, mirror, stages, signs=np.ones(1)):
+            return False
         for surface, (image, places) in mirror.surfaces.items():
             for held in (False, True):
                 one, other = (
@@ -175,14 +178,17 @@ def _even_sum(
     places: IntArray,
     mirror: Mirror,
     stages: FloatArray,
+    signs: FloatArray | None = None,
 ) -> bool:
-    """Whether ``loads`` are what the mirror makes of the ``images``, whose node for each is at ``places``."""
+    """Whether ``loads`` are what the mirror makes of the ``images``, whose node for each is at ``places``: it
+    multiplies their components by ``signs`` (c,), by default those of vectors."""
+    signs = mirror.line.signs if signs is None else signs
     for factors in stages:
-        lack = np.zeros((len(places), 2))
+        lack = np.zeros((len(places), len(signs)))
         for number, values in loads:
             lack += factors[number] * values
         for number, values in images:
-            lack -= factors[number] * values[places] * mirror.line.signs
+            lack -= factors[number] * values[places] * signs
         sizes = [np.abs(factors[number] * values).max(initial=0.0) for number, values in loads + images]
         if np.abs(lack).max(initial=0.0) > EVEN * max(sizes, default=0.0):
             return False

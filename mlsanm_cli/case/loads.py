@@ -117,12 +117,13 @@ class BodyForce(_InBody):
 
 
 class Temperature(_InBody):
-    """An even change of the body's temperature, in the degrees of the material's ``alpha``."""
+    """A change of the body's temperature, in the degrees of the material's ``alpha``: a number, or an
+    expression in x and y."""
 
     kind: Literal["temperature"]
     """What the load is."""
-    temperature: Annotated[float, TEMPERATURE]
-    """Change of temperature."""
+    temperature: Annotated[Amount, TEMPERATURE]
+    """Change of temperature: a number, or an expression in x and y."""
 
 
 class _Moving(Section):

@@ -367,7 +367,8 @@ def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
 def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> LinearMap:
     """What a probe observes: displacement, and the stress of all but free expansion."""
     free = stress_of_expansion(scene.bodies[probe.body].model.material)
-    rows[-len(free) :, : drivers.loads] -= np.outer(free, scene.degrees(probe.body))
+    for heating in scene.heated(probe.body):
+        rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
     result = drivers.by_unknowns(rows)
     add_fields(result, drivers, scene, probe)
     return result

@@ -231,8 +231,9 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
             rows = reaction_rows(body, surface, platen.center)
             measured[held] = told(platen.body, rows)
             # Stresses come from the displacements beyond those of free expansion.
-            expansion = rows @ body.model.free_expansion.ravel()
-            measured[held].load[:] -= np.outer(expansion, scene.degrees(platen.body))
+            for heating in scene.heated(platen.body):
+                expansion = heating.reaction(body, surface, platen.center)
+                measured[held].load[:, heating.number] -= expansion
     apart = len(scene.loads) + first
     sources = {
         name: sparse.csc_array(

@@ -38,9 +38,8 @@ def body_sources(
     for force in scene.body_forces:
         if force.body == name:
             few[:, force.number] += body.force_source(force.values)
-    degrees = scene.degrees(name)
-    if degrees.any():
-        few[:, : columns.loads] += np.outer(body.heat_source, degrees)
+    for heating in scene.heated(name):
+        few[:, heating.number] += heating.source(body)
     unknown = columns.loads
     for platen in scene.platens:
         for motion in platen.motions:

@@ -60,9 +60,8 @@ def work_on(
     for force in scene.body_forces:
         if force.body == body:
             total += over_body(cloud, factors[force.number] * force.values, path)
-    degrees = float(scene.degrees(body) @ factors)
-    if degrees:
-        total -= over_body(cloud, stress, np.broadcast_to(degrees * material.expansion, stress.shape))
+    if scene.heated(body):
+        total -= over_body(cloud, stress, scene.degrees(body, factors)[:, None] * material.expansion)
     return total
 
 

@@ -73,9 +73,10 @@ class PlaneMaterial:
         result: FloatArray = 0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, direction)
         return result
 
-    def across_stress(self, stress: FloatArray, temperature: float = 0.0) -> FloatArray:
-        """sigma_zz (n,) beside plane ``stress`` (n, 3) after a change of ``temperature``."""
-        heat = self.across_heat * temperature if temperature else 0.0
+    def across_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
+        """sigma_zz (n,) beside plane ``stress`` (n, 3) after a change of ``temperature``, one or (n,)."""
+        # Where nothing is heated, an expansion that is not known does not matter.
+        heat = np.where(temperature, self.across_heat * np.asarray(temperature), 0.0)
         result: FloatArray = stress @ self.across + heat
         return result
 

@@ -13,6 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
+from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import rigid_pattern
 from mlsanm_cli.values import dataclass
@@ -42,15 +43,6 @@ class BodyForce:
     number: int
     body: str
     values: FloatArray
-
-
-@dataclass(frozen=True)
-class Heating:
-    """An even change of a body's temperature by ``degrees`` at factor 1."""
-
-    number: int
-    body: str
-    degrees: float
 
 
 @dataclass(frozen=True)
@@ -156,20 +148,31 @@ class Scene:
                 return platen.center
         return (0.0, 0.0)
 
-    def degrees(self, body: str) -> FloatArray:
-        """Change of a body's temperature (L,) per load factor."""
-        result = np.zeros(len(self.loads))
-        for heating in self.heatings:
-            if heating.body == body:
-                result[heating.number] += heating.degrees
-        return result
+    def heated(self, body: str) -> list[Heating]:
+        """What changes a body's temperature."""
+        return [heating for heating in self.heatings if heating.body == body]
 
-    def heat_force(self, body: str) -> float:
-        """The largest force per degree that a surface needs to keep its body from expanding at all."""
-        model = self.bodies[body].model
+    def degrees(self, body: str, factors: FloatArray, points: FloatArray | None = None) -> FloatArray:
+        """Change of a body's temperature at load ``factors`` (L,): at its cloud's points (n,), or at others
+        (e, 2)."""
+        total = np.zeros(len(self.bodies[body].model.cloud.points if points is None else points))
+        for heating in self.heated(body):
+            if factors[heating.number]:
+                values = heating.values if points is None else heating.field.at(points)
+                total += factors[heating.number] * values
+        return total
+
+    def heat_force(self, body: str, factors: FloatArray) -> float:
+        """The largest force that a surface needs to keep its body from expanding at all."""
+        if not self.heated(body):
+            return 0.0
+        model, degrees = self.bodies[body].model, self.degrees(body, factors)
         even = model.material.stiffness @ model.material.expansion
         return max(
-            float(surface.weight @ np.hypot(*traction_of(even, surface.normal).T))
+            float(
+                (surface.weight * np.abs(degrees[surface.index]))
+                @ np.hypot(*traction_of(even, surface.normal).T)
+            )
             for surface in model.cloud.surfaces.values()
         )
 
