@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mlsanm_cli.app.fields import AmountField, amounts_at
 from mlsanm_cli.app.surfaces import SurfacePart, parts_at, surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
@@ -18,7 +19,6 @@ from mlsanm_cli.case import (
     Pressure,
     Temperature,
     Traction,
-    value_at,
 )
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
@@ -41,19 +41,9 @@ class Acting:
     springs: Mapping[str, Mapping[str, tuple[float, float]]]
 
 
-@dataclass(frozen=True)
-class TemperatureField:
-    """The change of temperature that a ``load`` of this name brings: a number or an expression."""
-
-    load: str
-    amount: float | str
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """Values (e,) at ``points`` (e, 2). Raises CaseError where an expression has none."""
-        try:
-            return amounts_at([self.amount], points)[:, 0]
-        except ExpressionError as error:
-            raise CaseError((CaseProblem(f"load.{self.load}.temperature", str(error)),)) from error
+def temperature_of(load: Temperature) -> AmountField:
+    """The change of temperature that a load brings."""
+    return AmountField(f"load.{load.name}.temperature", load.temperature)
 
 
 class _BadTableError(ValueError):
@@ -79,7 +69,7 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
                 values = amounts_at(load.body_force, cloud.points)
                 body_forces.append(mechanics.BodyForce(number, load.body, values))
             elif isinstance(load, Temperature):
-                field = TemperatureField(load.name, load.temperature)
+                field = temperature_of(load)
                 heatings.append(Heating(number, load.body, field, field.at(cloud.points)))
             else:
                 held = isinstance(load, Displacement)
@@ -118,17 +108,6 @@ def _on_surface(
         return -_from_table(load.table, part, arc) * surface.curve.normals(arc)
     assert load.pressure is not None
     return -amounts_at([load.pressure], points) * surface.curve.normals(arc)
-
-
-def amounts_at(amounts: Sequence[float | str], points: FloatArray) -> FloatArray:
-    """Numbers and expressions (c,) at ``points`` (n, 2), as columns (n, c)."""
-    columns = [
-        np.array([value_at(amount, x, y) for x, y in points.tolist()])
-        if isinstance(amount, str)
-        else np.full(len(points), amount)
-        for amount in amounts
-    ]
-    return np.stack(columns, axis=1)
 
 
 def _from_table(rows: Sequence[tuple[float, ...]], part: SurfacePart, arc: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.levels import SERIES, Level, displacement_at, level_at
-from mlsanm_cli.app.loads import TemperatureField
+from mlsanm_cli.app.loads import temperature_of
 from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.scene import mls_settings
 from mlsanm_cli.app.views import boundary_edges
@@ -224,12 +224,12 @@ def _degrees(case: Case, body: str, level: Level, point: FloatArray) -> FloatArr
     total = np.zeros(1)
     for load, factor in zip(case.load, level.factors, strict=True):
         if isinstance(load, Temperature) and load.owner == body:
-            total += float(factor) * TemperatureField(load.name, load.temperature).at(point)
+            total += float(factor) * temperature_of(load).at(point)
     return total
 
 
 def _stressed(case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray) -> FloatArray:
-    """Displacement and stress (5,) at a ``point`` (1, 2), the latter without what free expansion would give."""
+    """Displacement and stress (5,) at a ``point`` (1, 2), the latter without that of free expansion."""
     free = stress_of_expansion(_material(case, body)) * _degrees(case, body, level, point)
     return np.concatenate([seen[:2], seen[2:] - free])
 
