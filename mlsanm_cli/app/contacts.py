@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.causes import unfacing_hint
+from mlsanm_cli.app.fields import AmountField
 from mlsanm_cli.app.surfaces import surface_at
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
@@ -34,6 +35,13 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
             hint = unfacing_hint(case, contact, clouds)
             problems.append(CaseProblem(key, f"no node of {slave} faces {other}", hint=hint))
             continue
+        profile = profile_of(contact)
+        if profile is not None:
+            try:
+                pairing = replace(pairing, gap=pairing.gap + profile.at(pairing.points))
+            except CaseError as error:
+                problems += error.problems
+                continue
         if contact.interference is not None:
             try:
                 pairing = _fitted(pairing, contact.interference)
@@ -53,6 +61,11 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
     if problems:
         raise CaseError(tuple(problems))
     return pairings
+
+
+def profile_of(contact: Contact) -> AmountField | None:
+    """What is added to the gap of a contact as drawn; None where nothing is."""
+    return AmountField(f"contact.{contact.name}.gap", contact.gap) if contact.gap else None
 
 
 def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:

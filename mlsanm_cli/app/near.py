@@ -167,7 +167,8 @@ def _first(clear: Clear) -> Near:
     """A coarse grid over all that faces, finer towards where the surfaces are nearest; even where they touch
     all along."""
     looks = clear.facing.gap(np.linspace(clear.first, clear.last, FIRST + 1))
-    if float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
+    # Waves might be looked at in their troughs alone.
+    if clear.places == 1 and float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
         even = _hats(np.linspace(clear.first, clear.last, FIRST + 1), clear)
         return Near(clear.facing, clear.first, clear.last, SAMPLES, even, clear.centers, clear.corners)
     widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)

@@ -15,6 +15,7 @@ from mlsanm_cli.case.base import (
     FOUNDATION,
     LENGTH,
     NUMBER,
+    Amount,
     AutoCount,
     AutoLength,
     Name,
@@ -137,6 +138,9 @@ class Contact(Section):
     """The rigid obstacle it may touch instead."""
     interference: Annotated[Positive, LENGTH] | None = None
     """By how much the surfaces overlap on purpose where they do so most."""
+    gap: Annotated[Amount, LENGTH] = 0.0
+    """What is added to the gap between the surfaces as drawn: a number, or an expression in x and y of the
+    slave's points. Crowned, wavy and rough profiles need not be drawn."""
     friction: Annotated[float, Field(ge=0.0), NUMBER] = 0.0
     """Coulomb's coefficient; 0 leaves every tangential unknown out."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
