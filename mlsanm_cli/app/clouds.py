@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.app.contacts import shape_of
 from mlsanm_cli.app.foreign import foreign
 from mlsanm_cli.app.surfaces import curve_at, drawn, numbers_of, outline_of, with_cuts
-from mlsanm_cli.app.usual_spacing import arc_zones, contact_zone, usual_spacing
+from mlsanm_cli.app.usual_spacing import arc_zones, bond_zones, contact_zone, usual_spacing
 from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.model import Body, Case
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
@@ -48,6 +48,9 @@ def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
         ):
             if place.body == body.name:
                 facing = other if len(found) > 1 else None
+                if contact.bonded and facing is not None:
+                    yield from bond_zones(own, facing, min(far, _far(case, partner.body)))
+                    continue
                 yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
 
 

@@ -100,7 +100,7 @@ def find_grids(
             answers = Answers.of(scene, some, memo)
         if condensed is None:
             condensed = condense(scene, some, memo, answers)
-        starts = starts or [_near_enough(some)]
+        starts = starts or [_near_enough(condensed.pairings)]
         try:
             states = search(condensed, starts, every)
         except NumericalError:
@@ -130,7 +130,8 @@ def find_grids(
         if any(wanted[name].samples_differ(grids[name]) for name in grids):
             answers = None
         grids = wanted
-        starts = [_moved(condensed, _on_grids(pairings, grids), state) for state in states]
+        later = [pairing for pairing in _on_grids(pairings, grids) if not pairing.bonded]
+        starts = [_moved(condensed, later, state) for state in states]
         condensed = None
     return None
 

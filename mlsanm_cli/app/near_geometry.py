@@ -94,7 +94,7 @@ def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, Clear]) -> tuple
 def _clear(
     case: Case, models: Mapping[str, BodyModel], pairing: Pairing, held: Mapping[str, Restraints]
 ) -> Clear | None:
-    if pairing.master_body == pairing.slave_body:
+    if pairing.master_body == pairing.slave_body or pairing.bonded:
         return None
     if any(models[body].cloud.sight is not None for body in pairing.bodies):
         return None

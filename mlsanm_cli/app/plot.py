@@ -56,10 +56,12 @@ def plot(rundir: Path, *, formats: tuple[str, ...] = ("png",)) -> list[Path]:
 
 def _pictures(run: RunData, case: Case) -> Iterator[tuple[str, str, _Draw]]:
     """Kind, subject and drawing function of every picture that the run has data for."""
-    friction = {contact.name: contact.friction for contact in case.contact}
+    friction = {contact.name: contact.coefficient for contact in case.contact}
     for name in run.contacts:
         yield "pressure", name, partial(_draw_pressure, run=run, case=case, name=name)
-        if friction[name]:
+        if np.isinf(friction[name]):
+            yield "traction", name, partial(_draw_traction, run=run, friction=0.0, name=name)
+        elif friction[name]:
             yield "traction", name, partial(_draw_traction, run=run, friction=friction[name], name=name)
             yield "loop", name, partial(_draw_loop, run=run, name=name)
     if run.contacts:

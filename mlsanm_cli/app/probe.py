@@ -153,7 +153,7 @@ def _told(level: Level) -> Values:
 
 
 def _friction(case: Case) -> dict[str, float]:
-    return {contact.name: contact.friction for contact in case.contact}
+    return {contact.name: contact.coefficient for contact in case.contact}
 
 
 def _mapped(run: RunData, level: Level, kind: str, name: str) -> FloatArray:
@@ -172,7 +172,7 @@ def _span(run: RunData, case: Case, name: str, rough_only: bool) -> slice:
     """Places of a contact among the nodes of all contacts, or of those with friction."""
     first = 0
     for contact, friction in _friction(case).items():
-        if friction or not rough_only:
+        if contact not in run.maps["bonds"] and (friction or not rough_only):
             count = len(run.contacts[contact].arc_length)
             if contact == name:
                 return slice(first, first + count)
@@ -184,6 +184,10 @@ def _on_contact(run: RunData, case: Case, level: Level, name: str, quantity: str
     """One quantity (m,) of a contact."""
     if level.how != SERIES:
         return level.between(getattr(run.contacts[name], quantity))
+    if name in run.maps["bonds"]:
+        pressure, traction = np.split(_mapped(run, level, "bonds", name), 2)
+        nothing = np.zeros(len(pressure))
+        return {"pressure": pressure, "traction": traction}.get(quantity, nothing)
     if quantity == "slip":
         return _mapped(run, level, "slip", name)
     if quantity == "traction":

@@ -66,7 +66,7 @@ def write_model(file: RunFile, built: Built) -> None:
             np.concatenate([surface.normal for surface in surfaces]),
             [surface.name for surface in surfaces for _ in surface.index],
         )
-    for pairing in built.condensed.pairings:
+    for pairing in built.condensed.reported:
         chosen = pairing.candidate
         file.write_contact(
             pairing.name,
@@ -76,6 +76,13 @@ def write_model(file: RunFile, built: Built) -> None:
             pairing.weight[chosen],
         )
     condensed = built.condensed
+    bonds = condensed.bonds
+    if bonds.pairings:
+        parts = {
+            name: (bonds.pressure.take(own), bonds.traction.take(own)) for name, own in bonds.spans.items()
+        }
+        both = {name: np.concatenate([one.matrix for one in pair]) for name, pair in parts.items()}
+        file.write_maps("bonds", both)
     moved = tuple(platen_displacements(built))
     file.start_path(built.scene.loads, tuple(condensed.forces), moved, tuple(condensed.probes))
 
@@ -116,6 +123,8 @@ def platen_displacements(built: Built, state: State | None = None) -> dict[str, 
 
 def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecord:
     """One contact in one state. Without friction there is no traction, and slip is not computed (nan)."""
+    if pairing.bonded:
+        return _bond_record(built, pairing, state)
     span = built.condensed.spans[pairing.name]
     count = span.stop - span.start
     traction, slip, work = np.zeros(count), np.full(count, np.nan), 0.0
@@ -131,6 +140,14 @@ def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecor
         status=state.status[span],
         dissipated_work=work,
     )
+
+
+def _bond_record(built: Built, pairing: Pairing, state: State) -> ContactRecord:
+    """The same of bonded surfaces: they stick, whatever they carry."""
+    pressure, traction = built.condensed.contact_values(pairing, state.unknowns)
+    nothing = np.zeros(len(pressure))
+    sticking = np.full(len(pressure), STICK, dtype=np.int8)
+    return ContactRecord(pressure, traction, nothing, nothing, sticking, 0.0)
 
 
 def cone_ratio(built: Built, contact: str, state: State) -> float:
@@ -165,7 +182,7 @@ def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
         factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
         resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
         displacements=platen_displacements(built, state),
-        contacts={p.name: contact_record(built, p, state) for p in built.condensed.pairings},
+        contacts={p.name: contact_record(built, p, state) for p in built.condensed.reported},
         probes={name: probe_record(built, name, state) for name in built.condensed.probes},
     )
 
@@ -190,6 +207,15 @@ def contact_summary(built: Built, pairing: Pairing, state: State) -> dict[str, A
     """The engineer's figures of a contact."""
     record = contact_record(built, pairing, state)
     force = built.condensed.contact_forces[pairing.name](*state.unknowns)
+    if pairing.bonded:
+        return {
+            "peak_pressure": float(record.pressure.max(initial=0.0)),
+            "peak_tension": float(-record.pressure.min(initial=0.0)),
+            "peak_traction": float(np.abs(record.traction).max(initial=0.0)),
+            "force": force.tolist(),
+            "closed_nodes": len(record.pressure),
+            "stick_nodes": len(record.pressure),
+        }
     return {
         "peak_pressure": float(record.pressure.max(initial=0.0)),
         "half_width": half_width(slave_arc(pairing), record.pressure),

@@ -16,7 +16,7 @@ from pydantic import (
     WithJsonSchema,
 )
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError
 
 from mlsanm_cli.case.expressions import ExpressionError, compile_expression
 from mlsanm_cli.values import dataclass
@@ -95,6 +95,18 @@ def _auto_or_length(value: Any) -> float | Literal["auto"]:
     return number
 
 
+def _coefficient(value: Any) -> float | Literal["bonded"]:
+    if value == "bonded":
+        return "bonded"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("coefficient", 'expected a number from 0, or "bonded"')
+    if not math.isfinite(value):
+        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+    if value < 0.0:
+        raise PydanticKnownError("greater_than_equal", {"ge": 0})
+    return float(value)
+
+
 def _amount(value: Any) -> float | str:
     if isinstance(value, str):
         try:
@@ -140,6 +152,14 @@ AutoLength = Annotated[
     PlainValidator(_auto_or_length),
     WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0.0}]}),
 ]
+
+
+Coefficient = Annotated[
+    float | Literal["bonded"],
+    PlainValidator(_coefficient),
+    WithJsonSchema({"anyOf": [{"const": "bonded"}, {"type": "number", "minimum": 0.0}]}),
+]
+"""A coefficient of friction, or surfaces that are one."""
 
 
 def split_boundary(boundary: str) -> tuple[str, str]:

@@ -179,6 +179,9 @@ def _check_contacts(draft: Draft, report: Report) -> None:
         if contact.obstacle is not None:
             check_obstacle(contact.obstacle, (*path, "obstacle"), report)
         if contact.master is None:
+            if contact.bonded:
+                hint = "hold the boundary with a [[support]], or move it with a platen"
+                report.add((*path, "friction"), "nothing is bonded to a rigid obstacle", hint)
             continue
         both = set(contact.sides[0].boundaries) & set(contact.sides[1].boundaries)
         if both:
@@ -192,10 +195,20 @@ def _check_contacts(draft: Draft, report: Report) -> None:
         if len(bodies) == 1:
             message = f"body {bodies.pop()} touching itself is not supported yet"
             report.add(path, message, "slave and master on two bodies")
+        if contact.bonded:
+            _check_bond(contact, path, report)
         pair = frozenset(contact.boundaries)
         if pair in pairs:
             report.add(path, f'the same two boundaries as contact "{pairs[pair]}"')
         pairs.setdefault(pair, contact.name)
+
+
+def _check_bond(contact: Contact, path: KeyPath, report: Report) -> None:
+    """Keys that say nothing of surfaces that are one."""
+    plain = Contact(name=contact.name, slave=contact.slave, master=contact.master)
+    for key in ("interference", "gap", "reach", "regularization"):
+        if getattr(contact, key) != getattr(plain, key):
+            report.add((*path, key), "has no meaning here: the surfaces are bonded as drawn", "remove it")
 
 
 def _check_stages(draft: Draft, report: Report) -> None:
@@ -238,7 +251,7 @@ def _check_numerics(draft: Draft, report: Report) -> None:
     if mls is not None and mls.scheme != "least-squares" and linear in ("pardiso", "mumps"):
         message = f'"{linear}" is for symmetric equations, which mls.scheme = "{mls.scheme}" has not'
         report.add(("solver", "linear"), message, 'write "auto"')
-    _check_laws(draft, report, draft.contacts.values())
+    _check_laws(draft, report, [one for one in draft.contacts.values() if not one.bonded])
     fixed = [body.name for body in draft.bodies.values() if body.brings_nodes]
     if draft.adapt is not None and draft.adapt.passes and fixed:
         message = f'body "{fixed[0]}" cannot be refined: its nodes are those of its file'
@@ -259,7 +272,7 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
     laws = {contact.name: contact.regularization.law for contact in contacts}
     first = next(iter(laws.values()), None)
     for index, contact in draft.contacts.items():
-        if contact.regularization.law != first:
+        if not contact.bonded and contact.regularization.law != first:
             message = f'"{contact.regularization.law}" here and "{first}" in another contact'
             hint = "one law in all contacts; mixed laws are not supported yet"
             report.add(("contact", index, "regularization", "law"), message, hint)
@@ -280,6 +293,10 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
             message = "the exact contact law is solved on the condensed system only"
             hint = 'law = "hyperbolic" in [contact.regularization], or formulation = "condensed"'
         report.add(("solver", "formulation"), message, hint)
+    tied = [c.name for c in draft.contacts.values() if c.bonded]
+    if draft.solver and draft.solver.formulation == "monolithic" and tied:
+        message = f"the bond of contact {tied[0]} is known to the condensed system only"
+        report.add(("solver", "formulation"), message, 'formulation = "condensed"')
     rigid = [c.name for c in draft.contacts.values() if c.obstacle is not None or c.interference is not None]
     if draft.solver and draft.solver.formulation == "monolithic" and rigid:
         message = f"the obstacle or interference of contact {rigid[0]} is known to the condensed system only"
@@ -287,7 +304,9 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
 
 
 def _check_friction_laws(draft: Draft, report: Report) -> None:
-    rough = {index: contact for index, contact in draft.contacts.items() if contact.friction}
+    rough = {
+        index: contact for index, contact in draft.contacts.items() if contact.friction and not contact.bonded
+    }
     first = next(iter(rough.values()), None)
     for index, contact in rough.items():
         here, path = contact.regularization, ("contact", index, "regularization", "friction_law")

@@ -6,6 +6,7 @@ agree with each other. Defaults stand here and nowhere else.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -18,6 +19,7 @@ from mlsanm_cli.case.base import (
     Amount,
     AutoCount,
     AutoLength,
+    Coefficient,
     Name,
     Positive,
     Section,
@@ -141,13 +143,24 @@ class Contact(Section):
     gap: Annotated[Amount, LENGTH] = 0.0
     """What is added to the gap between the surfaces as drawn: a number, or an expression in x and y of the
     slave's points. Crowned, wavy and rough profiles need not be drawn."""
-    friction: Annotated[float, Field(ge=0.0), NUMBER] = 0.0
-    """Coulomb's coefficient; 0 leaves every tangential unknown out."""
+    friction: Annotated[Coefficient, NUMBER] = 0.0
+    """Coulomb's coefficient, 0 leaves every tangential unknown out; or `"bonded"`: surfaces drawn touching
+    are one, and carry tension too."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
     """Error of the pressures that their grid is refined to, relative to the largest."""
     reach: Annotated[AutoLength, LENGTH] = "auto"
     """Nodes with a larger initial gap are left out; a run in which one of them closes fails."""
     regularization: Regularization = Regularization()
+
+    @property
+    def bonded(self) -> bool:
+        """Whether its surfaces are one."""
+        return self.friction == "bonded"
+
+    @property
+    def coefficient(self) -> float:
+        """Coulomb's coefficient; inf where surfaces are bonded."""
+        return math.inf if self.friction == "bonded" else self.friction
 
     @property
     def boundaries(self) -> tuple[str, ...]:
@@ -280,14 +293,19 @@ class Case(Section):
         return (*(load.name for load in self.load), *(c.name for c in self.contact if c.interference))
 
     @property
+    def touching(self) -> tuple[Contact, ...]:
+        """The contacts whose surfaces may come apart: all but bonded ones."""
+        return tuple(contact for contact in self.contact if not contact.bonded)
+
+    @property
     def polished(self) -> bool:
         """Whether saved levels end with the exact laws."""
         if self.solver.polish != "auto":
             return self.solver.polish
-        first = self.contact[0].regularization if self.contact else None
+        first = self.touching[0].regularization if self.touching else None
         if first is None or first.law == "exact" or self.solver.formulation == "monolithic":
             return False
-        return not any(c.friction and c.regularization.friction_law == "memory" for c in self.contact)
+        return not any(c.friction and c.regularization.friction_law == "memory" for c in self.touching)
 
     @model_validator(mode="before")
     @classmethod

@@ -132,7 +132,7 @@ def _given_tractions(
     for load in scene.surface_loads:
         if load.body == body and not load.held:
             total[load.surface] += factors[load.number] * load.values
-    for pairing in condensed.pairings:
+    for pairing in condensed.reported:
         pressure, traction = condensed.contact_values(pairing, unknowns)
         if pairing.near is not None:
             kernel = scene.bodies[body].model.kernel
@@ -159,7 +159,7 @@ def _on_master(
     """Work of contacts on the masters' surfaces of a body along a ``path`` (n, 2): of minus what the slaves
     receive, at the closest points, as the body's pieces receive it."""
     total = 0.0
-    for pairing in condensed.pairings:
+    for pairing in condensed.reported:
         master = pairing.master
         if pairing.master_body != body or master is None or pairing.near is not None:
             continue

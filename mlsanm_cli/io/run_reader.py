@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _ATTEMPTS = 5
 _PAUSE = 0.02
 
-MAPS = ("forces", "slip", "probes")
+MAPS = ("forces", "slip", "probes", "bonds")
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -121,6 +121,11 @@ class RunData:
     def status(self) -> str:
         """running (or killed), done, failed or stopped."""
         return str(self.attributes["status"])
+
+    @property
+    def loose_contacts(self) -> tuple[str, ...]:
+        """The contacts that are not bonded."""
+        return tuple(name for name in self.contacts if name not in self.maps["bonds"])
 
 
 @dataclass(frozen=True)
