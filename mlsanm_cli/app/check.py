@@ -133,6 +133,8 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
             place = f"obstacle of {load.obstacle}"
         else:
             place = load.owner if isinstance(load, BodyForce | Temperature) else load.place.label
+            if isinstance(load, Platen):
+                place = load.label
         add(place, *(f"{text} ({load.name})" if text else "" for text in _described(load)))
     for contact in case.contact:
         for role, label in zip(("slave", "master"), contact.names, strict=False):

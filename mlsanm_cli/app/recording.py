@@ -22,6 +22,8 @@ from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.probes import stress_of_expansion
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.mechanics.scene import Platen
 from mlsanm_cli.memo import digest
 from mlsanm_cli.values import dataclass
 
@@ -118,6 +120,20 @@ def platen_displacements(built: Built, state: State | None = None) -> dict[str, 
                 moved[motion.component] = value
             unknown += free
         found |= {built.scene.loads[number]: moved for number in mover.loads}
+    return found
+
+
+def plates_turned(built: Built, state: State) -> dict[str, dict[str, float]]:
+    """``rotation`` (radian) and ``moment`` on its bodies about its hinge, of every plate that turns."""
+    found, unknown = {}, 0
+    for mover in built.scene.movers:
+        for motion in mover.motions:
+            if isinstance(mover, Platen) and motion.component == ROTATION:
+                given = motion.prescribed
+                angle = state.motion[unknown] if given is None else given @ state.factors
+                moment = built.condensed.moments[mover.name](*state.unknowns)[0]
+                found[mover.name] = {"rotation": float(angle), "moment": float(moment)}
+            unknown += motion.prescribed is None
     return found
 
 

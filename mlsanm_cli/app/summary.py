@@ -78,6 +78,8 @@ def summarise(
         }
         summary["error_estimate"] = adapted.accuracy.figures(built, state)
         summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
+        if built.condensed.moments:
+            summary["plates"] = recording.plates_turned(built, state)
         if built.condensed.probes:
             summary["probes"] = {name: _probe(built, name, state) for name in built.condensed.probes}
         summary["force_balance"] = verdict.force_balance

@@ -305,28 +305,33 @@ def refuse_conflicts(case: Case) -> None:
     """Raise CaseError for conditions on lists and parts of boundaries that others there exclude."""
     taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
     problems = []
-    for key, kinds, place in _claims(case):
+    for key, kinds, place, owner in _claims(case):
         for surface in surfaces_at(case, place):
             for component, kind in kinds:
                 others = taken.setdefault((place.body, surface, component), [])
                 for other, name, label in others:
-                    plates = kind.startswith("platen") and label != place.label
+                    plates = kind.startswith("platen") and label != owner
                     if plates or not may_meet(other, kind):
                         message = f"{key} and {name} both act on a part of {place.label} in {'xy'[component]}"
                         hint = "one condition per boundary and direction"
                         problems.append(CaseProblem(key, message, hint=hint))
-                others.append((kind, key, place.label))
+                others.append((kind, key, owner))
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
 
 
-def _claims(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place]]:
+def _claims(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, str]]:
+    """Key, components with kinds, place and name of the place of all conditions on boundaries; plates have
+    one name wherever they are."""
     for index, support in enumerate(case.support):
         if support.place is not None:
-            yield f"support.{index}", list(support_components(support)), support.place
+            yield f"support.{index}", list(support_components(support)), support.place, support.place.label
     for load in case.load:
         if isinstance(load, Platen | Pressure | Traction | Displacement):
-            yield f"load.{load.name}", list(load_components(load, _normal(case, load.place))), load.place
+            for place in load.places:
+                owner = load.label if isinstance(load, Platen) else place.label
+                kinds = list(load_components(load, _normal(case, place)))
+                yield f"load.{load.name}", kinds, place, owner
 
 
 def _normal(case: Case, place: Place) -> tuple[float, float] | None:

@@ -124,8 +124,11 @@ def _alike(mirror: Mirror, conditions: Mapping[str, tuple[float, float]]) -> boo
 def _even_mover(mover: Mover, line: Line, mirrors: Mapping[str, Mirror], stages: FloatArray) -> bool:
     """Whether a mover is its own image, and nothing drives it but along the line."""
     if isinstance(mover, Platen):
-        images = {mirrors[mover.body].surfaces[name][0] for name in mover.surfaces}
-        if images != set(mover.surfaces):
+        images = {(body, mirrors[body].surfaces[name][0]) for body, name in mover.held}
+        if images != set(mover.held):
+            return False
+        size = abs(mover.center[0]) + abs(mover.center[1]) + abs(line.at)
+        if mover.turns and abs(mover.center[line.axis] - line.at) > SAME * size:
             return False
     return not any(
         (stages @ (motion.force if motion.prescribed is None else motion.prescribed)).any()

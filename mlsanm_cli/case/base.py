@@ -55,6 +55,7 @@ LENGTH, STRESS, FORCE = Unit("length"), Unit("stress"), Unit("force per thicknes
 ANGLE, NUMBER = Unit("degrees"), Unit("dimensionless")
 DENSITY, FOUNDATION = Unit("force per volume"), Unit("stress per length")
 TEMPERATURE, EXPANSION = Unit("temperature"), Unit("per temperature")
+TURN, MOMENT = Unit("radian"), Unit("moment per thickness")
 
 
 def _two_items(value: Any) -> Any:
@@ -107,6 +108,16 @@ def _coefficient(value: Any) -> float | Literal["bonded"]:
     return float(value)
 
 
+def _rotation(value: Any) -> float | Literal["fixed", "free"]:
+    if value == "fixed" or value == "free":
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("rotation", 'expected "fixed", "free", or an angle in radian')
+    if not math.isfinite(value):
+        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+    return float(value)
+
+
 def _amount(value: Any) -> float | str:
     if isinstance(value, str):
         try:
@@ -153,6 +164,13 @@ AutoLength = Annotated[
     WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0.0}]}),
 ]
 
+
+Rotation = Annotated[
+    float | Literal["fixed", "free"],
+    PlainValidator(_rotation),
+    WithJsonSchema({"anyOf": [{"enum": ["fixed", "free"]}, {"type": "number"}]}),
+]
+"""Whether a plate may turn, or by what angle it does."""
 
 Coefficient = Annotated[
     float | Literal["bonded"],

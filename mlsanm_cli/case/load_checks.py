@@ -19,6 +19,8 @@ def check_loads(draft: Draft, report: Report) -> None:
             _check_ends(load, path, report)
         if isinstance(load, Platen | ObstacleMotion):
             _check_moving(load, path, report)
+            if isinstance(load, Platen):
+                _check_turning(load, path, report)
         elif isinstance(load, Traction | Pressure):
             _check_value(load, path, report)
         elif isinstance(load, Displacement):
@@ -102,6 +104,17 @@ def _check_moving(load: Platen | ObstacleMotion, path: KeyPath, report: Report) 
     for u, f in (("ux", "fx"), ("uy", "fy")):
         if u in single and f in single:
             report.add((*path, f), f"the direction has {u} already", "it is moved by one of the two")
+
+
+def _check_turning(load: Platen, path: KeyPath, report: Report) -> None:
+    """What turns a plate, and about what, goes with whether it may turn."""
+    if load.moment is not None and load.turning != "free":
+        hint = 'leave rotation away, or write rotation = "free"'
+        report.add((*path, "moment"), "a plate that is not free to turn takes no moment", hint)
+    if load.hinge is not None and load.turning == "fixed":
+        report.add((*path, "hinge"), "a plate that does not turn has no hinge", 'rotation = "free"')
+    if len(load.places) > 1 and load.ends is not None:
+        report.add((*path, "from"), "parts are those of one body", "one boundary, or whole boundaries")
 
 
 def _check_obstacle_names(draft: Draft, report: Report) -> None:

@@ -27,7 +27,13 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.balance import Forces, balance_of_movers, body_imbalance, reported_forces
+from mlsanm_cli.contact.balance import (
+    Forces,
+    balance_of_movers,
+    body_imbalance,
+    moments_of_plates,
+    reported_forces,
+)
 from mlsanm_cli.contact.bonds import Bonds, bind
 from mlsanm_cli.contact.dense import scales
 from mlsanm_cli.contact.drivers import Drivers
@@ -65,8 +71,9 @@ class Condensed:
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes``
-    maps each probe to its displacement and stress (5,). ``solves`` counts columns. ``content`` is a digest of
-    all but the coefficients of friction.
+    maps each probe to its displacement and stress (5,), ``moments`` each plate that turns to the moment on
+    its bodies about its hinge. ``solves`` counts columns. ``content`` is a digest of all but the coefficients
+    of friction.
     """
 
     pairings: tuple[Pairing, ...]
@@ -90,6 +97,7 @@ class Condensed:
     content: str
     bonds: Bonds = field(default_factory=Bonds.none)
     probes: Mapping[str, LinearMap] = field(default_factory=dict)
+    moments: Mapping[str, LinearMap] = field(default_factory=dict)
     drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
 
     @property
@@ -351,6 +359,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
             for pairing in pairings
         },
         imbalance=reduced(body_imbalance(forces)),
+        moments={name: reduced(one) for name, one in moments_of_plates(forces).items()},
         bonds=bonds,
         sources=sources,
         solutions=answers.solutions,

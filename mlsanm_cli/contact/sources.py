@@ -43,9 +43,9 @@ def body_sources(
     unknown = columns.loads
     for platen in scene.platens:
         for motion in platen.motions:
-            if platen.body == name:
+            if name in platen.bodies:
                 source = np.zeros(body.rows)
-                for surface in platen.surfaces:
+                for surface in platen.surfaces_of(name):
                     pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion.component)
                     source += body.source(surface, pattern, held=True)
                 if motion.prescribed is None:

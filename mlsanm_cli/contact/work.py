@@ -115,10 +115,9 @@ def _prescribed(scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> Mapp
         for motion in platen.motions:
             value = motions[unknown] if motion.prescribed is None else motion.prescribed @ factors
             unknown += motion.prescribed is None
-            if platen.body == body:
-                for name in platen.surfaces:
-                    surface = cloud.surfaces[name]
-                    total[name] += value * platen.pattern(surface, cloud.points, motion.component)
+            for name in platen.surfaces_of(body):
+                surface = cloud.surfaces[name]
+                total[name] += value * platen.pattern(surface, cloud.points, motion.component)
     return total
 
 

@@ -15,7 +15,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.probes import Probe
-from mlsanm_cli.mechanics.rigid import rigid_pattern
+from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
 from mlsanm_cli.values import dataclass
 
 
@@ -64,10 +64,11 @@ class RigidMotion:
 
 @dataclass(frozen=True)
 class Platen:
-    """A rigid platen bonded to ``surfaces`` of a body; a component without a motion is free of traction
-    there.
+    """A rigid platen bonded to ``surfaces`` of a body, and to those of ``others``; a component without a
+    motion is free of traction there.
 
-    ``loads`` are the numbers of the loads that move it, ``name`` what messages call its place.
+    ``loads`` are the numbers of the loads that move it, ``name`` what messages call its place. It turns about
+    the ``center``.
     """
 
     body: str
@@ -76,6 +77,27 @@ class Platen:
     motions: tuple[RigidMotion, ...]
     loads: tuple[int, ...]
     name: str = ""
+    others: tuple[tuple[str, tuple[str, ...]], ...] = ()
+
+    @property
+    def held(self) -> tuple[tuple[str, str], ...]:
+        """Body and name of every surface that it moves."""
+        parts = ((self.body, self.surfaces), *self.others)
+        return tuple((body, surface) for body, surfaces in parts for surface in surfaces)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that it moves."""
+        return (self.body, *(body for body, _ in self.others))
+
+    @property
+    def turns(self) -> bool:
+        """Whether it may turn, or is turned."""
+        return any(motion.component == ROTATION for motion in self.motions)
+
+    def surfaces_of(self, body: str) -> tuple[str, ...]:
+        """The surfaces of a body that it moves."""
+        return tuple(surface for owner, surface in self.held if owner == body)
 
     def pattern(self, surface: Surface, points: FloatArray, component: int) -> FloatArray:
         """Displacements (b, 2) of the surface's nodes under a unit motion."""
@@ -106,6 +128,11 @@ class LooseBody:
     center: tuple[float, float]
     motions: tuple[RigidMotion, ...]
     loads: tuple[int, ...] = ()
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The body."""
+        return (self.body,)
 
 
 Mover = Platen | Obstacle | LooseBody
@@ -144,7 +171,7 @@ class Scene:
     def center(self, body: str, surface: str) -> tuple[float, float]:
         """The point that moments of a held surface are taken about: its platen's centre, else the origin."""
         for platen in self.platens:
-            if platen.body == body and surface in platen.surfaces:
+            if (body, surface) in platen.held:
                 return platen.center
         return (0.0, 0.0)
 
