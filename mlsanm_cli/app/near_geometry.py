@@ -36,6 +36,8 @@ SHARPEST, BLUNTEST = np.radians(25.0), np.radians(170.0)
 """Angles of corners whose fields are known."""
 BEYOND = np.geomspace(1e-3, 1e2, 200)
 """How far, in their lengths, the lines of a corner's faces are followed outside the body."""
+SMOOTH = float(np.cos(np.radians(1.0)))
+"""Outlines go on smoothly where they turn by no more than this angle's cosine tells."""
 SNAP = 1.5
 """Ends of a range are ends of a surface that are no more looks away."""
 LOOKED_AT, PROFILED, LOOKS_PER_POINT = 800, 4000, 2
@@ -258,13 +260,32 @@ def _off_corners(
         arc = curve.closest(as_real(facing.side(s, slave)[0]))
         corners = list(corners_of(curve))
         if not curve.closed:
-            corners += [end for end, one in zip((0.0, curve.length), known, strict=True) if one is None]
+            smooth = _goes_on(models[body].cloud, surface)
+            ends_of = zip((0.0, curve.length), known, smooth, strict=True)
+            corners += [end for end, one, on in ends_of if one is None and not on]
         for corner, near in zip(corners, np.interp(corners, surface.arc_length, spacing), strict=True):
             apart = np.abs(arc - corner)
             if curve.closed:
                 apart = np.minimum(apart, curve.length - apart)
             off &= apart >= CLEAR * near
     return off
+
+
+def _goes_on(cloud: Cloud, surface: Surface) -> tuple[bool, bool]:
+    """Whether the same boundary goes on smoothly where an open surface begins, and where it ends, as it does
+    where a part of it is in contact."""
+    own = {part.name for part, _ in surface.members}
+    stems = {name.partition("/")[0] for name in own}
+    found = []
+    for place in (0, -1):
+        node, normal = surface.index[place], surface.normal[place]
+        beside = [
+            other.normal[other.index == node]
+            for name, other in cloud.surfaces.items()
+            if name not in own and name.partition("/")[0] in stems
+        ]
+        found.append(any(bool((one @ normal >= SMOOTH).any()) for one in beside))
+    return found[0], found[1]
 
 
 def _minimum(facing: Facing, first: float, last: float) -> float:

@@ -25,7 +25,7 @@ from mlsanm_cli.case.round_shapes import Annulus, HalfDisk, Sector
 from mlsanm_cli.case.shapes import AnyShape, Rectangle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, disk, half_disk, rectangle, sector
-from mlsanm_cli.cloud.joined import chain_of, cut, joined
+from mlsanm_cli.cloud.joined import chain_of, cut, joined, part_of
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -149,16 +149,20 @@ def _groups(outline: Outline, numbers: Sequence[int]) -> list[str]:
 def curve_at(case: Case, place: Place, key: str) -> tuple[Curve, tuple[Curve, ...]]:
     """The curve of a contact's side, and the other curves of the body's outline. Raises CaseError."""
     run = _run(case, place, key)
-    others = (curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
-    return joined(run.curves, run.around), tuple(others)
+    others = tuple(curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
+    own = joined(run.curves, run.around)
+    if place.ends is not None:
+        first, length = _range(run, place)
+        own = part_of(own, first, first + length)
+    return own, others
 
 
 def surface_at(case: Case, cloud: Cloud, place: Place, key: str) -> Surface:
     """The nodes of a contact's side as one surface. Raises CaseError where its pieces do not join."""
-    run = _run(case, place, key)
-    names = [name for _, name, _, _ in _pieces(case, place, run)]
+    run, names = _run(case, place, key), surfaces_at(case, place)
+    around = run.around and place.ends is None
     label = place.label.partition(".")[2]
-    return joined_surface(label, [cloud.surfaces[name] for name in names], run.around)
+    return joined_surface(label, [cloud.surfaces[name] for name in names], around)
 
 
 @dataclass(frozen=True)
@@ -232,6 +236,9 @@ def _parted(case: Case) -> Iterator[tuple[str, Place]]:
     for load in case.load:
         if isinstance(load, Platen | Pressure | Traction | Displacement) and load.ends is not None:
             yield f"load.{load.name}", load.place
+    for contact in case.contact:
+        if contact.ends is not None:
+            yield f"contact.{contact.name}", contact.sides[0]
 
 
 def _cuts(case: Case, body: Body) -> dict[int, list[float]]:
@@ -316,6 +323,15 @@ def refuse_conflicts(case: Case) -> None:
                         hint = "one condition per boundary and direction"
                         problems.append(CaseProblem(key, message, hint=hint))
                 others.append((kind, key, owner))
+    for contact in case.contact:
+        side = contact.sides[0]
+        if contact.ends is not None:
+            there = [taken.get((side.body, s, c), []) for s in surfaces_at(case, side) for c in (0, 1)]
+            for kind, key, _ in [one for some in there for one in some]:
+                if kind != "traction":
+                    message = f"{key} acts on a part of the contact surface {side.label}"
+                    hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
+                    problems.append(CaseProblem(f"contact.{contact.name}.slave", message, hint=hint))
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
 

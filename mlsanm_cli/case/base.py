@@ -109,8 +109,8 @@ def _coefficient(value: Any) -> float | Literal["bonded"]:
 
 
 def _rotation(value: Any) -> float | Literal["fixed", "free"]:
-    if value == "fixed" or value == "free":
-        return value
+    if isinstance(value, str) and value in ("fixed", "free"):
+        return "fixed" if value == "fixed" else "free"
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise PydanticCustomError("rotation", 'expected "fixed", "free", or an angle in radian')
     if not math.isfinite(value):

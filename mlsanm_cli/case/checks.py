@@ -14,7 +14,7 @@ from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.drift import check_drift
 from mlsanm_cli.case.files import Geometry, Points
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.load_checks import check_loads
+from mlsanm_cli.case.load_checks import check_ends, check_loads
 from mlsanm_cli.case.materials import check_material
 from mlsanm_cli.case.model import Body, Contact
 from mlsanm_cli.case.obstacles import check_obstacle
@@ -169,9 +169,10 @@ def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) 
 
 
 def _check_contacts(draft: Draft, report: Report) -> None:
-    pairs: dict[frozenset[str], str] = {}
+    pairs: dict[tuple[frozenset[str], object], str] = {}
     for index, contact in draft.contacts.items():
         path: KeyPath = ("contact", index)
+        check_ends(contact, path, report)
         if (contact.master is None) == (contact.obstacle is None):
             hint = "a boundary of another body, or a rigid obstacle"
             report.add(path, "needs exactly one of master and obstacle", hint)
@@ -197,7 +198,7 @@ def _check_contacts(draft: Draft, report: Report) -> None:
             report.add(path, message, "slave and master on two bodies")
         if contact.bonded:
             _check_bond(contact, path, report)
-        pair = frozenset(contact.boundaries)
+        pair = frozenset(contact.boundaries), contact.ends
         if pair in pairs:
             report.add(path, f'the same two boundaries as contact "{pairs[pair]}"')
         pairs.setdefault(pair, contact.name)

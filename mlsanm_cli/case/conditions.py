@@ -170,7 +170,8 @@ def _check_contact_surfaces(draft: Draft, report: Report, claims: list[Claim]) -
             path: KeyPath = ("contact", index, key)
             for claim in claims:
                 # Given tractions and those of the contact add up.
-                if claim.boundary in side.boundaries and claim.kind != "traction":
+                apart = claim.partial and side.ends is not None
+                if claim.boundary in side.boundaries and claim.kind != "traction" and not apart:
                     message = f"{claim.label} acts on the contact surface {claim.boundary}"
                     hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
                     report.add(path, message, hint)

@@ -16,7 +16,7 @@ def check_loads(draft: Draft, report: Report) -> None:
     for index, load in draft.loads.items():
         path: KeyPath = ("load", index)
         if isinstance(load, Stretch):
-            _check_ends(load, path, report)
+            check_ends(load, path, report)
         if isinstance(load, Platen | ObstacleMotion):
             _check_moving(load, path, report)
             if isinstance(load, Platen):
@@ -30,7 +30,7 @@ def check_loads(draft: Draft, report: Report) -> None:
     _check_obstacle_names(draft, report)
 
 
-def _check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
+def check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
     """Both ends of a part are given, or none."""
     if (part.start is None) != (part.to is None):
         key, other = ("from", "to") if part.to is None else ("to", "from")
@@ -41,7 +41,7 @@ def _check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
 
 def _check_support(draft: Draft, report: Report, index: int) -> None:
     support, path = draft.supports[index], ("support", index)
-    _check_ends(support, path, report)
+    check_ends(support, path, report)
     if support.boundary is None and (support.start is not None or support.to is not None):
         report.add(path, '"from" and "to" are the ends of a part of a boundary', 'give "boundary"')
     if support.boundary is not None and (support.body is not None or support.near is not None):

@@ -30,7 +30,7 @@ from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.loads import Load
 from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.obstacles import Obstacle
-from mlsanm_cli.case.places import Boundaries, Place, Stretch, label_of, listed
+from mlsanm_cli.case.places import Boundaries, Place, Stretch, listed
 from mlsanm_cli.case.shapes import Shape
 
 
@@ -125,9 +125,9 @@ class Regularization(Section):
     back); the same in all contacts."""
 
 
-class Contact(Section):
+class Contact(Stretch):
     """Two boundaries that may touch, or one and a rigid obstacle; with ``interference`` they overlap on
-    purpose."""
+    purpose. With ``from`` and ``to`` it is a part of the slave."""
 
     name: Name
     """Name of the contact."""
@@ -170,12 +170,13 @@ class Contact(Section):
     @property
     def sides(self) -> tuple[Place, ...]:
         """The slave and, if there is one, the master."""
-        return tuple(Place(listed(side)) for side in (self.slave, self.master) if side is not None)
+        master = () if self.master is None else (Place(listed(self.master)),)
+        return (Place(listed(self.slave), self.ends), *master)
 
     @property
     def names(self) -> tuple[str, ...]:
         """What the sides are called."""
-        return tuple(label_of(side.boundaries) for side in self.sides)
+        return tuple(side.label for side in self.sides)
 
 
 class Probe(Section):
