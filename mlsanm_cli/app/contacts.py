@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.causes import unfacing_hint
 from mlsanm_cli.app.fields import AmountField
-from mlsanm_cli.app.surfaces import surface_at
+from mlsanm_cli.app.surfaces import sides_of, surface_at
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.obstacles import Chain, Plane, Round, Shape
@@ -78,7 +78,7 @@ def profile_of(contact: Contact) -> AmountField | None:
 
 
 def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
-    places = contact.sides
+    places = sides_of(case, contact)
     body = places[0].body
     slave = surface_at(case, clouds[body], places[0], f"contact.{contact.name}.slave")
     if contact.obstacle is not None:

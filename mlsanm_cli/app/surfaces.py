@@ -20,7 +20,7 @@ from mlsanm_cli.case import Case, Chained, Displacement, Place, Platen, Pressure
 from mlsanm_cli.case.chains import Piece, Side, Smooth
 from mlsanm_cli.case.conditions import Kind, load_components, may_meet, support_components
 from mlsanm_cli.case.files import Mesh, Points
-from mlsanm_cli.case.model import Body
+from mlsanm_cli.case.model import Body, Contact
 from mlsanm_cli.case.round_shapes import Annulus, HalfDisk, Sector
 from mlsanm_cli.case.shapes import AnyShape, Rectangle
 from mlsanm_cli.cloud.cloud import Cloud
@@ -33,6 +33,8 @@ from mlsanm_cli.values import dataclass
 
 FAR = 0.1
 """The ends of a part of a boundary are within this part of its length of it."""
+IN_PLACE = 1e-4
+"""Surfaces lie on each other where they are apart by less than this part of their length."""
 AT_END = 1e-6
 """Ends of parts nearer than this part of a piece's length to its end are there."""
 
@@ -237,8 +239,72 @@ def _parted(case: Case) -> Iterator[tuple[str, Place]]:
         if isinstance(load, Platen | Pressure | Traction | Displacement) and load.ends is not None:
             yield f"load.{load.name}", load.place
     for contact in case.contact:
-        if contact.ends is not None:
-            yield f"contact.{contact.name}", contact.sides[0]
+        for place in sides_of(case, contact):
+            if place.ends is not None:
+                yield f"contact.{contact.name}", place
+
+
+def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
+    """The slave and, if there is one, the master of a contact; of bonds only the parts that face each other,
+    so that tractions may begin and end where a surface goes on."""
+    sides = contact.sides
+    if not contact.bonded or len(sides) < 2:
+        return sides
+    return _facing_part(case, contact, 0), _facing_part(case, contact, 1)
+
+
+def _facing_part(case: Case, contact: Contact, which: int) -> Place:
+    """One side of a bond, from where to where the other one lies on it."""
+    own, other = contact.sides[which], contact.sides[1 - which]
+    if own.ends is not None:
+        return own
+    run = _run(case, own, f"contact.{contact.name}")
+    facing = _run(case, Place(other.boundaries), f"contact.{contact.name}")
+    theirs = joined(facing.curves, facing.around)
+    if other.ends is not None:
+        first, length = _range(facing, other)
+        theirs = part_of(theirs, first, first + length)
+    if theirs.closed:
+        return own
+    whole, closed = run.starts[-1], run.around or run.curves[0].closed
+    tips = theirs.points(np.array([0.0, 0.5, 1.0]) * theirs.length).tolist()
+    (start, *_), (middle, _), (end, *_) = places = [run.nearest((x, y)) for x, y in tips]
+    if places[1][1] > IN_PLACE * whole:
+        return own
+    inside = [away <= IN_PLACE * whole and AT_END < at / whole < 1.0 - AT_END for at, away in places[::2]]
+    if not any(inside):
+        return own
+    # Surfaces that face each other run past each other; on a closed one the part has the middle in it.
+    low, high = sorted((start, end))
+    if closed:
+        low, high = (low, high) if low < middle < high else (high, low)
+    else:
+        low, high = (place if within else far for place, within, far in _ordered(start, end, inside, whole))
+    curve = joined(run.curves, run.around)
+    (a, b), (c, d) = curve.points(np.array([low, high])).tolist()
+    return Place(own.boundaries, ((a, b), (c, d)))
+
+
+def _ordered(
+    start: float, end: float, inside: Sequence[bool], whole: float
+) -> list[tuple[float, bool, float]]:
+    """Both ends of a part in order along an open run, whether each is inside it, and the run's end there."""
+    both = sorted([(start, inside[0]), (end, inside[1])])
+    return [(*both[0], 0.0), (*both[1], whole)]
+
+
+def bond_ends(case: Case, contact: Contact) -> list[tuple[float, float]]:
+    """The points where a bond ends on a surface that goes on."""
+    found = []
+    for place in sides_of(case, contact):
+        if place.ends is None:
+            continue
+        run = _run(case, place, f"contact.{contact.name}")
+        for point in place.ends:
+            at, _ = run.nearest(point)
+            if AT_END < at / run.starts[-1] < 1.0 - AT_END or run.curves[0].closed:
+                found.append(point)
+    return found
 
 
 def _cuts(case: Case, body: Body) -> dict[int, list[float]]:

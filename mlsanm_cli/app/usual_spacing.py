@@ -7,7 +7,7 @@ some along.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -37,10 +37,10 @@ CLOSE = 0.05
 to the end."""
 AT_ENDS = 10.0
 """Spacings between the outermost of several such places and the end of the surface."""
-BONDED = 0.05
-"""Surfaces are bonded where they are drawn apart by less than this part of the spacing."""
-AT_BOND_ENDS = 4.0
-"""Spacings along a bond over those where it ends on a surface that goes on."""
+BY_BOND_ENDS, AT_BOND_ENDS, SLOWLY = 2.0, 4.0, 0.12
+"""The finer body's spacing over those along a bond that ends on a surface that goes on, and at its end. A
+post on a block was then within 1 % of one piece, with 678 nodes, and its energies within 6 %; with spacings
+that grow faster energies were up to 26 % off."""
 FLAT = 1e-6
 """Gaps that differ by less than this part of the length are the same."""
 
@@ -148,31 +148,15 @@ def contact_zone(
         yield Zone.around((float(place[0]), float(place[1])), distance / IN_FRONT, distance, GROWTH)
 
 
-def bond_zones(own: Curve, other: Curve, fine: float) -> Iterator[Zone]:
-    """Nodes as ``fine`` as the finer body's where a boundary is bonded to the ``other`` surface, and finer
-    ones where the bond ends on a surface that goes on: stresses are singular there."""
-    s = _places(own)
-    points = own.points(s)
-    partner = other.points(other.closest(points))
-    drawn = np.flatnonzero(np.hypot(*(points - partner).T) <= BONDED * fine)
-    if len(drawn) < 2:
+def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
+    """Nodes as ``fine`` as the finer body's where a boundary is bonded to another one, and finer ones if it
+    has ``ends`` where a surface goes on: stresses are singular there."""
+    if not ends:
+        yield Zone(own, fine, 0.0, GROWTH)
         return
-    first, last = float(s[drawn[0]]), float(s[drawn[-1]])
-    whole = own.closed or last - first >= own.length * (1.0 - FLAT)
-    yield Zone(own if whole else part_of(own, first, last), fine, 0.0, GROWTH)
-    if own.closed and other.closed:
-        return
-    ends = [] if own.closed else own.points(np.array([0.0, own.length])).tolist()
-    theirs = [] if other.closed else other.points(np.array([0.0, other.length])).tolist()
-    for x, y in (*ends, *theirs):
-        place = np.array([[x, y]])
-        goes_on = [
-            bool(np.hypot(*(curve.points(curve.closest(place)) - place).T)[0] <= BONDED * fine)
-            and all(np.hypot(x - a, y - b) > BONDED * fine for a, b in tips)
-            for curve, tips in ((own, ends), (other, theirs))
-        ]
-        if any(goes_on):
-            yield Zone.around((x, y), fine / AT_BOND_ENDS, 0.0, GROWTH)
+    yield Zone(own, fine / BY_BOND_ENDS, 0.0, SLOWLY)
+    for end in ends:
+        yield Zone.around(end, fine / AT_BOND_ENDS, 0.0, SLOWLY)
 
 
 def _end_zones(points: FloatArray, apart: FloatArray, far: float) -> Iterator[Zone]:

@@ -257,6 +257,10 @@ def _check_numerics(draft: Draft, report: Report) -> None:
     if draft.adapt is not None and draft.adapt.passes and fixed:
         message = f'body "{fixed[0]}" cannot be refined: its nodes are those of its file'
         report.add(("adapt", "passes"), message, 'write 0, or take the outline only: use = "outline"')
+    contacts = draft.contacts.values()
+    if draft.adapt is not None and draft.adapt.passes and contacts and all(one.bonded for one in contacts):
+        hint = "write 0, and refine along the bonds, above all where they end, with [[body.refine]]"
+        report.add(("adapt", "passes"), "refinement by passes does not know what bonds need", hint)
     if draft.output is None:
         return
     for field, times in Counter(draft.output.fields).items():

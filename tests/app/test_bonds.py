@@ -163,6 +163,29 @@ def test_bodies_hang_on_bonds_alone(tmp_path: Path) -> None:
     np.testing.assert_allclose(split["contacts"]["glue"]["force"], [-0.1, 0.0], atol=1e-9)
 
 
+def test_a_bond_ends_where_a_surface_goes_on(tmp_path: Path) -> None:
+    # A post on a block, against both of one piece; the block is cut where the post begins and ends.
+    push = load("push", "post.right", "traction", "traction = [-0.5, 0.0]")
+    probe = '[[probe]]\nname = "tip"\nbody = "{}"\npoint = [2.0, 3.0]\n'
+    clamp = '[[support]]\nboundary = "block.bottom"\nux = 0.0\nuy = 0.0\n'
+    text = HEAD.format("strain") + material("a", 1000.0) + clamp
+    one = text + '[[body]]\nname = "block"\nmaterial = "a"\nspacing = 0.1\n[body.shape]\nkind = "polygon"\n'
+    one += "points = [[0, -1], [4, -1], [4, 0], [2, 0], [2, 3], [1, 3], [1, 0], [0, 0]]\n"
+    one += 'names = ["bottom", "r", "b", "right", "top", "left", "a", "l"]\n'
+    for x in (1.0, 2.0):
+        one += f"[[body.refine]]\nat = [{x}, 0.0]\nspacing = 0.01\nradius = 0.02\n"
+    whole = solve(one + push.replace("post", "block") + probe.format("block"), tmp_path / "whole")
+    text += body("block", "a", [0.0, 4.0], [-1.0, 0.0]) + body("post", "a", [1.0, 2.0], [0.0, 3.0]) + push
+    tips = [whole["probes"]["tip"]["displacement"]]
+    for pair in (("post.bottom", "block.top"), ("block.top", "post.bottom")):
+        split = solve(text + bond("glue", *pair) + probe.format("post"), tmp_path / pair[0])
+        assert split["status"] == "done", split
+        sign = 1.0 if pair[0] == "post.bottom" else -1.0
+        np.testing.assert_allclose(split["contacts"]["glue"]["force"], [1.5 * sign, 0.0], atol=1e-8)
+        tips.append(split["probes"]["tip"]["displacement"])
+    np.testing.assert_allclose(tips[1:], [tips[0]] * 2, rtol=0.025)
+
+
 def test_check_and_faults(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
     text = HEAD.format("strain") + material("a", 1000.0)
@@ -184,6 +207,9 @@ def test_check_and_faults(tmp_path: Path) -> None:
     case.write_text(text.replace("y = [0.0, 1.0]", "y = [0.1, 1.0]"))
     with pytest.raises(CaseError, match=r"contact.glue.friction.*drawn 0.1 apart"):
         run(case, out=tmp_path / "run", console=Quiet())
+    case.write_text(text + "[adapt]\npasses = 1\n")
+    with pytest.raises(CaseError, match=r"adapt.passes.*does not know what bonds need"):
+        check(case, console=Quiet())
     case.write_text(text.replace('"bonded"', '"glued"'))
     with pytest.raises(CaseError, match=r'contact.glue.friction.*"bonded"'):
         check(case, console=Quiet())
