@@ -80,11 +80,12 @@ def assess_accuracy(built: Built) -> Accuracy:
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
     untold: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
-    # What friction has done on the way there would have to be followed again.
-    if len(condensed.rubbing) and not built.case.adapt.passes:
+    # What friction has done on the way there would have to be followed again, and bonds solved for.
+    blind = len(condensed.rubbing) > 0 or len(condensed.bonds.pairings) > 0
+    if blind and not built.case.adapt.passes:
         return Accuracy(None, untold, untold, state, None, {}, {})
     try:
-        bodies = {} if len(condensed.rubbing) else _corrected_bodies(built, state)
+        bodies = {} if blind else _corrected_bodies(built, state)
     except NumericalError:  # the clouds are too small for the next degree
         bodies = {}
     if not bodies:

@@ -82,7 +82,7 @@ class Built:
         """Whether friction is to depend on the total slip alone."""
         return any(
             contact.friction and contact.regularization.friction_law == "holonomic"
-            for contact in self.case.contact
+            for contact in self.case.touching
         )
 
 
@@ -220,7 +220,7 @@ def _condense(
         with clock.phase("condensation"):
             console.phase(f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes")
             condensed = condense(scene, pairings, memo)
-            if not pairings:
+            if not condensed.pairings:
                 return condensed, ()
             try:
                 ends = _exact_ends(condensed, stages)
@@ -230,11 +230,15 @@ def _condense(
             touched = _touched(condensed, ends)
         if not any(mask.any() for mask in touched.values()):
             return condensed, ends
-        for pairing in pairings:
+        for pairing in condensed.pairings:
             if touched[pairing.name].any() and fixed[pairing.name] != "auto":
                 raise reach_error(pairing.name, float(pairing.gap[touched[pairing.name]].max()))
         pairings = tuple(
-            pairing.with_reach(WIDER * float(pairing.gap[touched[pairing.name] | pairing.candidate].max()))
+            pairing
+            if pairing.bonded
+            else pairing.with_reach(
+                WIDER * float(pairing.gap[touched[pairing.name] | pairing.candidate].max())
+            )
             for pairing in pairings
         )
     raise NumericalError(

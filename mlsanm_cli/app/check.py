@@ -140,6 +140,8 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
             place = f"obstacle of {load.obstacle}"
         else:
             place = load.owner if isinstance(load, BodyForce | Temperature) else load.place.label
+            if isinstance(load, Platen):
+                place = load.label
         add(place, *(f"{text} ({load.name})" if text else "" for text in _described(load)))
     for contact in case.contact:
         for role, label in zip(("slave", "master"), contact.names, strict=False):
@@ -153,8 +155,8 @@ def _described(load: AnyLoad) -> tuple[str, str]:
         moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}
         return moved.get("x", ""), moved.get("y", "")
     if isinstance(load, Temperature):
-        return (f"temperature {load.temperature:g}",) * 2
-    if isinstance(load, BodyForce):
+        x = y = load.temperature
+    elif isinstance(load, BodyForce):
         x, y = load.body_force
     elif isinstance(load, Displacement):
         x, y = (part if part is not None else "" for part in load.components)

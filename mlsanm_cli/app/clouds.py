@@ -8,8 +8,8 @@ import numpy as np
 
 from mlsanm_cli.app.contacts import shape_of
 from mlsanm_cli.app.foreign import foreign
-from mlsanm_cli.app.surfaces import curve_at, drawn, numbers_of, outline_of, with_cuts
-from mlsanm_cli.app.usual_spacing import arc_zones, contact_zone, usual_spacing
+from mlsanm_cli.app.surfaces import bond_ends, curve_at, drawn, numbers_of, outline_of, sides_of, with_cuts
+from mlsanm_cli.app.usual_spacing import arc_zones, bond_zones, contact_zone, usual_spacing
 from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.model import Body, Case
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
@@ -37,17 +37,19 @@ def spacing_of(case: Case, body: Body) -> Spacing:
 def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
     """Finer nodes where a body's contacts are close to others of its boundaries."""
     for contact in case.contact:
+        sides = sides_of(case, contact)
         found = [
             curve_at(case, place, f"contact.{contact.name}.{role}")
-            for role, place in zip(("slave", "master"), contact.sides, strict=False)
+            for role, place in zip(("slave", "master"), sides, strict=False)
         ]
         obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
-        partners = contact.sides[::-1]
-        for place, partner, (own, rest), (other, _) in zip(
-            contact.sides, partners, found, found[::-1], strict=True
-        ):
+        partners = sides[::-1]
+        for place, partner, (own, rest), (other, _) in zip(sides, partners, found, found[::-1], strict=True):
             if place.body == body.name:
                 facing = other if len(found) > 1 else None
+                if contact.bonded:
+                    yield from bond_zones(own, bond_ends(case, contact), min(far, _far(case, partner.body)))
+                    continue
                 yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
 
 

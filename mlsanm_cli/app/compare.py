@@ -137,9 +137,10 @@ def compare(
 
 def _refuse(case: Case, wishes: Wishes, methods: Sequence[Method]) -> None:
     """Raise RunError where there is nothing to compare."""
-    if not case.contact:
+    if not case.touching:
         raise RunError(
-            "the case has no [[contact]]: it is one linear solve, by any method", "mlsanm run solves it"
+            "the case has no [[contact]] that may open: it is one linear solve, by any method",
+            "mlsanm run solves it",
         )
     if wishes.analytic and case.reference is None:
         raise RunError("--analytic: the case names no reference", "add [reference] with its solution")

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.causes import unfacing_hint
-from mlsanm_cli.app.surfaces import surface_at
+from mlsanm_cli.app.fields import AmountField
+from mlsanm_cli.app.surfaces import sides_of, surface_at
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.obstacles import Chain, Plane, Round, Shape
@@ -17,6 +18,9 @@ from mlsanm_cli.contact.pairing import Pairing, pair_obstacle, pair_surfaces
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.body import BodyModel
 
+IN_PLACE = 0.05
+"""Bonded surfaces are drawn in one place where they are apart by less than this part of the spacing: curves
+through points, and polygons, are no nearer to each other."""
 TOUCHING = 1e-3
 """Surfaces of a fit are drawn touching where they are apart by less than this part of the spacing."""
 
@@ -34,6 +38,19 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
             hint = unfacing_hint(case, contact, clouds)
             problems.append(CaseProblem(key, f"no node of {slave} faces {other}", hint=hint))
             continue
+        if contact.bonded:
+            try:
+                pairings.append(_bonded(pairing))
+            except CaseError as error:
+                problems += error.problems
+            continue
+        profile = profile_of(contact)
+        if profile is not None:
+            try:
+                pairing = replace(pairing, gap=pairing.gap + profile.at(pairing.points))
+            except CaseError as error:
+                problems += error.problems
+                continue
         if contact.interference is not None:
             try:
                 pairing = _fitted(pairing, contact.interference)
@@ -55,17 +72,22 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
     return pairings
 
 
+def profile_of(contact: Contact) -> AmountField | None:
+    """What is added to the gap of a contact as drawn; None where nothing is."""
+    return AmountField(f"contact.{contact.name}.gap", contact.gap) if contact.gap else None
+
+
 def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
-    places = contact.sides
+    places = sides_of(case, contact)
     body = places[0].body
     slave = surface_at(case, clouds[body], places[0], f"contact.{contact.name}.slave")
     if contact.obstacle is not None:
         shape = shape_of(contact.obstacle)
-        return pair_obstacle(contact.name, body, clouds[body], slave, shape, contact.friction)
+        return pair_obstacle(contact.name, body, clouds[body], slave, shape, contact.coefficient)
     other = places[1].body
     master = surface_at(case, clouds[other], places[1], f"contact.{contact.name}.master")
     return pair_surfaces(
-        contact.name, body, clouds[body], slave, other, clouds[other], master, contact.friction
+        contact.name, body, clouds[body], slave, other, clouds[other], master, contact.coefficient
     )
 
 
@@ -77,6 +99,19 @@ def shape_of(obstacle: AnyObstacle) -> Shape:
     if isinstance(obstacle, DiskObstacle):
         return Round(obstacle.center, obstacle.radius, obstacle.inside)
     return Chain(np.array(obstacle.points))
+
+
+def _bonded(pairing: Pairing) -> Pairing:
+    """The pairs with those as candidates that are drawn in one place. Raises CaseError where none is."""
+    drawn = np.abs(pairing.gap)
+    candidate = drawn <= IN_PLACE * pairing.spacing
+    if candidate.any():
+        return replace(pairing, candidate=candidate)
+    nearest = int(np.argmin(drawn))
+    x, y = pairing.partner[nearest]
+    message = f"bonded surfaces are drawn {drawn[nearest]:g} apart at least, near ({x:g}, {y:g})"
+    hint = "draw them in one place"
+    raise CaseError((CaseProblem(f"contact.{pairing.name}.friction", message, hint=hint),))
 
 
 def _fitted(pairing: Pairing, interference: float) -> Pairing:

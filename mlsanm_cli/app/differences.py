@@ -66,8 +66,8 @@ def same_law_limit(case: Case) -> float:
 
 def other_law_limit(case: Case) -> float:
     """How far a smooth law may be from the exact one."""
-    eta = max(contact.regularization.eta for contact in case.contact)
-    stick = max((c.regularization.stick for c in case.contact if c.friction), default=0.0)
+    eta = max(contact.regularization.eta for contact in case.touching)
+    stick = max((c.regularization.stick for c in case.touching if c.friction), default=0.0)
     return float(ROUNDED_EDGE * np.sqrt(eta) + SOFT_STICK * stick)
 
 

@@ -50,9 +50,9 @@ def energy_error(
         energies[name] = twice_strain_energy(cloud, material, rest[1])
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         strain = UNSTRAINED * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
-        free = float(built.scene.degrees(name) @ state.factors) * material.expansion
-        blocked = free @ material.stiffness @ free
-        least[name] = near[name] + cloud.areas.sum() * (material.modulus * strain**2 + HEATED * blocked)
+        degrees, free = built.scene.degrees(name, state.factors), material.expansion
+        blocked = float(cloud.areas @ degrees**2) * float(free @ material.stiffness @ free)
+        least[name] = near[name] + cloud.areas.sum() * material.modulus * strain**2 + HEATED * blocked
     # A body whose energy is no number must not hide which one it is.
     total = float(np.nansum([energies[name] + abs(works[name]) for name in works]))
     least_of_all = total * max(SMALL, _faded(built, state))

@@ -91,8 +91,12 @@ def largest_force(built: Built, body: str, unknowns: Sequence[FloatArray]) -> fl
         for pairing, span in zip(condensed.pairings, condensed.spans.values(), strict=True)
         if body in pairing.bodies
     ]
-    maps = [condensed.forces[load.name] for load in built.case.load if load.owner == body]
-    heat = abs(float(built.scene.degrees(body) @ factors)) * built.scene.heat_force(body)
+    for pairing in condensed.bonds.pairings:
+        if body in pairing.bodies:
+            size = np.hypot(*condensed.bonds.values(pairing.name, unknowns))
+            sizes.append(float(pairing.weight[pairing.candidate] @ size))
+    maps = [condensed.forces[load.name] for load in built.case.load if body in load.owners]
+    heat = built.scene.heat_force(body, factors)
     return float(np.max([heat, *sizes, *(np.hypot(*force(*unknowns)) for force in maps)]))
 
 

@@ -23,7 +23,8 @@ class Level:
     """A position of a path.
 
     ``how`` is its state known: from row ``row``, from the series of the step that ends there, or, without
-    contact or where no load moves, as the mean of that row and the one before, the row's weight ``share``.
+    contact that may open or where no load moves, as the mean of that row and the one before, the row's weight
+    ``share``.
 
     Of series ``pressure`` and ``gap`` (m,), ``motion`` (k,) and ``traction`` (n,), over all contacts.
     """
@@ -95,7 +96,7 @@ def level_at(run: RunData, position: float) -> Level:
         ends = np.cumsum([part.shape[1] for part in parts])[:-1]
         values = {"traction": nothing, **dict(zip(names, np.split(x, ends), strict=True))}
         return Level(position, SERIES, row, share, factors, **values)
-    if not run.contacts or np.array_equal(factors, _factors(run, row - 1, 1.0)):
+    if not run.loose_contacts or np.array_equal(factors, _factors(run, row - 1, 1.0)):
         return Level(position, LINEAR, row, share, factors, nothing, nothing, nothing, nothing)
     raise RunError(
         f"nothing is stored between positions {rows[row - 1]:.6g} and {rows[row]:.6g}, "
@@ -127,7 +128,7 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
     for state in saved:
         if abs(state.position - level.position) <= SAME * max(abs(level.position), 1.0):
             return state.bodies[body]["displacement"], STORED
-    if not run.contacts and not run.is_finite:
+    if not run.loose_contacts and not run.is_finite:
         known = np.array([level_at(run, state.position).factors for state in saved])
         shares = np.linalg.lstsq(known.T, level.factors, rcond=None)[0]
         missed = np.abs(shares @ known - level.factors).max(initial=0.0)

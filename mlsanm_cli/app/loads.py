@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mlsanm_cli.app.fields import AmountField, amounts_at
 from mlsanm_cli.app.surfaces import SurfacePart, parts_at, surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
@@ -18,12 +19,12 @@ from mlsanm_cli.case import (
     Pressure,
     Temperature,
     Traction,
-    value_at,
 )
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
+from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.values import dataclass
 
 COVERED = 1e-6
@@ -36,8 +37,13 @@ class Acting:
 
     surface_loads: tuple[mechanics.SurfaceLoad, ...]
     body_forces: tuple[mechanics.BodyForce, ...]
-    heatings: tuple[mechanics.Heating, ...]
+    heatings: tuple[Heating, ...]
     springs: Mapping[str, Mapping[str, tuple[float, float]]]
+
+
+def temperature_of(load: Temperature) -> AmountField:
+    """The change of temperature that a load brings."""
+    return AmountField(f"load.{load.name}.temperature", load.temperature)
 
 
 class _BadTableError(ValueError):
@@ -51,7 +57,7 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
     """
     surface_loads: list[mechanics.SurfaceLoad] = []
     body_forces: list[mechanics.BodyForce] = []
-    heatings: list[mechanics.Heating] = []
+    heatings: list[Heating] = []
     problems: list[CaseProblem] = []
     for number, load in enumerate(case.load):
         if isinstance(load, Platen | ObstacleMotion):
@@ -60,10 +66,11 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
         key = f"load.{load.name}.{load.kind}"
         try:
             if isinstance(load, BodyForce):
-                values = _at(load.body_force, cloud.points)
+                values = amounts_at(load.body_force, cloud.points)
                 body_forces.append(mechanics.BodyForce(number, load.body, values))
             elif isinstance(load, Temperature):
-                heatings.append(mechanics.Heating(number, load.body, load.temperature))
+                field = temperature_of(load)
+                heatings.append(Heating(number, load.body, field, field.at(cloud.points)))
             else:
                 held = isinstance(load, Displacement)
                 for part in parts_at(case, cloud, load.place):
@@ -75,6 +82,8 @@ def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
                     surface_loads.append(own)
         except ExpressionError as error:
             problems.append(CaseProblem(key, str(error)))
+        except CaseError as error:
+            problems += error.problems
         except _BadTableError as error:
             problems.append(CaseProblem(f"load.{load.name}.table", str(error)))
     if problems:
@@ -89,27 +98,16 @@ def _on_surface(
     direction that is left free is 0."""
     surface = part.surface
     if isinstance(load, Displacement):
-        return _at([0.0 if part is None else part for part in load.components], points)
+        return amounts_at([0.0 if part is None else part for part in load.components], points)
     if isinstance(load, Traction):
         if load.table is not None:
             return _from_table(load.table, part, arc)
         assert load.traction is not None
-        return _at(load.traction, points)
+        return amounts_at(load.traction, points)
     if load.table is not None:
         return -_from_table(load.table, part, arc) * surface.curve.normals(arc)
     assert load.pressure is not None
-    return -_at([load.pressure], points) * surface.curve.normals(arc)
-
-
-def _at(amounts: Sequence[float | str], points: FloatArray) -> FloatArray:
-    """Numbers and expressions (c,) at ``points`` (n, 2), as columns (n, c)."""
-    columns = [
-        np.array([value_at(amount, x, y) for x, y in points.tolist()])
-        if isinstance(amount, str)
-        else np.full(len(points), amount)
-        for amount in amounts
-    ]
-    return np.stack(columns, axis=1)
+    return -amounts_at([load.pressure], points) * surface.curve.normals(arc)
 
 
 def _from_table(rows: Sequence[tuple[float, ...]], part: SurfacePart, arc: FloatArray) -> FloatArray:

@@ -27,11 +27,11 @@ class Method:
 def method_of(case: Case, name: str, eta_factor: float = 1.0) -> Method:
     """A method for the case's scene, with every contact's eta multiplied."""
     law = "exact" if name == ACTIVE_SET else "hyperbolic"
-    changes = [f'contact.{contact.name}.regularization.law="{law}"' for contact in case.contact]
+    changes = [f'contact.{contact.name}.regularization.law="{law}"' for contact in case.touching]
     if eta_factor != 1.0:
         changes += [
             f"contact.{contact.name}.regularization.eta={eta_factor * contact.regularization.eta!r}"
-            for contact in case.contact
+            for contact in case.touching
         ]
     formulation = "monolithic" if name.endswith(MONOLITHIC) else "condensed"
     solver = name.removesuffix(MONOLITHIC)
@@ -57,7 +57,7 @@ def chosen_methods(case: Case, asked: Iterable[str]) -> tuple[Method, ...]:
 
 
 def _own(case: Case) -> Iterator[str]:
-    if case.contact and case.contact[0].regularization.law == "exact":
+    if case.touching and case.touching[0].regularization.law == "exact":
         yield ACTIVE_SET
     if case.solver.polish is True:
         yield POLISHED
@@ -67,8 +67,8 @@ def _own(case: Case) -> Iterator[str]:
 
 def law_of(case: Case) -> str:
     """What a method's states at the levels obey; states of equal laws differ by tolerances only."""
-    regular = case.contact[0].regularization
-    holonomic = any(c.friction and c.regularization.friction_law == "holonomic" for c in case.contact)
+    regular = case.touching[0].regularization
+    holonomic = any(c.friction and c.regularization.friction_law == "holonomic" for c in case.touching)
     if regular.law == "exact" or case.polished:
         return "exact holonomic" if holonomic else "exact"
     return "holonomic" if holonomic else "hyperbolic"

@@ -51,30 +51,50 @@ def _platens(
     held: HeldSurfaces,
     held_nodes: HeldNodes,
 ) -> Iterator[mechanics.Platen]:
-    """Platens, one per boundary that platen loads move."""
+    """Platens, one per boundary or list of boundaries that platen loads move."""
     groups: dict[str, list[tuple[int, Platen]]] = {}
     for number, load in enumerate(case.load):
         if isinstance(load, Platen):
-            groups.setdefault(load.place.label, []).append((number, load))
+            groups.setdefault(load.label, []).append((number, load))
     for label, loads in groups.items():
-        place = loads[0][1].place
-        body, names = place.body, surfaces_at(case, place)
-        surfaces = [clouds[body].surfaces[name] for name in names]
-        points = np.concatenate([clouds[body].points[surface.index] for surface in surfaces])
-        weight = np.concatenate([surface.weight for surface in surfaces])
-        center = (weight[:, None] * points).sum(axis=0) / weight.sum()
+        first = loads[0][1]
+        parts = [(place.body, surfaces_at(case, place)) for place in first.places]
         motions = []
         for component, controls in _controls(loads).items():
-            elsewhere = components(held_nodes[body])[component] or any(
-                sides[component] for name, sides in held[body].items() if name not in names
+            elsewhere = any(
+                components(held_nodes[body])[component]
+                or any(sides[component] for name, sides in held[body].items() if name not in names)
+                for body, names in parts
             )
             motions.append(_motion(len(case.moved), component, controls, alone=not elsewhere))
-        if loads[0][1].rotation == "free":
-            alone = set(held[body]) == set(names) and not held_nodes[body]
-            motions.append(mechanics.RigidMotion(ROTATION, None, np.zeros(len(case.moved)), alone))
-        at = (float(center[0]), float(center[1]))
+        if first.turning != "fixed":
+            alone = all(set(held[body]) == set(names) and not held_nodes[body] for body, names in parts)
+            motions.append(_motion(len(case.moved), ROTATION, _turns(loads), alone))
         numbers = tuple(number for number, _ in loads)
-        yield mechanics.Platen(body, names, at, tuple(motions), numbers, label)
+        at = first.hinge or _middle(clouds, parts)
+        (body, names), others = parts[0], tuple(parts[1:])
+        yield mechanics.Platen(body, names, at, tuple(motions), numbers, label, others)
+
+
+def _turns(loads: Sequence[tuple[int, Platen]]) -> dict[int, tuple[str, float]]:
+    """How and how far each load turns a plate."""
+    return {
+        number: ("displacement", load.rotation)
+        if isinstance(load.rotation, float)
+        else ("force", load.moment or 0.0)
+        for number, load in loads
+    }
+
+
+def _middle(clouds: Mapping[str, Cloud], parts: Sequence[tuple[str, tuple[str, ...]]]) -> tuple[float, float]:
+    """The middle of surfaces of bodies."""
+    total, length = np.zeros(2), 0.0
+    for body, names in parts:
+        for name in names:
+            surface = clouds[body].surfaces[name]
+            total += surface.weight @ clouds[body].points[surface.index]
+            length += float(surface.weight.sum())
+    return float(total[0] / length), float(total[1] / length)
 
 
 def _obstacles(case: Case) -> Iterator[mechanics.Obstacle]:

@@ -101,7 +101,7 @@ def find_grids(
             answers = Answers.of(scene, some, memo)
         if condensed is None:
             condensed = condense(scene, some, memo, answers)
-        starts = starts or [_near_enough(some)]
+        starts = starts or [_near_enough(condensed.pairings)]
         states = search(condensed, starts, every)
         wanted = _ranged(condensed, grids, clear, states)
         if wanted is None:
@@ -123,7 +123,8 @@ def find_grids(
         if any(wanted[name].samples_differ(grids[name]) for name in grids):
             answers = None
         grids = wanted
-        starts = [_moved(condensed, _on_grids(pairings, grids), state) for state in states]
+        later = [pairing for pairing in _on_grids(pairings, grids) if not pairing.bonded]
+        starts = [_moved(condensed, later, state) for state in states]
         condensed = None
     return None
 
@@ -160,7 +161,8 @@ def _first(clear: Clear) -> Near:
     """A coarse grid over all that faces, finer towards where the surfaces are nearest; even where they touch
     all along."""
     looks = clear.facing.gap(np.linspace(clear.first, clear.last, FIRST + 1))
-    if float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
+    # Waves might be looked at in their troughs alone.
+    if clear.places == 1 and float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
         even = _hats(np.linspace(clear.first, clear.last, FIRST + 1), clear)
         return Near(clear.facing, clear.first, clear.last, SAMPLES, even, clear.centers, clear.corners)
     widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)

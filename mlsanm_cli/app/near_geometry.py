@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.app.contacts import shape_of
+from mlsanm_cli.app.contacts import profile_of, shape_of
 from mlsanm_cli.app.usual_spacing import valleys
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
@@ -31,13 +31,17 @@ ALIKE = 1e-9
 """Curvatures that differ by less are the same."""
 TOUCHING = 1e-6
 """Gaps that differ by less than this part of the range are the same: such surfaces touch all along."""
+SHALLOW = 1e-3
+"""The same as a part of what profiles differ by, which may be shallower."""
 SHARPEST, BLUNTEST = np.radians(25.0), np.radians(170.0)
 """Angles of corners whose fields are known."""
 BEYOND = np.geomspace(1e-3, 1e2, 200)
 """How far, in their lengths, the lines of a corner's faces are followed outside the body."""
+SMOOTH = float(np.cos(np.radians(1.0)))
+"""Outlines go on smoothly where they turn by no more than this angle's cosine tells."""
 SNAP = 1.5
 """Ends of a range are ends of a surface that are no more looks away."""
-LOOKED_AT, LOOKS_PER_POINT = 800, 2
+LOOKED_AT, PROFILED, LOOKS_PER_POINT = 800, 4000, 2
 RAYS = 17
 LOOKS = 8
 SIGHTS = 2000
@@ -101,7 +105,7 @@ def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, Clear]) -> tuple
 def _clear(
     case: Case, models: Mapping[str, BodyModel], pairing: Pairing, held: Mapping[str, Restraints]
 ) -> Clear | None:
-    if pairing.master_body == pairing.slave_body:
+    if pairing.master_body == pairing.slave_body or pairing.bonded:
         return None
     if any(models[body].cloud.sight is not None for body in pairing.bodies):
         return None
@@ -109,11 +113,12 @@ def _clear(
     base = facing.base
     # Looked at along the base, so that roles do not tell which of several alike places is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
-    looks = max(LOOKED_AT, LOOKS_PER_POINT * max(map(points_of, facing.curves)))
+    looks = LOOKED_AT if facing.profile is None else PROFILED
+    looks = max(looks, LOOKS_PER_POINT * max(map(points_of, facing.curves)))
     s = np.linspace(0.0, base.length, looks + 1)[: looks if base.closed else looks + 1]
     points, partner, normal = ahead.opposite(s)
     away, outward = points - partner, as_real(-ahead.side(s, True)[1])
-    gap = (away * normal).sum(axis=1)
+    gap = ahead.gap(s)
     beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     across = (outward * normal).sum(axis=1)
     faces = (across < OPPOSED) & (beside <= TOUCHING * base.length)
@@ -121,7 +126,10 @@ def _clear(
         return None
     ends = [_ends(models[body], pairing.surface_of(slave), held[body]) for body, slave, _ in pairing.sides]
     off = faces & _off_corners(pairing, models, facing, sign * s, ends)
-    least = gap[faces].min() + TOUCHING * base.length
+    slack = TOUCHING * base.length
+    if facing.profile is not None:
+        slack = min(slack, SHALLOW * float(np.ptp(gap[faces])))
+    least = gap[faces].min() + slack
     touching = np.flatnonzero(off & (gap <= least))
     if not len(touching):
         return None
@@ -160,7 +168,7 @@ def _clear(
         first, last, whole = -last, -first, whole[::-1]
     both = centers[0], centers[1] if len(centers) > 1 else None
     of_bodies = corners[0], corners[1] if len(corners) > 1 else ()
-    places = len(valleys(gap[stretch[0] : stretch[1] + 1], TOUCHING * base.length))
+    places = len(valleys(gap[stretch[0] : stretch[1] + 1], slack))
     return Clear(facing, first, last, sign * closest, both, of_bodies, whole, places)
 
 
@@ -237,7 +245,7 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
     slave, master = pairing.slave, pairing.master
     if master is None:
         assert contact.obstacle is not None
-        return Facing(slave.curve, None, shape_of(contact.obstacle))
+        return Facing(slave.curve, None, shape_of(contact.obstacle), profile=profile_of(contact))
     nearest = int(np.argmin(pairing.gap))
     places = pairing.points[nearest : nearest + 1], pairing.partner[nearest : nearest + 1]
     curved = [
@@ -247,7 +255,7 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
     alike = abs(curved[0] - curved[1]) <= ALIKE * max(curved)
     slave_first = pairing.names[0] < pairing.names[1] if alike else curved[0] > curved[1]
     curves = (slave.curve, master.curve) if slave_first else (master.curve, slave.curve)
-    return Facing(*curves, None, slave_first)
+    return Facing(*curves, None, slave_first, profile=profile_of(contact))
 
 
 def _off_corners(
@@ -261,13 +269,32 @@ def _off_corners(
         arc = curve.closest(as_real(facing.side(s, slave)[0]))
         corners = list(corners_of(curve))
         if not curve.closed:
-            corners += [end for end, one in zip((0.0, curve.length), known, strict=True) if one is None]
+            smooth = _goes_on(models[body].cloud, surface)
+            ends_of = zip((0.0, curve.length), known, smooth, strict=True)
+            corners += [end for end, one, on in ends_of if one is None and not on]
         for corner, near in zip(corners, np.interp(corners, surface.arc_length, spacing), strict=True):
             apart = np.abs(arc - corner)
             if curve.closed:
                 apart = np.minimum(apart, curve.length - apart)
             off &= apart >= CLEAR * near
     return off
+
+
+def _goes_on(cloud: Cloud, surface: Surface) -> tuple[bool, bool]:
+    """Whether the same boundary goes on smoothly where an open surface begins, and where it ends, as it does
+    where a part of it is in contact."""
+    own = {part.name for part, _ in surface.members}
+    stems = {name.partition("/")[0] for name in own}
+    found = []
+    for place in (0, -1):
+        node, normal = surface.index[place], surface.normal[place]
+        beside = [
+            other.normal[other.index == node]
+            for name, other in cloud.surfaces.items()
+            if name not in own and name.partition("/")[0] in stems
+        ]
+        found.append(any(bool((one @ normal >= SMOOTH).any()) for one in beside))
+    return found[0], found[1]
 
 
 def _minimum(facing: Facing, first: float, last: float) -> float:

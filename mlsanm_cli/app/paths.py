@@ -44,9 +44,9 @@ def load_path(built: Built, start: Start = BEGINNING) -> Iterator[PathStep]:
 
 def path_of(built: Built, start: Start = BEGINNING) -> Iterator[PathStep]:
     """The path of the scene, or what of it is left, by the method its contact law asks for."""
-    if not built.case.contact:
+    if not built.case.touching:
         return linear_path(built, start.mark(LinearMark))
-    smooth, rough = built.case.contact[0].regularization.law != "exact", bool(len(built.condensed.rubbing))
+    smooth, rough = built.case.touching[0].regularization.law != "exact", bool(len(built.condensed.rubbing))
     # The methods of the other laws are imported where a case asks for them: each brings a package along.
     if smooth and rough and not built.is_holonomic:
         from mlsanm_cli.app.rubbing_path import rubbing_path

@@ -111,11 +111,12 @@ def _pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, s
 
 
 def _all_pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, _Draw]]:
-    friction = {contact.name: contact.friction for contact in case.contact}
+    friction = {contact.name: contact.coefficient for contact in case.contact}
     for name in run.contacts:
         yield "pressure", name, partial(_draw_pressure, run=run, case=case, name=name, at=choice.at)
         if friction[name]:
             yield "traction", name, partial(_draw_traction, run=run, case=case, name=name)
+        if friction[name] and np.isfinite(friction[name]):
             yield "loop", name, partial(_draw_loop, run=run, case=case, name=name)
             yield "hysteresis", name, partial(_draw_loop, run=run, case=case, name=name, over_slip=True)
     if run.contacts:
@@ -168,8 +169,9 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
 
 def _draw_traction(path: Path, run: RunData, case: Case, name: str) -> None:
     contact = run.contacts[name]
-    friction = next(one.friction for one in case.contact if one.name == name)
-    limit = friction * np.maximum(contact.pressure[-1], 0.0)
+    friction = next(one.coefficient for one in case.contact if one.name == name)
+    # What is bonded has no limit.
+    limit = (friction if np.isfinite(friction) else 0.0) * np.maximum(contact.pressure[-1], 0.0)
     end = float(run.path.position[-1])
     label = f"position {end:.4g}, {told(run, case, end)}"
     plot_traction(

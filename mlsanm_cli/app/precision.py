@@ -46,7 +46,7 @@ def precision_curves(built: Built, rows: Sequence[Measured], case_of: Callable[[
     states = exact.states if exact is not None else _exact_states(built, case_of)
     if not states:
         return Curves({}, None)
-    eta = max(contact.regularization.eta for contact in case.contact)
+    eta = max(contact.regularization.eta for contact in case.touching)
     smooth = {}
     for row in rows:
         if row.law.startswith("exact"):

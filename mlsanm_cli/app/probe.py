@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.levels import SERIES, Level, displacement_at, level_at
+from mlsanm_cli.app.loads import temperature_of
 from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.scene import mls_settings
 from mlsanm_cli.app.views import boundary_edges
@@ -99,7 +100,7 @@ def probe_named(
     """What a ``[[probe]]`` of the case has seen."""
     run, case = _read(rundir)
     _known(name, run.probes, "[[probe]]")
-    body = next(probe.body for probe in case.probe if probe.name == name)
+    body, point = next((p.body, np.array([p.point])) for p in case.probe if p.name == name)
     rows = []
     for level in _levels(run, at):
         if level.how == SERIES:
@@ -112,7 +113,7 @@ def probe_named(
             seen = np.append(seen, level.between(run.probes[name].von_mises))
             rows.append(_told(level) | _columns(seen, field))
             continue
-        rows.append(_told(level) | _fields(case, body, level, seen, field))
+        rows.append(_told(level) | _fields(case, body, level, point, seen, field))
     return rows
 
 
@@ -140,12 +141,13 @@ def probe_point(
             | _columns(_seen_at_finite(run, case, body, np.array([point]), displacement)[0], field)
             for level, (displacement, how) in zip(levels, found, strict=True)
         ]
-    rows = _rows_at(run, case, body, np.array([point]))
-    return [
-        {"position": level.position, "how": how}
-        | _fields(case, body, level, _stressed(case, body, level, rows @ displacement.ravel()), field)
-        for level, (displacement, how) in zip(levels, found, strict=True)
-    ]
+    place = np.array([point])
+    rows, told = _rows_at(run, case, body, place), []
+    for level, (displacement, how) in zip(levels, found, strict=True):
+        seen = _stressed(case, body, level, place, rows @ displacement.ravel())
+        fields = _fields(case, body, level, place, seen, field)
+        told.append({"position": level.position, "how": how} | fields)
+    return told
 
 
 def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Level) -> FloatArray:
@@ -156,8 +158,8 @@ def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Leve
     if run.is_finite:
         return _seen_at_finite(run, case, body, points, displacement)
     seen = (_rows_at(run, case, body, points) @ displacement.ravel()).reshape(5, -1).T
-    degrees = _degrees(case, body, level)
-    stress = seen[:, 2:] - stress_of_expansion(_material(case, body)) * degrees
+    degrees = _degrees(case, body, level, points)
+    stress = seen[:, 2:] - degrees[:, None] * stress_of_expansion(_material(case, body))
     across = _material(case, body).across_stress(stress, degrees)
     return np.column_stack([seen[:, :2], stress, von_mises(stress, across)])
 
@@ -205,7 +207,7 @@ def _told(level: Level) -> Values:
 
 
 def _friction(case: Case) -> dict[str, float]:
-    return {contact.name: contact.friction for contact in case.contact}
+    return {contact.name: contact.coefficient for contact in case.contact}
 
 
 def _mapped(run: RunData, level: Level, kind: str, name: str) -> FloatArray:
@@ -224,7 +226,7 @@ def _span(run: RunData, case: Case, name: str, rough_only: bool) -> slice:
     """Places of a contact among the nodes of all contacts, or of those with friction."""
     first = 0
     for contact, friction in _friction(case).items():
-        if friction or not rough_only:
+        if contact not in run.maps["bonds"] and (friction or not rough_only):
             count = len(run.contacts[contact].arc_length)
             if contact == name:
                 return slice(first, first + count)
@@ -236,6 +238,10 @@ def _on_contact(run: RunData, case: Case, level: Level, name: str, quantity: str
     """One quantity (m,) of a contact."""
     if level.how != SERIES:
         return level.between(getattr(run.contacts[name], quantity))
+    if name in run.maps["bonds"]:
+        pressure, traction = np.split(_mapped(run, level, "bonds", name), 2)
+        nothing = np.zeros(len(pressure))
+        return {"pressure": pressure, "traction": traction}.get(quantity, nothing)
     if quantity == "slip":
         return _mapped(run, level, "slip", name)
     if quantity == "traction":
@@ -277,26 +283,27 @@ def _material(case: Case, body: str) -> PlaneMaterial:
     return materials(case)[next(one.material for one in case.body if one.name == body)]
 
 
-def _degrees(case: Case, body: str, level: Level) -> float:
-    """How much warmer than at the start the body is."""
-    loads = zip(case.load, level.factors, strict=True)
-    return sum(
-        float(factor) * load.temperature
-        for load, factor in loads
-        if isinstance(load, Temperature) and load.owner == body
-    )
+def _degrees(case: Case, body: str, level: Level, points: FloatArray) -> FloatArray:
+    """How much warmer (e,) than at the start the body is at ``points`` (e, 2)."""
+    total = np.zeros(len(points))
+    for load, factor in zip(case.load, level.factors, strict=True):
+        if isinstance(load, Temperature) and load.owner == body:
+            total += float(factor) * temperature_of(load).at(points)
+    return total
 
 
-def _stressed(case: Case, body: str, level: Level, seen: FloatArray) -> FloatArray:
-    """Displacement and stress (5,), the latter without what free expansion would give."""
-    free = stress_of_expansion(_material(case, body)) * _degrees(case, body, level)
+def _stressed(case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray) -> FloatArray:
+    """Displacement and stress (5,) at a ``point`` (1, 2), the latter without that of free expansion."""
+    free = stress_of_expansion(_material(case, body)) * _degrees(case, body, level, point)
     return np.concatenate([seen[:2], seen[2:] - free])
 
 
-def _fields(case: Case, body: str, level: Level, seen: FloatArray, field: str | None) -> Values:
-    """Columns of a displacement and stress (5,); of one field, or of all."""
+def _fields(
+    case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray, field: str | None
+) -> Values:
+    """Columns of a displacement and stress (5,) at a ``point`` (1, 2); of one field, or of all."""
     stress = seen[None, 2:]
-    across = _material(case, body).across_stress(stress, _degrees(case, body, level))
+    across = _material(case, body).across_stress(stress, _degrees(case, body, level, point))
     return _columns(np.concatenate([seen, von_mises(stress, across)]), field)
 
 

@@ -71,7 +71,9 @@ def assess(case: Case, prepared: Prepared, memo: Memo = AFRESH) -> Quality:
     }
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
-    nodal = [pairing for pairing in prepared.pairings if pairing.name not in prepared.clear]
+    nodal = [
+        pairing for pairing in prepared.pairings if pairing.name not in prepared.clear and not pairing.bonded
+    ]
     warnings = [
         text for name, cloud in bodies.items() for text in _cloud_warnings(name, cloud, name in brought)
     ]
@@ -159,7 +161,7 @@ def case_warnings(case: Case) -> Iterator[str]:
                 f"Mises stresses are nan; give E1, E2, G12, nu12 and those of the third axis for them"
             )
     turning = [load.name for load in case.load if _turns(case, load.name)]
-    for contact in case.contact:
+    for contact in case.touching:
         if contact.friction and contact.regularization.friction_law == "holonomic" and turning:
             yield (
                 f"contact {contact.name}: the holonomic friction law has no memory, but load "

@@ -300,9 +300,9 @@ class Recorder:
             return
         with self._clock.phase("output"):
             write_path_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
-            for pairing in built.condensed.pairings:
+            for pairing in built.condensed.reported:
                 columns = recording.interface_columns(built, pairing, self.last)
-                name = run_dir.interface_name(pairing.name, len(built.condensed.pairings))
+                name = run_dir.interface_name(pairing.name, len(built.condensed.reported))
                 write_interface_csv(self.directory / name, {k: np.asarray(v) for k, v in columns.items()})
 
     def finish(self, summary: Mapping[str, Any]) -> None:

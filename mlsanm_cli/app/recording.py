@@ -22,6 +22,8 @@ from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.vtu import BodyState
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.probes import stress_of_expansion
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.mechanics.scene import Platen
 from mlsanm_cli.memo import digest
 from mlsanm_cli.values import dataclass
 
@@ -68,7 +70,7 @@ def write_model(file: RunFile, built: Built) -> None:
             np.concatenate([surface.normal for surface in surfaces]),
             [surface.name for surface in surfaces for _ in surface.index],
         )
-    for pairing in built.condensed.pairings:
+    for pairing in built.condensed.reported:
         chosen = pairing.candidate
         file.write_contact(
             pairing.name,
@@ -78,6 +80,13 @@ def write_model(file: RunFile, built: Built) -> None:
             pairing.weight[chosen],
         )
     condensed = built.condensed
+    bonds = condensed.bonds
+    if bonds.pairings:
+        parts = {
+            name: (bonds.pressure.take(own), bonds.traction.take(own)) for name, own in bonds.spans.items()
+        }
+        both = {name: np.concatenate([one.matrix for one in pair]) for name, pair in parts.items()}
+        file.write_maps("bonds", both)
     moved = tuple(platen_displacements(built))
     file.start_path(built.scene.loads, tuple(condensed.forces), moved, tuple(condensed.probes))
 
@@ -116,8 +125,24 @@ def platen_displacements(built: Built, state: State | None = None) -> dict[str, 
     return found
 
 
+def plates_turned(built: Built, state: State) -> dict[str, dict[str, float]]:
+    """``rotation`` (radian) and ``moment`` on its bodies about its hinge, of every plate that turns."""
+    found, unknown = {}, 0
+    for mover in built.scene.movers:
+        for motion in mover.motions:
+            if isinstance(mover, Platen) and motion.component == ROTATION:
+                given = motion.prescribed
+                angle = state.motion[unknown] if given is None else given @ state.factors
+                moment = built.condensed.moments[mover.name](*state.unknowns)[0]
+                found[mover.name] = {"rotation": float(angle), "moment": float(moment)}
+            unknown += motion.prescribed is None
+    return found
+
+
 def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecord:
     """One contact in one state. Without friction there is no traction, and slip is not computed (nan)."""
+    if pairing.bonded:
+        return _bond_record(built, pairing, state)
     span = built.condensed.spans[pairing.name]
     count = span.stop - span.start
     traction, slip, work = np.zeros(count), np.full(count, np.nan), 0.0
@@ -135,6 +160,14 @@ def contact_record(built: Built, pairing: Pairing, state: State) -> ContactRecor
     )
 
 
+def _bond_record(built: Built, pairing: Pairing, state: State) -> ContactRecord:
+    """The same of bonded surfaces: they stick, whatever they carry."""
+    pressure, traction = built.condensed.contact_values(pairing, state.unknowns)
+    nothing = np.zeros(len(pressure))
+    sticking = np.full(len(pressure), STICK, dtype=np.int8)
+    return ContactRecord(pressure, traction, nothing, nothing, sticking, 0.0)
+
+
 def cone_ratio(built: Built, contact: str, state: State) -> float:
     """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
     span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
@@ -147,9 +180,9 @@ def cone_ratio(built: Built, contact: str, state: State) -> float:
 def probe_record(built: Built, name: str, state: State) -> ProbeRecord:
     """What a probe observes in one state."""
     values = built.condensed.probes[name](*state.unknowns)
-    body = next(probe.body for probe in built.scene.probes if probe.name == name)
+    body, point = next((probe.body, probe.point) for probe in built.scene.probes if probe.name == name)
     stress, material = values[2:], built.scene.bodies[body].model.material
-    across = material.across_stress(stress[None], float(built.scene.degrees(body) @ state.factors))
+    across = material.across_stress(stress[None], built.scene.degrees(body, state.factors, point))
     return ProbeRecord(values[:2], stress, float(von_mises(stress[None], across)[0]))
 
 
@@ -167,7 +200,7 @@ def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
         factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
         resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
         displacements=platen_displacements(built, state),
-        contacts={p.name: contact_record(built, p, state) for p in built.condensed.pairings},
+        contacts={p.name: contact_record(built, p, state) for p in built.condensed.reported},
         probes={name: probe_record(built, name, state) for name in built.condensed.probes},
     )
 
@@ -192,6 +225,15 @@ def contact_summary(built: Built, pairing: Pairing, state: State) -> dict[str, A
     """The engineer's figures of a contact."""
     record = contact_record(built, pairing, state)
     force = built.condensed.contact_forces[pairing.name](*state.unknowns)
+    if pairing.bonded:
+        return {
+            "peak_pressure": float(record.pressure.max(initial=0.0)),
+            "peak_tension": float(-record.pressure.min(initial=0.0)),
+            "peak_traction": float(np.abs(record.traction).max(initial=0.0)),
+            "force": force.tolist(),
+            "closed_nodes": len(record.pressure),
+            "stick_nodes": len(record.pressure),
+        }
     return {
         "peak_pressure": float(record.pressure.max(initial=0.0)),
         "half_width": half_width(slave_arc(pairing), record.pressure),
@@ -230,11 +272,13 @@ def fields_of(
 def _fields(built: Built, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
     """Fields of one body by the ``displacement`` (N, 2) of its elastic system, ghosts last."""
     model = built.scene.bodies[name].model
-    degrees = float(built.scene.degrees(name) @ state.factors)
-    elastic = displacement - degrees * model.free_expansion
     moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns)
-    # Ghosts move, but stresses are told at the points of the cloud only.
-    sigma = model.stress(elastic) + stressed[: len(model.cloud.points)] if stress else np.zeros((0, 3))
+    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    if stress:
+        degrees = built.scene.degrees(name, state.factors)
+        # Ghosts move, but stresses are told at the points of the cloud only.
+        sigma = model.stress(displacement) + stressed[: len(model.cloud.points)]
+        sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
     across = model.material.across_stress(sigma, degrees)
     whole = (displacement + moved)[: len(model.cloud.points)]
     strain = model.material.strain(sigma, degrees)
@@ -251,11 +295,12 @@ def shown_fields(built: Built, state: State, fields: Mapping[str, Fields], stres
 
 def _shown(built: Built, view: View, state: State, fields: Fields, stress: bool) -> Fields:
     name, material = view.model.name, view.model.material
-    degrees = float(built.scene.degrees(name) @ state.factors)
     moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns, view.cloud.points)
     seen = (view.rows @ fields.rest.ravel()).reshape(5, -1).T
-    sigma = seen[:, 2:] + stressed - degrees * stress_of_expansion(material)
-    sigma = sigma if stress else np.zeros((0, 3))
+    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    if stress:
+        degrees = built.scene.degrees(name, state.factors, view.cloud.points)
+        sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
     across = material.across_stress(sigma, degrees)
     strain = material.strain(sigma, degrees)
     return Fields(seen[:, :2] + moved, sigma, across, von_mises(sigma, across), strain, fields.rest)

@@ -83,7 +83,7 @@ def reference_profile(built: Built, pairing: Pairing, state: State) -> Reference
         contact,
         slave_points(built, pairing),
         pairing.normal[pairing.candidate],
-        state.pressure[built.condensed.spans[pairing.name]],
+        built.condensed.contact_values(pairing, state.unknowns)[0],
         force,
     )
 

@@ -62,7 +62,8 @@ class _Unknown:
             return -1.0 if self.mover.contact == pairing.name else 0.0
         if self.elastic:
             return 0.0
-        return float(self.body == pairing.slave_body) - float(self.body == pairing.master_body)
+        bodies = self.mover.bodies
+        return float(pairing.slave_body in bodies) - float(pairing.master_body in bodies)
 
     def at(self, points: FloatArray) -> FloatArray:
         """Displacements (n, 2) of ``points`` (n, 2), at most 1 in contacts."""
@@ -123,9 +124,11 @@ def _unknown(
     force, size = motion.force.copy(), np.abs(motion.force)
     elastic = not motion.alone
     if not isinstance(mover, Obstacle) and not elastic:
-        springs = loads.springs[mover.body].values()
+        springs = [k for body in mover.bodies for k in loads.springs[body].values()]
         elastic = any(any(k) if motion.component == ROTATION else k[motion.component] for k in springs)
-        for number, forces, points in _nodal_forces(loads, clouds, mover.body):
+        for number, forces, points in [
+            one for body in mover.bodies for one in _nodal_forces(loads, clouds, body)
+        ]:
             parts = resultant(forces, points, mover.center)[motion.component]
             force[number] += parts.sum()
             size[number] += np.abs(parts).sum()

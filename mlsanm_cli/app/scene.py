@@ -218,7 +218,8 @@ def _held_surfaces(case: Case, body: str) -> dict[str, tuple[bool, bool]]:
             x, y = load.components
             hold(load.place, x is not None, y is not None)
         elif isinstance(load, Platen):
-            hold(load.place, "x" in load.control, "y" in load.control)
+            for place in load.places:
+                hold(place, "x" in load.control, "y" in load.control)
     return held
 
 

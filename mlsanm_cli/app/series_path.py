@@ -113,7 +113,7 @@ def regularization(built: Built) -> Regularization:
     """The case's smooth law with the scene's scales."""
     condensed = built.condensed
     eta, stick = np.empty(len(condensed.weight)), np.empty(len(condensed.rubbing))
-    for contact in built.case.contact:
+    for contact in built.case.touching:
         eta[condensed.spans[contact.name]] = contact.regularization.eta
         if contact.friction:
             stick[condensed.tangential[contact.name]] = contact.regularization.stick

@@ -79,10 +79,12 @@ def summarise(
         verdict = force_balance(built, state)
         summary["contacts"] = {
             p.name: _contact(built, p.name, state, recorder.cone.get(p.name))
-            for p in built.condensed.pairings
+            for p in built.condensed.reported
         }
         summary["error_estimate"] = adapted.accuracy.figures(built, state)
         summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
+        if built.condensed.moments:
+            summary["plates"] = recording.plates_turned(built, state)
         if built.condensed.probes:
             summary["probes"] = {name: _probe(built, name, state) for name in built.condensed.probes}
         summary["force_balance"] = verdict.force_balance
@@ -137,7 +139,7 @@ def _probe(built: Built, name: str, state: State) -> dict[str, Any]:
 
 def _contact(built: Built, name: str, state: State, cone: float | None) -> dict[str, Any]:
     """A contact's figures, with the reference's beside them where the case names one."""
-    pairing = next(p for p in built.condensed.pairings if p.name == name)
+    pairing = next(p for p in built.condensed.reported if p.name == name)
     figures = recording.contact_summary(built, pairing, state) | {"max_cone_ratio": cone}
     profile = reference_profile(built, pairing, state)
     if profile is not None:

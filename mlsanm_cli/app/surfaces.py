@@ -20,12 +20,12 @@ from mlsanm_cli.case import Case, Chained, Displacement, Place, Platen, Pressure
 from mlsanm_cli.case.chains import Piece, Side, Smooth
 from mlsanm_cli.case.conditions import Kind, load_components, may_meet, support_components
 from mlsanm_cli.case.files import Mesh, Points
-from mlsanm_cli.case.model import Body
+from mlsanm_cli.case.model import Body, Contact
 from mlsanm_cli.case.round_shapes import Annulus, HalfDisk, Sector
 from mlsanm_cli.case.shapes import AnyShape, Rectangle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, disk, half_disk, rectangle, sector
-from mlsanm_cli.cloud.joined import chain_of, cut, joined
+from mlsanm_cli.cloud.joined import chain_of, cut, joined, part_of
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -33,6 +33,8 @@ from mlsanm_cli.values import dataclass
 
 FAR = 0.1
 """The ends of a part of a boundary are within this part of its length of it."""
+IN_PLACE = 1e-4
+"""Surfaces lie on each other where they are apart by less than this part of their length."""
 AT_END = 1e-6
 """Ends of parts nearer than this part of a piece's length to its end are there."""
 
@@ -149,16 +151,20 @@ def _groups(outline: Outline, numbers: Sequence[int]) -> list[str]:
 def curve_at(case: Case, place: Place, key: str) -> tuple[Curve, tuple[Curve, ...]]:
     """The curve of a contact's side, and the other curves of the body's outline. Raises CaseError."""
     run = _run(case, place, key)
-    others = (curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
-    return joined(run.curves, run.around), tuple(others)
+    others = tuple(curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
+    own = joined(run.curves, run.around)
+    if place.ends is not None:
+        first, length = _range(run, place)
+        own = part_of(own, first, first + length)
+    return own, others
 
 
 def surface_at(case: Case, cloud: Cloud, place: Place, key: str) -> Surface:
     """The nodes of a contact's side as one surface. Raises CaseError where its pieces do not join."""
-    run = _run(case, place, key)
-    names = [name for _, name, _, _ in _pieces(case, place, run)]
+    run, names = _run(case, place, key), surfaces_at(case, place)
+    around = run.around and place.ends is None
     label = place.label.partition(".")[2]
-    return joined_surface(label, [cloud.surfaces[name] for name in names], run.around)
+    return joined_surface(label, [cloud.surfaces[name] for name in names], around)
 
 
 @dataclass(frozen=True)
@@ -232,6 +238,73 @@ def _parted(case: Case) -> Iterator[tuple[str, Place]]:
     for load in case.load:
         if isinstance(load, Platen | Pressure | Traction | Displacement) and load.ends is not None:
             yield f"load.{load.name}", load.place
+    for contact in case.contact:
+        for place in sides_of(case, contact):
+            if place.ends is not None:
+                yield f"contact.{contact.name}", place
+
+
+def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
+    """The slave and, if there is one, the master of a contact; of bonds only the parts that face each other,
+    so that tractions may begin and end where a surface goes on."""
+    sides = contact.sides
+    if not contact.bonded or len(sides) < 2:
+        return sides
+    return _facing_part(case, contact, 0), _facing_part(case, contact, 1)
+
+
+def _facing_part(case: Case, contact: Contact, which: int) -> Place:
+    """One side of a bond, from where to where the other one lies on it."""
+    own, other = contact.sides[which], contact.sides[1 - which]
+    if own.ends is not None:
+        return own
+    run = _run(case, own, f"contact.{contact.name}")
+    facing = _run(case, Place(other.boundaries), f"contact.{contact.name}")
+    theirs = joined(facing.curves, facing.around)
+    if other.ends is not None:
+        first, length = _range(facing, other)
+        theirs = part_of(theirs, first, first + length)
+    if theirs.closed:
+        return own
+    whole, closed = run.starts[-1], run.around or run.curves[0].closed
+    tips = theirs.points(np.array([0.0, 0.5, 1.0]) * theirs.length).tolist()
+    (start, *_), (middle, _), (end, *_) = places = [run.nearest((x, y)) for x, y in tips]
+    if places[1][1] > IN_PLACE * whole:
+        return own
+    inside = [away <= IN_PLACE * whole and AT_END < at / whole < 1.0 - AT_END for at, away in places[::2]]
+    if not any(inside):
+        return own
+    # Surfaces that face each other run past each other; on a closed one the part has the middle in it.
+    low, high = sorted((start, end))
+    if closed:
+        low, high = (low, high) if low < middle < high else (high, low)
+    else:
+        low, high = (place if within else far for place, within, far in _ordered(start, end, inside, whole))
+    curve = joined(run.curves, run.around)
+    (a, b), (c, d) = curve.points(np.array([low, high])).tolist()
+    return Place(own.boundaries, ((a, b), (c, d)))
+
+
+def _ordered(
+    start: float, end: float, inside: Sequence[bool], whole: float
+) -> list[tuple[float, bool, float]]:
+    """Both ends of a part in order along an open run, whether each is inside it, and the run's end there."""
+    both = sorted([(start, inside[0]), (end, inside[1])])
+    return [(*both[0], 0.0), (*both[1], whole)]
+
+
+def bond_ends(case: Case, contact: Contact) -> list[tuple[float, float]]:
+    """The points where a bond ends on a surface that goes on."""
+    found = []
+    for place in sides_of(case, contact):
+        if place.ends is None:
+            continue
+        run = _run(case, place, f"contact.{contact.name}")
+        for point in place.ends:
+            at, _ = run.nearest(point)
+            if AT_END < at / run.starts[-1] < 1.0 - AT_END or run.curves[0].closed:
+                found.append(point)
+    return found
 
 
 def _cuts(case: Case, body: Body) -> dict[int, list[float]]:
@@ -305,28 +378,42 @@ def refuse_conflicts(case: Case) -> None:
     """Raise CaseError for conditions on lists and parts of boundaries that others there exclude."""
     taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
     problems = []
-    for key, kinds, place in _claims(case):
+    for key, kinds, place, owner in _claims(case):
         for surface in surfaces_at(case, place):
             for component, kind in kinds:
                 others = taken.setdefault((place.body, surface, component), [])
                 for other, name, label in others:
-                    plates = kind.startswith("platen") and label != place.label
+                    plates = kind.startswith("platen") and label != owner
                     if plates or not may_meet(other, kind):
                         message = f"{key} and {name} both act on a part of {place.label} in {'xy'[component]}"
                         hint = "one condition per boundary and direction"
                         problems.append(CaseProblem(key, message, hint=hint))
-                others.append((kind, key, place.label))
+                others.append((kind, key, owner))
+    for contact in case.contact:
+        side = contact.sides[0]
+        if contact.ends is not None:
+            there = [taken.get((side.body, s, c), []) for s in surfaces_at(case, side) for c in (0, 1)]
+            for kind, key, _ in [one for some in there for one in some]:
+                if kind != "traction":
+                    message = f"{key} acts on a part of the contact surface {side.label}"
+                    hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
+                    problems.append(CaseProblem(f"contact.{contact.name}.slave", message, hint=hint))
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
 
 
-def _claims(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place]]:
+def _claims(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, str]]:
+    """Key, components with kinds, place and name of the place of all conditions on boundaries; plates have
+    one name wherever they are."""
     for index, support in enumerate(case.support):
         if support.place is not None:
-            yield f"support.{index}", list(support_components(support)), support.place
+            yield f"support.{index}", list(support_components(support)), support.place, support.place.label
     for load in case.load:
         if isinstance(load, Platen | Pressure | Traction | Displacement):
-            yield f"load.{load.name}", list(load_components(load, _normal(case, load.place))), load.place
+            for place in load.places:
+                owner = load.label if isinstance(load, Platen) else place.label
+                kinds = list(load_components(load, _normal(case, place)))
+                yield f"load.{load.name}", kinds, place, owner
 
 
 def _normal(case: Case, place: Place) -> tuple[float, float] | None:

@@ -125,8 +125,11 @@ def _alike(mirror: Mirror, conditions: Mapping[str, tuple[float, float]]) -> boo
 def _even_mover(mover: Mover, line: Line, mirrors: Mapping[str, Mirror], stages: FloatArray) -> bool:
     """Whether a mover is its own image, and nothing drives it but along the line."""
     if isinstance(mover, Platen):
-        images = {mirrors[mover.body].surfaces[name][0] for name in mover.surfaces}
-        if images != set(mover.surfaces):
+        images = {(body, mirrors[body].surfaces[name][0]) for body, name in mover.held}
+        if images != set(mover.held):
+            return False
+        size = abs(mover.center[0]) + abs(mover.center[1]) + abs(line.at)
+        if mover.turns and abs(mover.center[line.axis] - line.at) > SAME * size:
             return False
     return not any(
         (stages @ (motion.force if motion.prescribed is None else motion.prescribed)).any()
@@ -155,6 +158,9 @@ def _even_loads(acting: Acting, mirrors: Mapping[str, Mirror], stages: FloatArra
         forces = [(force.number, force.values) for force in acting.body_forces if force.body == name]
         if not _even_sum(forces, forces, mirror.image, mirror, stages):
             return False
+        heat = [(one.number, one.values[:, None]) for one in acting.heatings if one.body == name]
+        if not _even_sum(heat, heat, mirror.image, mirror, stages, signs=np.ones(1)):
+            return False
         for surface, (image, places) in mirror.surfaces.items():
             for held in (False, True):
                 one, other = (
@@ -176,14 +182,17 @@ def _even_sum(
     places: IntArray,
     mirror: Mirror,
     stages: FloatArray,
+    signs: FloatArray | None = None,
 ) -> bool:
-    """Whether ``loads`` are what the mirror makes of the ``images``, whose node for each is at ``places``."""
+    """Whether ``loads`` are what the mirror makes of the ``images``, whose node for each is at ``places``: it
+    multiplies their components by ``signs`` (c,), by default those of vectors."""
+    signs = mirror.line.signs if signs is None else signs
     for factors in stages:
-        lack = np.zeros((len(places), 2))
+        lack = np.zeros((len(places), len(signs)))
         for number, values in loads:
             lack += factors[number] * values
         for number, values in images:
-            lack -= factors[number] * values[places] * mirror.line.signs
+            lack -= factors[number] * values[places] * signs
         sizes = [np.abs(factors[number] * values).max(initial=0.0) for number, values in loads + images]
         if np.abs(lack).max(initial=0.0) > EVEN * max(sizes, default=0.0):
             return False

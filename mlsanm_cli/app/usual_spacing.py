@@ -7,7 +7,7 @@ some along.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -37,6 +37,10 @@ CLOSE = 0.05
 to the end."""
 AT_ENDS = 10.0
 """Spacings between the outermost of several such places and the end of the surface."""
+BY_BOND_ENDS, AT_BOND_ENDS, SLOWLY = 2.0, 4.0, 0.12
+"""The finer body's spacing over those along a bond that ends on a surface that goes on, and at its end. A
+post on a block was then within 1 % of one piece, with 678 nodes, and its energies within 6 %; with spacings
+that grow faster energies were up to 26 % off."""
 FLAT = 1e-6
 """Gaps that differ by less than this part of the length are the same."""
 
@@ -142,6 +146,17 @@ def contact_zone(
     distance = min(distances, default=np.inf)
     if FLAT * own.length < distance < IN_FRONT * far:
         yield Zone.around((float(place[0]), float(place[1])), distance / IN_FRONT, distance, GROWTH)
+
+
+def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
+    """Nodes as ``fine`` as the finer body's where a boundary is bonded to another one, and finer ones if it
+    has ``ends`` where a surface goes on: stresses are singular there."""
+    if not ends:
+        yield Zone(own, fine, 0.0, GROWTH)
+        return
+    yield Zone(own, fine / BY_BOND_ENDS, 0.0, SLOWLY)
+    for end in ends:
+        yield Zone.around(end, fine / AT_BOND_ENDS, 0.0, SLOWLY)
 
 
 def _end_zones(points: FloatArray, apart: FloatArray, far: float) -> Iterator[Zone]:

@@ -16,7 +16,7 @@ from pydantic import (
     WithJsonSchema,
 )
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError
 
 from mlsanm_cli.case.expressions import ExpressionError, compile_expression
 from mlsanm_cli.values import dataclass
@@ -55,6 +55,7 @@ LENGTH, STRESS, FORCE = Unit("length"), Unit("stress"), Unit("force per thicknes
 ANGLE, NUMBER = Unit("degrees"), Unit("dimensionless")
 DENSITY, FOUNDATION = Unit("force per volume"), Unit("stress per length")
 TEMPERATURE, EXPANSION = Unit("temperature"), Unit("per temperature")
+TURN, MOMENT = Unit("radian"), Unit("moment per thickness")
 
 
 def _two_items(value: Any) -> Any:
@@ -93,6 +94,28 @@ def _auto_or_length(value: Any) -> float | Literal["auto"]:
     if not 0.0 < number < float("inf"):
         raise PydanticCustomError("auto_or_length", 'expected "auto" or a number above 0')
     return number
+
+
+def _coefficient(value: Any) -> float | Literal["bonded"]:
+    if value == "bonded":
+        return "bonded"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("coefficient", 'expected a number from 0, or "bonded"')
+    if not math.isfinite(value):
+        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+    if value < 0.0:
+        raise PydanticKnownError("greater_than_equal", {"ge": 0})
+    return float(value)
+
+
+def _rotation(value: Any) -> float | Literal["fixed", "free"]:
+    if isinstance(value, str) and value in ("fixed", "free"):
+        return "fixed" if value == "fixed" else "free"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("rotation", 'expected "fixed", "free", or an angle in radian')
+    if not math.isfinite(value):
+        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+    return float(value)
 
 
 def _amount(value: Any) -> float | str:
@@ -140,6 +163,21 @@ AutoLength = Annotated[
     PlainValidator(_auto_or_length),
     WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0.0}]}),
 ]
+
+
+Rotation = Annotated[
+    float | Literal["fixed", "free"],
+    PlainValidator(_rotation),
+    WithJsonSchema({"anyOf": [{"enum": ["fixed", "free"]}, {"type": "number"}]}),
+]
+"""Whether a plate may turn, or by what angle it does."""
+
+Coefficient = Annotated[
+    float | Literal["bonded"],
+    PlainValidator(_coefficient),
+    WithJsonSchema({"anyOf": [{"const": "bonded"}, {"type": "number", "minimum": 0.0}]}),
+]
+"""A coefficient of friction, or surfaces that are one."""
 
 
 def split_boundary(boundary: str) -> tuple[str, str]:

@@ -15,7 +15,7 @@ from mlsanm_cli.case.drift import check_drift
 from mlsanm_cli.case.files import Geometry, Points
 from mlsanm_cli.case.finite import check_finite
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.load_checks import check_loads
+from mlsanm_cli.case.load_checks import check_ends, check_loads
 from mlsanm_cli.case.loads import ObstacleMotion, Platen
 from mlsanm_cli.case.materials import check_material
 from mlsanm_cli.case.model import Body, Contact
@@ -174,9 +174,10 @@ def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) 
 
 
 def _check_contacts(draft: Draft, report: Report) -> None:
-    pairs: dict[frozenset[str], str] = {}
+    pairs: dict[tuple[frozenset[str], object], str] = {}
     for index, contact in draft.contacts.items():
         path: KeyPath = ("contact", index)
+        check_ends(contact, path, report)
         if (contact.master is None) == (contact.obstacle is None):
             hint = "a boundary of another body, or a rigid obstacle"
             report.add(path, "needs exactly one of master and obstacle", hint)
@@ -184,6 +185,9 @@ def _check_contacts(draft: Draft, report: Report) -> None:
         if contact.obstacle is not None:
             check_obstacle(contact.obstacle, (*path, "obstacle"), report)
         if contact.master is None:
+            if contact.bonded:
+                hint = "hold the boundary with a [[support]], or move it with a platen"
+                report.add((*path, "friction"), "nothing is bonded to a rigid obstacle", hint)
             continue
         both = set(contact.sides[0].boundaries) & set(contact.sides[1].boundaries)
         if both:
@@ -197,10 +201,20 @@ def _check_contacts(draft: Draft, report: Report) -> None:
         if len(bodies) == 1:
             message = f"body {bodies.pop()} touching itself is not supported yet"
             report.add(path, message, "slave and master on two bodies")
-        pair = frozenset(contact.boundaries)
+        if contact.bonded:
+            _check_bond(contact, path, report)
+        pair = frozenset(contact.boundaries), contact.ends
         if pair in pairs:
             report.add(path, f'the same two boundaries as contact "{pairs[pair]}"')
         pairs.setdefault(pair, contact.name)
+
+
+def _check_bond(contact: Contact, path: KeyPath, report: Report) -> None:
+    """Keys that say nothing of surfaces that are one."""
+    plain = Contact(name=contact.name, slave=contact.slave, master=contact.master)
+    for key in ("interference", "gap", "reach", "regularization"):
+        if getattr(contact, key) != getattr(plain, key):
+            report.add((*path, key), "has no meaning here: the surfaces are bonded as drawn", "remove it")
 
 
 def _check_stages(draft: Draft, report: Report) -> None:
@@ -260,11 +274,15 @@ def _check_numerics(draft: Draft, report: Report) -> None:
     if mls is not None and mls.scheme != "least-squares" and linear in ("pardiso", "mumps"):
         message = f'"{linear}" is for symmetric equations, which mls.scheme = "{mls.scheme}" has not'
         report.add(("solver", "linear"), message, 'write "auto"')
-    _check_laws(draft, report, draft.contacts.values())
+    _check_laws(draft, report, [one for one in draft.contacts.values() if not one.bonded])
     fixed = [body.name for body in draft.bodies.values() if body.brings_nodes]
     if draft.adapt is not None and draft.adapt.passes and fixed:
         message = f'body "{fixed[0]}" cannot be refined: its nodes are those of its file'
         report.add(("adapt", "passes"), message, 'write 0, or take the outline only: use = "outline"')
+    contacts = draft.contacts.values()
+    if draft.adapt is not None and draft.adapt.passes and contacts and all(one.bonded for one in contacts):
+        hint = "write 0, and refine along the bonds, above all where they end, with [[body.refine]]"
+        report.add(("adapt", "passes"), "refinement by passes does not know what bonds need", hint)
     if draft.output is None:
         return
     for field, times in Counter(draft.output.fields).items():
@@ -281,7 +299,7 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
     laws = {contact.name: contact.regularization.law for contact in contacts}
     first = next(iter(laws.values()), None)
     for index, contact in draft.contacts.items():
-        if contact.regularization.law != first:
+        if not contact.bonded and contact.regularization.law != first:
             message = f'"{contact.regularization.law}" here and "{first}" in another contact'
             hint = "one law in all contacts; mixed laws are not supported yet"
             report.add(("contact", index, "regularization", "law"), message, hint)
@@ -302,6 +320,10 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
             message = "the exact contact law is solved on the condensed system only"
             hint = 'law = "hyperbolic" in [contact.regularization], or formulation = "condensed"'
         report.add(("solver", "formulation"), message, hint)
+    tied = [c.name for c in draft.contacts.values() if c.bonded]
+    if draft.solver and draft.solver.formulation == "monolithic" and tied:
+        message = f"the bond of contact {tied[0]} is known to the condensed system only"
+        report.add(("solver", "formulation"), message, 'formulation = "condensed"')
     rigid = [c.name for c in draft.contacts.values() if c.obstacle is not None or c.interference is not None]
     if draft.solver and draft.solver.formulation == "monolithic" and rigid:
         message = f"the obstacle or interference of contact {rigid[0]} is known to the condensed system only"
@@ -309,7 +331,9 @@ def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> No
 
 
 def _check_friction_laws(draft: Draft, report: Report) -> None:
-    rough = {index: contact for index, contact in draft.contacts.items() if contact.friction}
+    rough = {
+        index: contact for index, contact in draft.contacts.items() if contact.friction and not contact.bonded
+    }
     first = next(iter(rough.values()), None)
     for index, contact in rough.items():
         here, path = contact.regularization, ("contact", index, "regularization", "friction_law")

@@ -91,7 +91,7 @@ def _load_claims(draft: Draft) -> Iterator[Claim]:
     for index, load in draft.loads.items():
         if isinstance(load, BodyForce | Temperature | ObstacleMotion):
             continue
-        for boundary in load.place.boundaries:
+        for boundary in [name for place in load.places for name in place.boundaries]:
             # On a straight boundary along an axis a pressure leaves the other direction alone.
             name, edge = split_boundary(boundary)
             shape = draft.geometry(name)
@@ -143,10 +143,13 @@ def _check_rotations(draft: Draft, report: Report) -> None:
     for index, load in draft.loads.items():
         if not isinstance(load, Platen):
             continue
-        other = first.setdefault(load.place.label, load)
-        if other.rotation != load.rotation:
-            message = f'"{load.rotation}", but load "{other.name}" on the same platen says "{other.rotation}"'
+        other = first.setdefault(load.label, load)
+        if other.turning != load.turning:
+            message = f'"{load.turning}", but load "{other.name}" on the same platen says "{other.turning}"'
             report.add(("load", index, "rotation"), message, "loads on one boundary move one platen")
+        elif other.hinge != load.hinge:
+            message = f'another point than in load "{other.name}" on the same platen'
+            report.add(("load", index, "hinge"), message, "loads on one boundary move one platen")
 
 
 def _check_obstacle_motions(draft: Draft, report: Report) -> None:
@@ -167,7 +170,8 @@ def _check_contact_surfaces(draft: Draft, report: Report, claims: list[Claim]) -
             path: KeyPath = ("contact", index, key)
             for claim in claims:
                 # Given tractions and those of the contact add up.
-                if claim.boundary in side.boundaries and claim.kind != "traction":
+                apart = claim.partial and side.ends is not None
+                if claim.boundary in side.boundaries and claim.kind != "traction" and not apart:
                     message = f"{claim.label} acts on the contact surface {claim.boundary}"
                     hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
                     report.add(path, message, hint)

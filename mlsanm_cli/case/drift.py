@@ -72,9 +72,9 @@ def held_rows(draft: Draft, body: str, shape: Geometry) -> Iterator[Row]:
             for point in _samples(shape, support.place):
                 yield from _rows(shape, point, held)
     for load in draft.loads.values():
-        if load.owner != body or not isinstance(load, Displacement | Platen):
+        if not isinstance(load, Displacement | Platen) or body not in load.owners:
             continue
-        points = _samples(shape, load.place)
+        points = _samples(shape, load.places[load.owners.index(body)])
         if isinstance(load, Displacement):
             held = (load.components[0] is not None, load.components[1] is not None)
             for point in points:
@@ -95,7 +95,7 @@ def _platen_rows(shape: Geometry, points: tuple[tuple[float, float], ...], load:
         at_middle = next(_rows(shape, middle, held))
         if control == "displacement":
             yield at_middle
-        if load.rotation == "fixed":
+        if load.turning != "free":
             for point in points:
                 turn = next(_rows(shape, point, held))[2] - at_middle[2]
                 yield (0.0, 0.0, turn)

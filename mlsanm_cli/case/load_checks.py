@@ -16,9 +16,11 @@ def check_loads(draft: Draft, report: Report) -> None:
     for index, load in draft.loads.items():
         path: KeyPath = ("load", index)
         if isinstance(load, Stretch):
-            _check_ends(load, path, report)
+            check_ends(load, path, report)
         if isinstance(load, Platen | ObstacleMotion):
             _check_moving(load, path, report)
+            if isinstance(load, Platen):
+                _check_turning(load, path, report)
         elif isinstance(load, Traction | Pressure):
             _check_value(load, path, report)
         elif isinstance(load, Displacement):
@@ -28,7 +30,7 @@ def check_loads(draft: Draft, report: Report) -> None:
     _check_obstacle_names(draft, report)
 
 
-def _check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
+def check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
     """Both ends of a part are given, or none."""
     if (part.start is None) != (part.to is None):
         key, other = ("from", "to") if part.to is None else ("to", "from")
@@ -39,7 +41,7 @@ def _check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
 
 def _check_support(draft: Draft, report: Report, index: int) -> None:
     support, path = draft.supports[index], ("support", index)
-    _check_ends(support, path, report)
+    check_ends(support, path, report)
     if support.boundary is None and (support.start is not None or support.to is not None):
         report.add(path, '"from" and "to" are the ends of a part of a boundary', 'give "boundary"')
     if support.boundary is not None and (support.body is not None or support.near is not None):
@@ -102,6 +104,17 @@ def _check_moving(load: Platen | ObstacleMotion, path: KeyPath, report: Report) 
     for u, f in (("ux", "fx"), ("uy", "fy")):
         if u in single and f in single:
             report.add((*path, f), f"the direction has {u} already", "it is moved by one of the two")
+
+
+def _check_turning(load: Platen, path: KeyPath, report: Report) -> None:
+    """What turns a plate, and about what, goes with whether it may turn."""
+    if load.moment is not None and load.turning != "free":
+        hint = 'leave rotation away, or write rotation = "free"'
+        report.add((*path, "moment"), "a plate that is not free to turn takes no moment", hint)
+    if load.hinge is not None and load.turning == "fixed":
+        report.add((*path, "hinge"), "a plate that does not turn has no hinge", 'rotation = "free"')
+    if len(load.places) > 1 and load.ends is not None:
+        report.add((*path, "from"), "parts are those of one body", "one boundary, or whole boundaries")
 
 
 def _check_obstacle_names(draft: Draft, report: Report) -> None:

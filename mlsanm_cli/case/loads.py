@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from mlsanm_cli.case.base import (
     DENSITY,
     FORCE,
     LENGTH,
+    MOMENT,
     STRESS,
     TEMPERATURE,
+    TURN,
     Amount,
     AmountVector,
     Name,
+    Rotation,
     Section,
     Vector,
+    split_boundary,
 )
-from mlsanm_cli.case.places import Boundaries, Place, Stretch, listed
+from mlsanm_cli.case.places import Boundaries, Place, PlateBoundaries, Stretch, listed
 from mlsanm_cli.case.tables import row_problem
 
 Control = Literal["force", "displacement"]
@@ -45,9 +49,19 @@ class _OnBoundary(Stretch):
         return Place(listed(self.boundary), self.ends)
 
     @property
+    def places(self) -> tuple[Place, ...]:
+        """The same body by body; more than one of plates only."""
+        return (self.place,)
+
+    @property
     def owner(self) -> str:
-        """The body it acts on."""
+        """The body it acts on, of several the first."""
         return self.place.body
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """The bodies it acts on."""
+        return tuple(place.body for place in self.places)
 
 
 class _InBody(Section):
@@ -60,6 +74,11 @@ class _InBody(Section):
     def owner(self) -> str:
         """The body it acts on."""
         return self.body
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """The same as of loads that act on several."""
+        return (self.body,)
 
 
 class Traction(_OnBoundary):
@@ -120,12 +139,13 @@ class BodyForce(_InBody):
 
 
 class Temperature(_InBody):
-    """An even change of the body's temperature, in the degrees of the material's ``alpha``."""
+    """A change of the body's temperature, in the degrees of the material's ``alpha``: a number, or an
+    expression in x and y."""
 
     kind: Literal["temperature"]
     """What the load is."""
-    temperature: Annotated[float, TEMPERATURE]
-    """Change of temperature."""
+    temperature: Annotated[Amount, TEMPERATURE]
+    """Change of temperature: a number, or an expression in x and y."""
 
 
 class _Moving(Section):
@@ -173,10 +193,48 @@ class _Moving(Section):
 class Platen(_OnBoundary, _Moving):
     """A rigid plate on the boundary. A direction that is not mentioned is free: the plate is smooth there."""
 
+    boundary: PlateBoundaries
+    """The boundary it is on, or a list of several, also of several bodies, which it moves together."""
     kind: Literal["platen"]
     """What the load is."""
-    rotation: Literal["fixed", "free"] = "fixed"
-    """Whether the plate may turn."""
+    rotation: Annotated[Rotation, TURN] = "fixed"
+    """Whether the plate may turn, `"fixed"` or `"free"`, or by what angle (radian, counter-clockwise) it
+    does; free by default where there is a `hinge` or a `moment`."""
+    hinge: Annotated[Vector, LENGTH] | None = None
+    """The point that forces act at and moments are counted about, and whose displacement is told; the middle
+    of the boundary by default."""
+    moment: Annotated[float, MOMENT] | None = None
+    """Moment on the plate about its hinge, counter-clockwise."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _turns(cls, data: Any) -> Any:
+        """Plates with a hinge or a moment are free to turn."""
+        turned = isinstance(data, dict) and ("hinge" in data or "moment" in data)
+        return {"rotation": "free", **data} if turned else data
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Where it is, body by body."""
+        names = listed(self.boundary)
+        bodies = dict.fromkeys(split_boundary(name)[0] for name in names)
+        own = [tuple(name for name in names if split_boundary(name)[0] == body) for body in bodies]
+        return tuple(Place(some, self.ends) for some in own)
+
+    @property
+    def place(self) -> Place:
+        """Where it is on its first body."""
+        return self.places[0]
+
+    @property
+    def label(self) -> str:
+        """What the plate is called in messages."""
+        return " and ".join(place.label for place in self.places)
+
+    @property
+    def turning(self) -> Literal["fixed", "free", "prescribed"]:
+        """What its rotation is."""
+        return "prescribed" if isinstance(self.rotation, float) else self.rotation
 
 
 class ObstacleMotion(_Moving):
@@ -193,6 +251,11 @@ class ObstacleMotion(_Moving):
     def owner(self) -> None:
         """It acts on no body."""
         return None
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """The same as of loads that act on several."""
+        return ()
 
 
 AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature | ObstacleMotion

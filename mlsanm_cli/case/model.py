@@ -6,6 +6,7 @@ agree with each other. Defaults stand here and nowhere else.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -15,8 +16,10 @@ from mlsanm_cli.case.base import (
     FOUNDATION,
     LENGTH,
     NUMBER,
+    Amount,
     AutoCount,
     AutoLength,
+    Coefficient,
     Name,
     Positive,
     Section,
@@ -27,7 +30,7 @@ from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.loads import Load
 from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.obstacles import Obstacle
-from mlsanm_cli.case.places import Boundaries, Place, Stretch, label_of, listed
+from mlsanm_cli.case.places import Boundaries, Place, Stretch, listed
 from mlsanm_cli.case.shapes import Shape
 from mlsanm_cli.case.stop import Stop
 from mlsanm_cli.case.units import Units
@@ -127,9 +130,9 @@ class Regularization(Section):
     back); the same in all contacts."""
 
 
-class Contact(Section):
+class Contact(Stretch):
     """Two boundaries that may touch, or one and a rigid obstacle; with ``interference`` they overlap on
-    purpose."""
+    purpose. With ``from`` and ``to`` it is a part of the slave."""
 
     name: Name
     """Name of the contact."""
@@ -142,13 +145,27 @@ class Contact(Section):
     """The rigid obstacle it may touch instead."""
     interference: Annotated[Positive, LENGTH] | None = None
     """By how much the surfaces overlap on purpose where they do so most."""
-    friction: Annotated[float, Field(ge=0.0), NUMBER] = 0.0
-    """Coulomb's coefficient; 0 leaves every tangential unknown out."""
+    gap: Annotated[Amount, LENGTH] = 0.0
+    """What is added to the gap between the surfaces as drawn: a number, or an expression in x and y of the
+    slave's points. Crowned, wavy and rough profiles need not be drawn."""
+    friction: Annotated[Coefficient, NUMBER] = 0.0
+    """Coulomb's coefficient, 0 leaves every tangential unknown out; or `"bonded"`: surfaces drawn touching
+    are one, and carry tension too."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
     """Error of the pressures that their grid is refined to, relative to the largest."""
     reach: Annotated[AutoLength, LENGTH] = "auto"
     """Nodes with a larger initial gap are left out; a run in which one of them closes fails."""
     regularization: Regularization = Regularization()
+
+    @property
+    def bonded(self) -> bool:
+        """Whether its surfaces are one."""
+        return self.friction == "bonded"
+
+    @property
+    def coefficient(self) -> float:
+        """Coulomb's coefficient; inf where surfaces are bonded."""
+        return math.inf if self.friction == "bonded" else self.friction
 
     @property
     def boundaries(self) -> tuple[str, ...]:
@@ -158,12 +175,13 @@ class Contact(Section):
     @property
     def sides(self) -> tuple[Place, ...]:
         """The slave and, if there is one, the master."""
-        return tuple(Place(listed(side)) for side in (self.slave, self.master) if side is not None)
+        master = () if self.master is None else (Place(listed(self.master)),)
+        return (Place(listed(self.slave), self.ends), *master)
 
     @property
     def names(self) -> tuple[str, ...]:
         """What the sides are called."""
-        return tuple(label_of(side.boundaries) for side in self.sides)
+        return tuple(side.label for side in self.sides)
 
 
 class Probe(Section):
@@ -283,14 +301,19 @@ class Case(Section):
         return (*(load.name for load in self.load), *(c.name for c in self.contact if c.interference))
 
     @property
+    def touching(self) -> tuple[Contact, ...]:
+        """The contacts whose surfaces may come apart: all but bonded ones."""
+        return tuple(contact for contact in self.contact if not contact.bonded)
+
+    @property
     def polished(self) -> bool:
         """Whether saved levels end with the exact laws."""
         if self.solver.polish != "auto":
             return self.solver.polish
-        first = self.contact[0].regularization if self.contact else None
+        first = self.touching[0].regularization if self.touching else None
         if first is None or first.law == "exact" or self.solver.formulation == "monolithic":
             return False
-        return not any(c.friction and c.regularization.friction_law == "memory" for c in self.contact)
+        return not any(c.friction and c.regularization.friction_law == "memory" for c in self.touching)
 
     @model_validator(mode="before")
     @classmethod

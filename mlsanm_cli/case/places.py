@@ -34,6 +34,26 @@ Boundaries = Annotated[
 """A boundary of a body, or several that are one surface."""
 
 
+def _plated(value: Any) -> str | tuple[str, ...]:
+    names = value if isinstance(value, tuple) else (value,)
+    bodies = list(dict.fromkeys(split_boundary(name)[0] for name in names if isinstance(name, str)))
+    if len(bodies) < 2:
+        return _boundaries(value)
+    # Each body's own are judged as others are.
+    for body in bodies:
+        own = [name for name in names if not isinstance(name, str) or split_boundary(name)[0] == body]
+        _boundaries(tuple(own))
+    return names
+
+
+PlateBoundaries = Annotated[
+    str | tuple[str, ...],
+    PlainValidator(_plated),
+    WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
+]
+"""The same, of one body or of several that one plate moves."""
+
+
 def listed(boundaries: str | tuple[str, ...] | None) -> tuple[str, ...]:
     """The names of a boundary or of several, none of None.
 

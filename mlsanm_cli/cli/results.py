@@ -8,7 +8,7 @@ from typing import Any
 
 from mlsanm_cli.cli.text import grid, label, number, table
 
-_CONTACT = ("peak_pressure", "half_width", "force", "min_gap")
+_CONTACT = ("peak_pressure", "peak_tension", "peak_traction", "half_width", "force", "min_gap")
 _QUALITY = ("residual", "force_balance", "energy_error", "stability", "peak_memory_mb")
 
 

@@ -33,9 +33,9 @@ def corrected_state(
     lack = np.zeros(len(condensed.balance.constant))
     for row, (mover, motion) in enumerate(scene.unknown_motions):
         if isinstance(mover, Platen) and not motion.alone:
-            for surface in mover.surfaces:
-                rows = reaction_rows(scene.bodies[mover.body], surface, mover.center)
-                lack[row] += (rows @ correction[mover.body])[motion.component]
+            for owner, surface in mover.held:
+                rows = reaction_rows(scene.bodies[owner], surface, mover.center)
+                lack[row] += (rows @ correction[owner])[motion.component]
     changed = replace(
         condensed,
         gap=_shifted(condensed.gap, gaps[candidate]),

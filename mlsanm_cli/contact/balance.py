@@ -11,6 +11,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.drivers import Drivers
 from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.contact.pairing import Pairing
+from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import LooseBody, Mover, Obstacle, Platen, RigidMotion, Scene
 from mlsanm_cli.values import dataclass
 
@@ -80,11 +81,13 @@ class Forces:
         return self.scene.bodies[body].resultants(center)
 
     def others(self, mover: Platen | LooseBody) -> LinearMap:
-        """All but held surfaces on a mover's body, moments about the mover's centre."""
-        total = self.applied(mover.body, mover.center)
-        for pairing in self.pairings:
-            if mover.body in pairing.bodies:
-                total = total + self.contact(pairing, mover.body, mover.center)
+        """All but held surfaces on a mover's bodies, moments about the mover's centre."""
+        total = self.columns.zeros(3)
+        for body in mover.bodies:
+            total = total + self.applied(body, mover.center)
+            for pairing in self.pairings:
+                if body in pairing.bodies:
+                    total = total + self.contact(pairing, body, mover.center)
         return total
 
     def mover(self, mover: Mover, motion: RigidMotion) -> LinearMap:
@@ -95,7 +98,7 @@ class Forces:
             return self.contact(pairing, pairing.slave_body, mover.center).take(row)
         if isinstance(mover, LooseBody) or motion.alone:
             return -self.others(mover).take(row)
-        parts = [self.measured[mover.body, surface].take(row) for surface in mover.surfaces]
+        parts = [self.measured[held].take(row) for held in mover.held]
         return sum(parts[1:], parts[0])
 
 
@@ -153,6 +156,16 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
                 total = total + forces.springs[where]
         report[name] = total.take(slice(0, 2))
     return report
+
+
+def moments_of_plates(forces: Forces) -> dict[str, LinearMap]:
+    """The moment (1 row) about its hinge that each plate that turns exerts on its bodies, by its name."""
+    return {
+        platen.name: forces.mover(platen, motion)
+        for platen in forces.scene.platens
+        for motion in platen.motions
+        if motion.component == ROTATION
+    }
 
 
 def body_imbalance(forces: Forces) -> LinearMap:

@@ -27,7 +27,14 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.balance import Forces, balance_of_movers, body_imbalance, reported_forces
+from mlsanm_cli.contact.balance import (
+    Forces,
+    balance_of_movers,
+    body_imbalance,
+    moments_of_plates,
+    reported_forces,
+)
+from mlsanm_cli.contact.bonds import Bonds, bind
 from mlsanm_cli.contact.dense import scales
 from mlsanm_cli.contact.drivers import Drivers
 from mlsanm_cli.contact.linear_map import LinearMap, stack
@@ -53,6 +60,7 @@ ROUND_OFF = 1e-9
 class Condensed:
     """All that the contact laws need to know.
 
+    ``pairings`` are the contacts that may come apart; those of ``bonds`` follow from them.
     ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their
     surface lengths, ``modulus`` (m,) the contact modulus E* there. ``tangential[contact]`` are the places of
     a contact with friction among the tractions (n,); ``rubbing`` (n,) are the numbers of these nodes among
@@ -63,8 +71,9 @@ class Condensed:
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes``
-    maps each probe to its displacement and stress (5,). ``solves`` counts columns. ``content`` is a digest of
-    all but the coefficients of friction.
+    maps each probe to its displacement and stress (5,), ``moments`` each plate that turns to the moment on
+    its bodies about its hinge. ``solves`` counts columns. ``content`` is a digest of all but the coefficients
+    of friction.
     """
 
     pairings: tuple[Pairing, ...]
@@ -86,8 +95,15 @@ class Condensed:
     solutions: Mapping[str, FloatArray]
     solves: int
     content: str
+    bonds: Bonds = field(default_factory=Bonds.none)
     probes: Mapping[str, LinearMap] = field(default_factory=dict)
+    moments: Mapping[str, LinearMap] = field(default_factory=dict)
     drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
+
+    @property
+    def reported(self) -> tuple[Pairing, ...]:
+        """All contacts, bonded ones too, in the order of the case."""
+        return self.drivers.pairings
 
     @cached_property
     def whole(self) -> FloatArray:
@@ -130,7 +146,11 @@ class Condensed:
         self, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> sparse.csc_array:
         """Right-hand side (r, 1) of a body in one state."""
-        return sparse.csc_array((self.sources[body] @ self.drivers.drive(f, q, p, t))[:, None])
+        return sparse.csc_array((self.sources[body] @ self._drive((f, q, p, t)))[:, None])
+
+    def _drive(self, unknowns: Sequence[FloatArray]) -> FloatArray:
+        """The drivers (drivers,) of one state."""
+        return self.drivers.drive(*self.bonds.whole(unknowns))
 
     def overlap(self, gap: FloatArray) -> bool:
         """Whether some ``gap`` (m,) is negative by more than surfaces drawn touching may have it."""
@@ -162,7 +182,7 @@ class Condensed:
         f, q, p, t = unknowns
         source = self.source(body, f, q, p, t)
         if body in self.solutions:
-            return (self.solutions[body] @ self.drivers.drive(f, q, p, t))[:, None], source
+            return (self.solutions[body] @ self._drive(unknowns))[:, None], source
         return scene.bodies[body].system.solve(source), source
 
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
@@ -179,7 +199,7 @@ class Condensed:
         model = scene.bodies[body].model
         place = as_complex(model.nodes if points is None else points)
         displacement, stress = np.zeros((len(place), 2)), np.zeros((len(place), 3))
-        for pairing in self.pairings:
+        for pairing in self.reported:
             if pairing.near is None or body not in pairing.bodies:
                 continue
             pressure, traction = self.contact_values(pairing, unknowns)
@@ -198,7 +218,9 @@ class Condensed:
     def contact_values(
         self, pairing: Pairing, unknowns: Sequence[FloatArray]
     ) -> tuple[FloatArray, FloatArray]:
-        """Pressures and tractions (m,) of one contact's candidates."""
+        """Pressures and tractions (m,) of one contact's candidates, bonded or not."""
+        if pairing.bonded:
+            return self.bonds.values(pairing.name, unknowns)
         _, _, pressures, tractions = unknowns
         pressure = pressures[self.spans[pairing.name]]
         if pairing.name not in self.tangential:
@@ -273,13 +295,21 @@ def condense(
         return _condensed(scene, pairings, content, known)
 
     kept = memo.value("condensed", content, made)
-    drivers = replace(kept.drivers, pairings=pairings)
-    return replace(kept, pairings=pairings, drivers=drivers, friction=_friction(pairings))
+    drivers, loose = replace(kept.drivers, pairings=pairings), _loose(pairings)
+    return replace(kept, pairings=loose, drivers=drivers, friction=_friction(loose))
+
+
+def _loose(pairings: tuple[Pairing, ...]) -> tuple[Pairing, ...]:
+    """The contacts that may come apart."""
+    return tuple(pairing for pairing in pairings if not pairing.bonded)
 
 
 def _told_apart(pairings: tuple[Pairing, ...]) -> list[Pairing]:
     """The pairings but for coefficients of friction."""
-    return [replace(pairing, friction=float(pairing.friction > 0.0)) for pairing in pairings]
+    return [
+        pairing if pairing.bonded else replace(pairing, friction=float(pairing.friction > 0.0))
+        for pairing in pairings
+    ]
 
 
 def _drivers(scene: Scene, pairings: tuple[Pairing, ...]) -> Drivers:
@@ -312,39 +342,50 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
     slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.rough]
     slip = stack(slips, drivers.unknowns) + of_obstacles(scene, drivers.rough, drivers.unknowns, "tangent")
     slip = slip.take(_candidates(drivers.rough))
-    rough = tuple(pairing for pairing in nodal if pairing.friction)
+    rough = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
     along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
     gap, slip, beyond = resolved(gap, slip, rough, drivers.spans, drivers.tangential, along)
-    rubbing = _numbers([drivers.spans[pairing.name] for pairing in drivers.rough])
+    bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _loose(pairings))
+    reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.rough)
+    kept, looked_at = np.flatnonzero(np.concatenate([free, sliding])), ~_tied(pairings, watched=True)
     return Condensed(
-        pairings=pairings,
-        spans=drivers.spans,
-        weight=weight,
-        modulus=modulus,
-        tangential=drivers.tangential,
-        rubbing=rubbing,
-        friction=_friction(pairings),
-        gap=gap,
-        slip=slip,
-        watched=watched,
-        balance=balance_of_movers(forces),
-        beyond=beyond,
-        forces=reported_forces(forces),
+        pairings=loose.pairings,
+        spans=loose.spans,
+        weight=weight[free],
+        modulus=modulus[free],
+        tangential=loose.tangential,
+        rubbing=_numbers([loose.spans[pairing.name] for pairing in loose.rough]),
+        friction=_friction(loose.pairings),
+        gap=reduced(gap.take(free)),
+        slip=reduced(slip.take(sliding)),
+        watched=reduced(watched.take(looked_at)),
+        balance=reduced(balance_of_movers(forces)),
+        beyond=beyond[np.ix_(kept, kept)] if bonds.pairings else beyond,
+        forces={name: reduced(one) for name, one in reported_forces(forces).items()},
         contact_forces={
-            pairing.name: forces.contact(pairing, pairing.slave_body).take(slice(0, 2))
+            pairing.name: reduced(forces.contact(pairing, pairing.slave_body).take(slice(0, 2)))
             for pairing in pairings
         },
-        imbalance=body_imbalance(forces),
+        imbalance=reduced(body_imbalance(forces)),
+        moments={name: reduced(one) for name, one in moments_of_plates(forces).items()},
+        bonds=bonds,
         sources=sources,
         solutions=answers.solutions,
         solves=sum(len(np.unique(like[used_columns(source)])) for source in sources.values()),
         content=content,
         probes={
-            probe.name: _seen(scene, probe, drivers, rows)
+            probe.name: reduced(_seen(scene, probe, drivers, rows))
             for probe, rows in zip(scene.probes, seen.probes, strict=True)
         },
         drivers=drivers,
     )
+
+
+def _tied(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolArray:
+    """Which candidates of contacts, or places that are ``watched``, are those of bonds."""
+    parts = [pairing.bonded & (pairing.candidate != watched) for pairing in pairings]
+    counted = [part[pairing.candidate != watched] for part, pairing in zip(parts, pairings, strict=True)]
+    return np.concatenate([np.zeros(0, dtype=bool), *counted])
 
 
 def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray) -> LinearMap:
@@ -375,7 +416,8 @@ def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
 def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> LinearMap:
     """What a probe observes: displacement, and the stress of all but free expansion."""
     free = stress_of_expansion(scene.bodies[probe.body].model.material)
-    rows[-len(free) :, : drivers.loads] -= np.outer(free, scene.degrees(probe.body))
+    for heating in scene.heated(probe.body):
+        rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
     result = drivers.by_unknowns(rows)
     add_fields(result, drivers, scene, probe)
     return result

@@ -221,18 +221,19 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
 
     for platen, motion in scene.unknown_motions:
         assert isinstance(platen, Platen), "checked with the case"
-        body = scene.bodies[platen.body]
-        for surface in body.soft_springs:
-            springs[platen.body, surface] = told(platen.body, spring_rows(body, surface))
-        for surface in platen.surfaces:
-            held = platen.body, surface
+        for owner in platen.bodies:
+            for surface in scene.bodies[owner].soft_springs:
+                springs[owner, surface] = told(owner, spring_rows(scene.bodies[owner], surface))
+        for held in platen.held:
+            (owner, surface), body = held, scene.bodies[held[0]]
             if motion.alone or held in measured:
                 continue
             rows = reaction_rows(body, surface, platen.center)
-            measured[held] = told(platen.body, rows)
+            measured[held] = told(owner, rows)
             # Stresses come from the displacements beyond those of free expansion.
-            expansion = rows @ body.model.free_expansion.ravel()
-            measured[held].load[:] -= np.outer(expansion, scene.degrees(platen.body))
+            for heating in scene.heated(owner):
+                expansion = heating.reaction(body, surface, platen.center)
+                measured[held].load[:, heating.number] -= expansion
     apart = len(scene.loads) + first
     sources = {
         name: sparse.csc_array(

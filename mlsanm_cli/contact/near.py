@@ -21,6 +21,7 @@ from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.contact.grid import Hats, chebyshev, lagrange
 from mlsanm_cli.contact.obstacles import Shape
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
+from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
     Kernel,
@@ -55,7 +56,7 @@ class Facing:
     If the slave is the other one, not the ``slave_first``, s is minus the arc length, so that it always
     increases along the slave. On a closed base it may go on past the start. Which of two surfaces is the base
     is a matter of their shapes alone, so that roles have no part in what comes out. The directions of
-    pressures ``turn`` by an angle as bodies move.
+    pressures ``turn`` by an angle as bodies move. A ``profile`` over the slave's points is added to the gap.
     """
 
     base: Curve
@@ -63,6 +64,7 @@ class Facing:
     obstacle: Shape | None = None
     slave_first: bool = True
     turn: float = 0.0
+    profile: Field | None = None
 
     @property
     def curves(self) -> tuple[Curve, ...]:
@@ -109,7 +111,8 @@ class Facing:
     def gap(self, s: FloatArray) -> FloatArray:
         """Initial gaps (e,)."""
         points, partner, normal = self.opposite(s)
-        return np.asarray(((points - partner) * normal).sum(axis=1))
+        drawn = np.asarray(((points - partner) * normal).sum(axis=1))
+        return drawn if self.profile is None else drawn + self.profile.at(points)
 
     def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
         """Places (e,) on one of the two surfaces and unit normals (e,) into its body."""

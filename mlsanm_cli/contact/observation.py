@@ -149,8 +149,7 @@ def observe(
     # Memory is shortest while the last factor is made, so that it had better be a small one.
     for name, body in sorted(scene.bodies.items(), key=lambda item: -item[1].model.unknowns):
         rows = observation.rows(name)
-        expansion = rows[observation.of_stress] @ body.model.free_expansion.ravel()
-        observed[observation.of_stress, : columns.loads] -= np.outer(expansion, scene.degrees(name))
+        observed[observation.of_stress, : columns.loads] -= _expansion(observation, name)
         used = used_columns(sources[name])
         solved = np.zeros((rows.shape[1], 0 if quick else columns.total))
         # Loads by themselves: when their magnitudes change, the others' answers still hold.
@@ -164,6 +163,18 @@ def observe(
             solutions[name] = solved
         observed[:, columns.motion_places] += rows @ scene.loose_patterns(name)
     return observed, solutions
+
+
+def _expansion(observation: Observation, name: str) -> FloatArray:
+    """What of the rows of held surfaces' stresses (3 per surface, L) is free expansion of one body."""
+    scene = observation.scene
+    found = np.zeros((len(observation.held), 3, len(scene.loads)))
+    for heating in scene.heated(name):
+        for place, (owner, surface) in enumerate(observation.held):
+            if owner == name:
+                center = scene.center(owner, surface)
+                found[place, :, heating.number] += heating.reaction(scene.bodies[name], surface, center)
+    return found.reshape(-1, len(scene.loads))
 
 
 def used_columns(source: sparse.csc_array) -> IntArray:

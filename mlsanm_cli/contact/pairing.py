@@ -38,12 +38,12 @@ class Pairing:
     candidates, past the start of a closed surface going on, ``weight`` (w,) the length of slave surface they
     stand for. ``partner`` (w, 2) are the virtual nodes on the master, ``normal`` (w, 2) the master's outward
     normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,) marks the places that can touch; the
-    others are only watched. ``friction`` is Coulomb's coefficient, ``interference`` what the gaps lose when
-    the load of this contact's name is at 1, ``closed_by`` what they have lost to surfaces drawn touching. A
-    contact with a rigid obstacle has neither ``master_body`` nor ``master``; its virtual nodes lie on the
-    obstacle. In a scene that is its own mirror image, ``image`` (w,)
-    is where every node's image stands. With ``near`` the candidates are the places of a contact grid, and
-    gaps and normals means over its functions.
+    others are only watched. ``friction`` is Coulomb's coefficient, inf of bonded surfaces, ``interference``
+    what the gaps lose when the load of this contact's name is at 1, ``closed_by`` what they have lost to
+    surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor ``master``; its
+    virtual nodes lie on the obstacle. In a scene that is its own mirror image, ``image`` (w,) is where every
+    node's image stands. With ``near`` the candidates are the places of a contact grid, and gaps and normals
+    means over its functions.
     """
 
     name: str
@@ -70,6 +70,11 @@ class Pairing:
     def bodies(self) -> tuple[str, ...]:
         """The elastic bodies: slave and, if there is one, master."""
         return (self.slave_body,) if self.master_body is None else (self.slave_body, self.master_body)
+
+    @property
+    def bonded(self) -> bool:
+        """Whether the surfaces are one: as with friction without limit, and they do not part."""
+        return self.friction == np.inf
 
     @property
     def sides(self) -> tuple[tuple[str, bool, float], ...]:

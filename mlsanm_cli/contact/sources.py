@@ -38,15 +38,14 @@ def body_sources(
     for force in scene.body_forces:
         if force.body == name:
             few[:, force.number] += body.force_source(force.values)
-    degrees = scene.degrees(name)
-    if degrees.any():
-        few[:, : columns.loads] += np.outer(body.heat_source, degrees)
+    for heating in scene.heated(name):
+        few[:, heating.number] += heating.source(body)
     unknown = columns.loads
     for platen in scene.platens:
         for motion in platen.motions:
-            if platen.body == name:
+            if name in platen.bodies:
                 source = np.zeros(body.rows)
-                for surface in platen.surfaces:
+                for surface in platen.surfaces_of(name):
                     pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion.component)
                     source += body.source(surface, pattern, held=True)
                 if motion.prescribed is None:

@@ -60,9 +60,8 @@ def work_on(
     for force in scene.body_forces:
         if force.body == body:
             total += over_body(cloud, factors[force.number] * force.values, path)
-    degrees = float(scene.degrees(body) @ factors)
-    if degrees:
-        total -= over_body(cloud, stress, np.broadcast_to(degrees * material.expansion, stress.shape))
+    if scene.heated(body):
+        total -= over_body(cloud, stress, scene.degrees(body, factors)[:, None] * material.expansion)
     return total
 
 
@@ -116,10 +115,9 @@ def _prescribed(scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> Mapp
         for motion in platen.motions:
             value = motions[unknown] if motion.prescribed is None else motion.prescribed @ factors
             unknown += motion.prescribed is None
-            if platen.body == body:
-                for name in platen.surfaces:
-                    surface = cloud.surfaces[name]
-                    total[name] += value * platen.pattern(surface, cloud.points, motion.component)
+            for name in platen.surfaces_of(body):
+                surface = cloud.surfaces[name]
+                total[name] += value * platen.pattern(surface, cloud.points, motion.component)
     return total
 
 
@@ -133,7 +131,7 @@ def _given_tractions(
     for load in scene.surface_loads:
         if load.body == body and not load.held:
             total[load.surface] += factors[load.number] * load.values
-    for pairing in condensed.pairings:
+    for pairing in condensed.reported:
         pressure, traction = condensed.contact_values(pairing, unknowns)
         if pairing.near is not None:
             kernel = scene.bodies[body].model.kernel
@@ -160,7 +158,7 @@ def _on_master(
     """Work of contacts on the masters' surfaces of a body along a ``path`` (n, 2): of minus what the slaves
     receive, at the closest points, as the body's pieces receive it."""
     total = 0.0
-    for pairing in condensed.pairings:
+    for pairing in condensed.reported:
         master = pairing.master
         if pairing.master_body != body or master is None or pairing.near is not None:
             continue

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _ATTEMPTS = 5
 _PAUSE = 0.02
 
-MAPS = ("forces", "slip", "probes")
+MAPS = ("forces", "slip", "probes", "bonds")
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -127,6 +127,11 @@ class RunData:
     def is_finite(self) -> bool:
         """Whether the run is one at finite strain, whose states between two rows no rule tells."""
         return self.attributes.get("strain") == "finite"
+
+    @property
+    def loose_contacts(self) -> tuple[str, ...]:
+        """The contacts that are not bonded."""
+        return tuple(name for name in self.contacts if name not in self.maps["bonds"])
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import NumericalError
@@ -31,7 +30,6 @@ from mlsanm_cli.mechanics.elasticity import (
     nested_equilibrium_rows,
     stress_of,
     stress_rows,
-    traction_of,
     traction_rows,
 )
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
@@ -218,13 +216,9 @@ class BodyModel:
         result: FloatArray = divergence_of_stress(of_stress(stress_of(derivatives, even))) + rest
         return result
 
-    @cached_property
-    def free_expansion(self) -> FloatArray:
-        """Displacements (N, 2) without stress per degree of temperature."""
-        xx, yy, twice_xy = self.material.expansion
-        gradient = np.array([[xx, 0.5 * twice_xy], [0.5 * twice_xy, yy]])
-        result: FloatArray = (self.nodes - self.nodes.mean(axis=0)) @ gradient
-        return result
+    def stress_divergence(self, stress: FloatArray) -> FloatArray:
+        """Divergence (n, 2) of nodal ``stress`` (n, 3) at the cloud's points."""
+        return divergence_of_stress(self._stress_stencils.derivatives(stress))
 
 
 def _some(stencils: Stencils, at: IntArray | None) -> Stencils:
@@ -348,10 +342,7 @@ class ElasticBody:
         where = self.model.cloud.surfaces[surface]
         image = surface if mirror is None else mirror.surfaces[surface][0]
         if mirror is None or image == surface:
-            # Square schemes have no rows of pieces, and their stress beside held corners tells little: it is
-            # taken a spacing inside, or two where both directions are held.
-            inside = float(sum(held)) if self.model.settings.square else 0.0
-            return reaction_rows(self.model, where, held, center, mirror, inside)
+            return reaction_rows(self.model, where, held, center, mirror, self.depth_of_reactions(surface))
         if mirror.side[where.index].sum() > 0:
             return reaction_rows(self.model, where, held, center)
         # Beyond the mirror the triangles and stencils may differ, and no equilibrium was asked for.
@@ -359,6 +350,14 @@ class ElasticBody:
         there = (float(other[0]), float(other[1]))
         rows = reaction_rows(self.model, self.model.cloud.surfaces[image], held, there)
         return sparse.csr_array(sparse.diags_array(np.append(mirror.line.signs, -1.0)) @ rows)
+
+    def depth_of_reactions(self, surface: str) -> float:
+        """How many spacings inside the stress is taken for the force of a held surface.
+
+        Square schemes have no rows of pieces, and their stress beside held corners tells little: it is taken
+        a spacing inside, or two where both directions are held.
+        """
+        return float(sum(self.gripped[surface])) if self.model.settings.square else 0.0
 
     @cached_property
     def gripped(self) -> Held:
@@ -369,18 +368,3 @@ class ElasticBody:
     def soft_springs(self) -> Springs:
         """The springs that give way."""
         return soft(self.springs, stiffest_soft(self.model.cloud, self.model.material))
-
-    @cached_property
-    def heat_source(self) -> FloatArray:
-        """Right-hand side (r,) of one degree of temperature.
-
-        The stress is that of the strains beyond the free ones. Their even stress is in equilibrium inside and
-        joins the tractions on the surfaces.
-        """
-        even = self.model.material.stiffness @ self.model.material.expansion
-        source = np.zeros(self.rows)
-        for name, surface in self.model.cloud.surfaces.items():
-            normal = surface.curve.normals(Halves.of(surface, FINE).arc)
-            between = traction_of(even, normal)
-            source += self.source(name, traction_of(even, surface.normal), held=False, between=between)
-        return source

@@ -73,15 +73,17 @@ class PlaneMaterial:
         result: FloatArray = 0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, direction)
         return result
 
-    def across_stress(self, stress: FloatArray, temperature: float = 0.0) -> FloatArray:
-        """sigma_zz (n,) beside plane ``stress`` (n, 3) after a change of ``temperature``."""
-        heat = self.across_heat * temperature if temperature else 0.0
+    def across_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
+        """sigma_zz (n,) beside plane ``stress`` (n, 3) after a change of ``temperature``, one or (n,)."""
+        # Where nothing is heated, an expansion that is not known does not matter.
+        heat = np.where(temperature, self.across_heat * np.asarray(temperature), 0.0)
         result: FloatArray = stress @ self.across + heat
         return result
 
-    def strain(self, stress: FloatArray, temperature: float = 0.0) -> FloatArray:
-        """Strains (n, 3) in the plane, xx, yy, xy, of ``stress`` (n, 3) and a change of ``temperature``."""
-        found = np.linalg.solve(self.stiffness, stress.T).T + temperature * self.expansion
+    def strain(self, stress: FloatArray, temperature: float | FloatArray = 0.0) -> FloatArray:
+        """Strains (n, 3) in the plane, xx, yy, xy, of ``stress`` (n, 3) and a change of ``temperature``, one
+        number or (n,)."""
+        found = np.linalg.solve(self.stiffness, stress.T).T + np.multiply.outer(temperature, self.expansion)
         # Stiffnesses and expansions know twice the shear strain.
         return np.asarray(found * np.array([1.0, 1.0, 0.5]), dtype=np.float64)
 

@@ -319,10 +319,7 @@ def reaction_rows(
     twice.
     """
     halves = Halves.of(surface, _rule(model))
-    points, normals = _along(surface, halves)
-    if inside:
-        deep = inside * model.cloud.spacing[surface.index[halves.own]][:, None]
-        points = points - deep * surface.curve.normals(halves.arc)
+    points, normals = _beneath(model, surface, halves, inside)
     forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
     x, y = (points - np.array(center)).T
     along, times = np.array(held, dtype=float), np.ones(count)
@@ -340,3 +337,29 @@ def reaction_rows(
     lines.append([-y * one * along[0], x * one * along[1], none])
     sums = sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
     return sparse.csr_array(sums @ forces)
+
+
+def reaction_of(
+    model: BodyModel,
+    surface: Surface,
+    held: tuple[bool, bool],
+    center: tuple[float, float],
+    stress: Callable[[FloatArray], FloatArray],
+    inside: float = 0.0,
+) -> FloatArray:
+    """The same force and moment (3,) by a ``stress`` (g, 3) that is known at points (g, 2)."""
+    points, normals = _beneath(model, surface, Halves.of(surface, _rule(model)), inside)
+    x, y = (traction_of(stress(points), normals) * np.array(held)).T
+    arm = points - np.array(center)
+    return np.array([x.sum(), y.sum(), arm[:, 0] @ y - arm[:, 1] @ x])
+
+
+def _beneath(
+    model: BodyModel, surface: Surface, halves: Halves, inside: float
+) -> tuple[FloatArray, FloatArray]:
+    """Points (g, 2) so many spacings ``inside`` of a surface's halves, and normals (g, 2) times lengths."""
+    points, normals = _along(surface, halves)
+    if inside:
+        deep = inside * model.cloud.spacing[surface.index[halves.own]][:, None]
+        points = points - deep * surface.curve.normals(halves.arc)
+    return points, normals

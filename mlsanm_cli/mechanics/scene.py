@@ -13,8 +13,9 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
+from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.probes import Probe
-from mlsanm_cli.mechanics.rigid import rigid_pattern
+from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
 from mlsanm_cli.values import dataclass
 
 
@@ -45,15 +46,6 @@ class BodyForce:
 
 
 @dataclass(frozen=True)
-class Heating:
-    """An even change of a body's temperature by ``degrees`` at factor 1."""
-
-    number: int
-    body: str
-    degrees: float
-
-
-@dataclass(frozen=True)
 class RigidMotion:
     """One rigid motion of a platen, an obstacle or a loose body: ``component`` 0 (x), 1 (y) or 2 (rotation
     about the mover's centre).
@@ -72,10 +64,11 @@ class RigidMotion:
 
 @dataclass(frozen=True)
 class Platen:
-    """A rigid platen bonded to ``surfaces`` of a body; a component without a motion is free of traction
-    there.
+    """A rigid platen bonded to ``surfaces`` of a body, and to those of ``others``; a component without a
+    motion is free of traction there.
 
-    ``loads`` are the numbers of the loads that move it, ``name`` what messages call its place.
+    ``loads`` are the numbers of the loads that move it, ``name`` what messages call its place. It turns about
+    the ``center``.
     """
 
     body: str
@@ -84,6 +77,27 @@ class Platen:
     motions: tuple[RigidMotion, ...]
     loads: tuple[int, ...]
     name: str = ""
+    others: tuple[tuple[str, tuple[str, ...]], ...] = ()
+
+    @property
+    def held(self) -> tuple[tuple[str, str], ...]:
+        """Body and name of every surface that it moves."""
+        parts = ((self.body, self.surfaces), *self.others)
+        return tuple((body, surface) for body, surfaces in parts for surface in surfaces)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that it moves."""
+        return (self.body, *(body for body, _ in self.others))
+
+    @property
+    def turns(self) -> bool:
+        """Whether it may turn, or is turned."""
+        return any(motion.component == ROTATION for motion in self.motions)
+
+    def surfaces_of(self, body: str) -> tuple[str, ...]:
+        """The surfaces of a body that it moves."""
+        return tuple(surface for owner, surface in self.held if owner == body)
 
     def pattern(self, surface: Surface, points: FloatArray, component: int) -> FloatArray:
         """Displacements (b, 2) of the surface's nodes under a unit motion."""
@@ -114,6 +128,11 @@ class LooseBody:
     center: tuple[float, float]
     motions: tuple[RigidMotion, ...]
     loads: tuple[int, ...] = ()
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The body."""
+        return (self.body,)
 
 
 Mover = Platen | Obstacle | LooseBody
@@ -152,24 +171,35 @@ class Scene:
     def center(self, body: str, surface: str) -> tuple[float, float]:
         """The point that moments of a held surface are taken about: its platen's centre, else the origin."""
         for platen in self.platens:
-            if platen.body == body and surface in platen.surfaces:
+            if (body, surface) in platen.held:
                 return platen.center
         return (0.0, 0.0)
 
-    def degrees(self, body: str) -> FloatArray:
-        """Change of a body's temperature (L,) per load factor."""
-        result = np.zeros(len(self.loads))
-        for heating in self.heatings:
-            if heating.body == body:
-                result[heating.number] += heating.degrees
-        return result
+    def heated(self, body: str) -> list[Heating]:
+        """What changes a body's temperature."""
+        return [heating for heating in self.heatings if heating.body == body]
 
-    def heat_force(self, body: str) -> float:
-        """The largest force per degree that a surface needs to keep its body from expanding at all."""
-        model = self.bodies[body].model
+    def degrees(self, body: str, factors: FloatArray, points: FloatArray | None = None) -> FloatArray:
+        """Change of a body's temperature at load ``factors`` (L,): at its cloud's points (n,), or at others
+        (e, 2)."""
+        total = np.zeros(len(self.bodies[body].model.cloud.points if points is None else points))
+        for heating in self.heated(body):
+            if factors[heating.number]:
+                values = heating.values if points is None else heating.field.at(points)
+                total += factors[heating.number] * values
+        return total
+
+    def heat_force(self, body: str, factors: FloatArray) -> float:
+        """The largest force that a surface needs to keep its body from expanding at all."""
+        if not self.heated(body):
+            return 0.0
+        model, degrees = self.bodies[body].model, self.degrees(body, factors)
         even = model.material.stiffness @ model.material.expansion
         return max(
-            float(surface.weight @ np.hypot(*traction_of(even, surface.normal).T))
+            float(
+                (surface.weight * np.abs(degrees[surface.index]))
+                @ np.hypot(*traction_of(even, surface.normal).T)
+            )
             for surface in model.cloud.surfaces.values()
         )
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.check import check
 from mlsanm_cli.app.foreign import load_with_files
 from mlsanm_cli.app.surfaces import drawn, outline_of
 from mlsanm_cli.app.usual_spacing import arc_zones, valleys
@@ -21,7 +22,7 @@ from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
-from tests.app.scenes import Quiet, solve
+from tests.app.scenes import Quiet, hertz, solve
 from tests.app.test_foreign import PULLED, polar_plate, write_gmsh
 from tests.case.scenes import parse
 
@@ -417,3 +418,76 @@ def test_a_closed_curve_begins_at_its_top_wherever_its_points_do(start: float) -
     assert isinstance(piece, Smooth)
     assert piece.points[0] == pytest.approx((0.0, 1.0))
     assert drawn(shape).curves[0].closed
+
+
+BLOCK = """
+format = 1
+[model]
+plane = "strain"
+[material.a]
+E = 1000.0
+nu = 0.0
+[[body]]
+name = "block"
+material = "a"
+spacing = 0.1
+shape = { kind = "rectangle", x = [0.0, 2.0], y = [0.0, 1.0] }
+[[load]]
+name = "press"
+kind = "platen"
+boundary = "block.top"
+uy = -0.01
+ux = 0.0
+[[contact]]
+name = "c"
+slave = "block.bottom"
+from = [1.0, 0.0]
+to = [2.0, 0.0]
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+"""
+ROLLING = '[[support]]\nboundary = "block.bottom"\nfrom = [0.0, 0.0]\nto = [{}, 0.0]\nuy = 0.0\n'
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+def test_a_part_of_a_side_is_in_contact(law: str, tmp_path: Path) -> None:
+    summary = solve(BLOCK + ROLLING.format(1.0), tmp_path / "run", f"contact.c.regularization.law={law}")
+    assert summary["status"] == "done", summary
+    # Pressed, the block does not see where it stands on what.
+    contact = read_run(tmp_path / "run").contacts["c"]
+    assert (contact.points[:, 0] >= 1.0).all()
+    np.testing.assert_allclose(contact.pressure[-1], 10.0, rtol=1e-3)
+    assert summary["contacts"]["c"]["force"][1] == pytest.approx(10.0, rel=1e-3)
+    if law == "exact":
+        # Pulled, it lifts off where nothing holds it.
+        overrides = ("contact.c.regularization.law=exact", "load.press.uy=0.01")
+        pulled = solve(BLOCK + ROLLING.format(1.0), tmp_path / "pulled", *overrides)
+        assert pulled["status"] == "done", pulled
+        assert pulled["contacts"]["c"]["force"] == pytest.approx([0.0, 0.0], abs=1e-9)
+        assert pulled["forces"]["block.bottom from (0, 0) to (1, 0)"][1] < -5.0
+
+
+def test_parts_of_contacts_meet_no_supports(tmp_path: Path) -> None:
+    case = tmp_path / "case.toml"
+    for text, words in (
+        (BLOCK + ROLLING.format(1.2), "acts on a part of the contact surface"),
+        (BLOCK.replace("to = [2.0, 0.0]\n", "") + ROLLING.format(1.0), 'contact.c.from: needs "to" too'),
+        (
+            BLOCK.replace("[2.0, 0.0]\nobst", "[2.0, 5.0]\nobst") + ROLLING.format(1.0),
+            "contact.c.to: .* away",
+        ),
+    ):
+        case.write_text(text)
+        with pytest.raises(CaseError, match=words):
+            check(case, console=Quiet())
+
+
+def test_a_part_of_an_arc_touches_as_the_arc_does(tmp_path: Path) -> None:
+    whole = hertz()
+    part = whole.replace(
+        'slave = "cylinder.arc"', 'slave = "cylinder.arc"\nfrom = [-0.5, 0.15]\nto = [0.5, 0.15]'
+    )
+    assert part != whole
+    one, other = (solve(text, tmp_path / name) for text, name in ((whole, "whole"), (part, "part")))
+    assert other["status"] == "done", other
+    peaks = [some["contacts"]["interface"]["peak_pressure"] for some in (one, other)]
+    assert peaks[1] == pytest.approx(peaks[0], rel=2e-3)

@@ -134,6 +134,12 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
         + '[[load]]\nname = "heat"\nbody = "block"\nkind = "temperature"\ntemperature = 5.0\n',
         ("body.block.spacing=0.05",),
     ),
+    "uneven heat": (
+        HEAD.replace("nu = 0.3", "nu = 0.3\nalpha = 1e-3")
+        + HELD
+        + '[[load]]\nname = "heat"\nbody = "block"\nkind = "temperature"\ntemperature = "5 + 9*x**2"\n',
+        ("body.block.spacing=0.05",),
+    ),
     **{f"degree {p}": (HEAD + SPRINGS + UNDER, (f"mls.degree={p}", FINER)) for p in (1, 2, 4)},
     # Contacts of this degree resist hardly any pressures that change from node to node.
     "degree 6": (HEAD + SPRINGS + WEIGHT + squeezed(), ("mls.degree=6",)),
@@ -159,6 +165,7 @@ FEWER_DIGITS = {
     "expressions on two sides": 2e-6,
     "level": 5e-6,
     "heat": 5e-5,
+    "uneven heat": 5e-5,
     "degree 1": 5e-4,
     "degree 2": 2e-5,
     "degree 4": 5e-6,

@@ -104,7 +104,8 @@ BODY = 'body = "square"\n'
         ('body = "sqare"\nkind = "body-force"\nbody-force = [0, 1]', "body", 'did you mean "square"'),
         (BODY + 'kind = "temperature"', "temperature", "missing"),
         (BODY + 'kind = "temperature"\nvalue = 3', "value", 'is called "temperature"'),
-        (BODY + 'kind = "temperature"\ntemperature = "hot"', "temperature", "expected a number"),
+        (BODY + 'kind = "temperature"\ntemperature = "hot"', "temperature", '"hot" is not known'),
+        (BODY + 'kind = "temperature"\ntemperature = [1]', "temperature", "expected a number"),
     ],
 )
 def test_wrong_loads(keys: str, key: str, words: str) -> None:
