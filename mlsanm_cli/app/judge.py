@@ -8,6 +8,7 @@ from dataclasses import field, replace
 import numpy as np
 
 from mlsanm_cli.app.build import Built, reach_error
+from mlsanm_cli.app.near_turns import turns
 from mlsanm_cli.app.states import Polish, State
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.pairing import spacing_ratio
@@ -44,6 +45,10 @@ ESTIMATE_WARNING = 0.02
 
 LARGE_ERROR = 0.1
 """Estimated errors of displacements, and of pressures of any contact, above this are warned of."""
+
+HELD_WARNING = 0.01
+"""Contacts turned by more than this angle while a motion along them is held are warned of: so large a part of
+what presses would push that way."""
 
 POLISH_WARNING = 0.1
 """Polishing that changes a pressure by more than this part of the peak is warned of: the smooth path between
@@ -154,6 +159,30 @@ def judge_energy(verdict: EnergyVerdict) -> str:
     if not abs(error) <= ENERGY_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if abs(error) > ENERGY_WARNING else ""
+
+
+def judge_held(built: Built) -> str:
+    """A warning where surfaces have turned so far that what presses on a body drives a motion that is held
+    as nothing resists it, "" elsewhere."""
+    held = {body for motion in built.scene.held_motions for body in motion}
+    if not held or not built.ends:
+        return ""
+    turned = turns(built.condensed, built.ends[-1])
+    worst, where = 0.0, ""
+    for pairing in built.condensed.pairings:
+        bodies = held & set(pairing.bodies)
+        if pairing.near is None or pairing.name not in turned or not bodies:
+            continue
+        angle = abs(turned[pairing.name] - pairing.near.facing.turn)
+        if angle > max(worst, HELD_WARNING):
+            worst, where = angle, " and ".join(sorted(bodies))
+    if not where:
+        return ""
+    return (
+        f"the surfaces that press on {where} have turned so far that {100.0 * worst:.2g} % of what presses "
+        f"would push it along a motion that nothing resists and that is held at 0; hold it there with a "
+        f"[[support]], or give the contact some friction"
+    )
 
 
 def judge_polish(levels: Sequence[Polish]) -> str:

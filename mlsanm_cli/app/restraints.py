@@ -3,12 +3,13 @@
 Platens, obstacles and bodies held by contact alone move as unknowns. A contact resists a relative motion of
 its two sides where its normals point along it, with friction every motion. Two kinds of motion find no
 resistance: those that slide a body's surfaces along themselves, as a disk turns, and those that no contact's
-normals tilt towards by more than ``TILT``.
+normals tilt towards by more than ``TILT``. They are the null vectors of a matrix over all unknown motions, so
+that axes mean nothing, and several bodies may have one in common.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +37,24 @@ SLIDES = 1e-6
 """Resistance below this is round-off."""
 BALANCED = 1e-3
 """Forces that cancel but for this part of themselves do so but for the surfaces' quadrature."""
+
+
+NONE = 1e-5
+"""Parts of a free motion below this part of the largest are round-off."""
+FIRST = 1e-6
+SURE = 1e-3
+"""The same as ``TILT`` of contacts whose directions are exact, so that nothing but the surface's curvature is
+in them."""
+
+
+@dataclass(frozen=True)
+class Restrained:
+    """The movers, ``notes`` on what is held, and the motions held: of each the velocities (3,) of every body
+    in it, x, y and the rotation about the origin."""
+
+    movers: tuple[Mover, ...]
+    notes: tuple[str, ...]
+    held: tuple[Mapping[str, FloatArray], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +94,11 @@ def restrained(
     pairings: Sequence[Pairing],
     movers: Sequence[Mover],
     loads: Acting,
-) -> tuple[tuple[Mover, ...], tuple[str, ...]]:
+    exact: Collection[str] = (),
+) -> Restrained:
     """The movers with motions that nothing resists prescribed at zero, and notes about them.
 
+    The directions of the contacts named ``exact`` are those of their surfaces; others know theirs at nodes.
     Raises CaseError where a load drives such a motion.
     """
     kept = [
@@ -87,13 +108,19 @@ def restrained(
         if motion.prescribed is None
     ]
     held, notes, problems = list[_Unknown](), list[str](), list[CaseProblem]()
-    for resistance in (_sliding_resistance, _contact_resistance):
-        sizes, directions = np.linalg.eigh(resistance(kept, pairings, clouds))
-        free = directions[:, sizes <= SLIDES**2]
-        for direction in free.T:
-            problems += _driven(case, kept, direction)
-        found = [kept[i] for i in sorted(independent_rows(free))]
-        notes += [_note(one) for one in found]
+    unresisted = list[Mapping[str, FloatArray]]()
+    for slid in (True, False):
+        found = []
+        resistance = (
+            _sliding_resistance(kept, pairings, clouds)
+            if slid
+            else _contact_resistance(kept, pairings, clouds, exact)
+        )
+        for pivot, direction in free_motions(resistance):
+            problems += _driven(case, kept, pivot, direction)
+            notes.append(_note(kept, pivot, direction))
+            unresisted.append(_of_bodies(kept, direction))
+            found.append(kept[pivot])
         held += found
         kept = [one for one in kept if one not in found]
     if problems:
@@ -109,7 +136,25 @@ def restrained(
         )
         for mover in movers
     ]
-    return tuple(result), tuple(notes)
+    return Restrained(tuple(result), tuple(notes), tuple(one for one in unresisted if one))
+
+
+def free_motions(resistance: FloatArray) -> list[tuple[int, FloatArray]]:
+    """The motions that a ``resistance`` (k, k) leaves free, as many as there are: the number of an unknown of
+    its own, to hold it by, and the free motion (k,) with a unit of that unknown and none of the others'."""
+    if not len(resistance):
+        return []
+    sizes, directions = np.linalg.eigh(resistance)
+    free = directions[:, sizes <= SLIDES**2]
+    if not free.size:
+        return []
+    # Of motions that serve alike the first is held, whatever round-off says.
+    order = 1.0 - FIRST * np.arange(len(free))
+    pivots = independent_rows(order[:, None] * free)
+    own = free @ np.linalg.inv(free[pivots])
+    own[np.abs(own) <= NONE * np.abs(own).max(axis=0)] = 0.0
+    own[pivots] = np.eye(len(pivots))
+    return sorted(((pivot, own[:, column]) for column, pivot in enumerate(pivots)), key=lambda one: one[0])
 
 
 def _unknown(
@@ -169,7 +214,10 @@ def _sliding_resistance(
 
 
 def _contact_resistance(
-    unknown: Sequence[_Unknown], pairings: Sequence[Pairing], clouds: Mapping[str, Cloud]
+    unknown: Sequence[_Unknown],
+    pairings: Sequence[Pairing],
+    clouds: Mapping[str, Cloud],
+    exact: Collection[str],
 ) -> FloatArray:
     """Mean squares (k, k) of what the motions do in the directions that contacts resist."""
     total = _elastic(unknown)
@@ -183,7 +231,8 @@ def _contact_resistance(
         n_x, n_y = pairing.normal[chosen].T
         across = np.column_stack([n_x, n_y, (n_y * arm[:, 0] - n_x * arm[:, 1]) / lever])
         sizes, directions = np.linalg.eigh(across.T @ (share[:, None] * across))
-        resisted = np.eye(3) if pairing.friction else directions[:, sizes >= TILT**2].T
+        least = SURE if pairing.name in exact else TILT
+        resisted = np.eye(3) if pairing.friction else directions[:, sizes >= least**2].T
         relative = np.zeros((3, len(unknown)))
         for column, one in enumerate(unknown):
             turn = lever / one.lever if one.motion.component == ROTATION else 0.0
@@ -197,28 +246,59 @@ def _elastic(unknown: Sequence[_Unknown]) -> FloatArray:
     return np.diag([float(one.elastic) for one in unknown])
 
 
-def _driven(case: Case, unknown: Sequence[_Unknown], direction: FloatArray) -> Iterator[CaseProblem]:
+def _driven(
+    case: Case, unknown: Sequence[_Unknown], pivot: int, direction: FloatArray
+) -> Iterator[CaseProblem]:
     """A problem where the loads drive a free motion at the end of some stage."""
     share = direction / np.array([one.lever for one in unknown])
     force = share @ np.array([one.force for one in unknown])
     size = np.abs(share) @ np.array([one.size for one in unknown])
     stages = stage_factors(case)
-    if (np.abs(stages @ force) > BALANCED * (np.abs(stages) @ size)).any():
-        load = case.moved[int(np.argmax(np.abs(force)))]
-        one = unknown[int(np.argmax(np.abs(direction)))]
+    driving = np.abs(stages @ force)
+    if (driving > BALANCED * (np.abs(stages) @ size)).any():
+        worst = stages[int(np.argmax(driving))] * force / share[pivot]
+        load = case.moved[int(np.argmax(np.abs(worst)))]
+        one, together = unknown[pivot], _together(unknown, pivot, direction)
+        what = "moment" if one.motion.component == ROTATION else "force"
+        whom = f"{_owner(one)} in {_way(one)}"
+        if together:
+            whom += f", which moves {together} with it"
         yield CaseProblem(
             f"load.{load}",
-            f"nothing resists its force on {_owner(one)} in {_way(one)}: no support holds it, and the "
-            f"contact's normals hardly tilt that way",
+            f"nothing resists its force on {whom}, where loads add up to a {what} of {worst.sum():.4g}: "
+            f"no support holds it, and the contact's normals hardly tilt that way",
             hint=f"hold it there with a [[support]]{_instead(one)}",
         )
 
 
-def _note(one: _Unknown) -> str:
+def _note(unknown: Sequence[_Unknown], pivot: int, direction: FloatArray) -> str:
+    one, together = unknown[pivot], _together(unknown, pivot, direction)
+    if together:
+        return (
+            f"{_owner(one)}: {_way(one)} is held at 0, for nothing resists that it moves together with "
+            f"{together}, and no force drives them; they still move against each other"
+        )
     return (
         f"{_owner(one)}: {_way(one)} is held at 0, for no force is applied in {_way(one)} and nothing "
         f"resists it"
     )
+
+
+def _together(unknown: Sequence[_Unknown], pivot: int, direction: FloatArray) -> str:
+    """What takes part in a motion besides what it is held by, in words."""
+    names = dict.fromkeys(_owner(one) for one, part in zip(unknown, direction, strict=True) if part)
+    return " and ".join(name for name in names if name != _owner(unknown[pivot]))
+
+
+def _of_bodies(unknown: Sequence[_Unknown], direction: FloatArray) -> dict[str, FloatArray]:
+    """Velocities (3,) of all bodies in a motion: x, y, and the rotation, about the origin."""
+    found: dict[str, FloatArray] = {}
+    for one, part in zip(unknown, direction, strict=True):
+        if part and one.body is not None:
+            x, y = rigid_pattern(np.zeros((1, 2)), one.mover.center, one.motion.component)[0]
+            turn = 1.0 if one.motion.component == ROTATION else 0.0
+            found[one.body] = found.get(one.body, np.zeros(3)) + part / one.lever * np.array([x, y, turn])
+    return found
 
 
 def _owner(one: _Unknown) -> str:

@@ -22,6 +22,7 @@ from mlsanm_cli.app.judge import (
     judge_balance,
     judge_energy,
     judge_estimates,
+    judge_held,
     judge_linear,
     judge_polish,
     judge_spacing,
@@ -189,6 +190,7 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     for warning in (
         judge_balance(force_balance(built, recorder.last)),
         judge_energy(recorder.energies),
+        judge_held(built),
         judge_polish(recorder.polished),
     ):
         if warning:
