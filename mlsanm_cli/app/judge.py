@@ -23,6 +23,13 @@ beams the lack of balance was as large as the error of the deflection.
 """
 BALANCE_WARNING = 0.03
 
+TRANSFER_LIMIT = 0.1
+"""Largest difference of what slave and master of a contact feel, relative to what presses, that passes.
+
+In random scenes of two bodies handed over without conservation up to 49 % were lost.
+"""
+TRANSFER_WARNING = 0.03
+
 ENERGY_LIMIT = 0.1
 """Largest difference between a body's strain energy and the work on it, relative to the work, that passes.
 
@@ -143,6 +150,31 @@ def judge_balance(verdict: Verdict) -> str:
     if not verdict.force_balance <= BALANCE_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if verdict.force_balance > BALANCE_WARNING else ""
+
+
+def force_mismatch(built: Built, state: State) -> dict[str, float]:
+    """By what the forces that slave and master feel differ, per contact, over what presses there."""
+    found = {}
+    for name, span in built.condensed.spans.items():
+        pressed = float(built.condensed.weight[span] @ np.abs(state.pressure[span]))
+        lost = float(np.hypot(*built.condensed.mismatches[name](*state.unknowns)))
+        found[name] = lost / pressed if pressed else 0.0
+    return found
+
+
+def judge_transfer(built: Built, state: State) -> list[str]:
+    """Warnings of contacts whose slave and master feel unlike forces; NumericalError past the limit."""
+    texts = []
+    for pairing in built.condensed.pairings:
+        lost = force_mismatch(built, state)[pairing.name]
+        keys = " and ".join(f"body.{body}.spacing" for body in pairing.bodies)
+        message = f"contact {pairing.name}: slave and master feel forces that differ by {100.0 * lost:.2g} %"
+        hint = f"bring {keys} closer together where they touch, or make both smaller"
+        if not lost <= TRANSFER_LIMIT:
+            raise NumericalError(message, hint)
+        if lost > TRANSFER_WARNING:
+            texts.append(f"{message}; {hint}")
+    return texts
 
 
 def judge_energy(verdict: EnergyVerdict) -> str:

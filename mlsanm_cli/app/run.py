@@ -27,6 +27,7 @@ from mlsanm_cli.app.judge import (
     judge_polish,
     judge_spacing,
     judge_state,
+    judge_transfer,
 )
 from mlsanm_cli.app.marks import Start
 from mlsanm_cli.app.paths import load_path
@@ -188,6 +189,7 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     for warning in strain_warnings(built.case, recorder.energies.strains):
         recorder.warn(warning)
     for warning in (
+        *judge_transfer(built, recorder.last),
         judge_balance(force_balance(built, recorder.last)),
         judge_energy(recorder.energies),
         judge_held(built),

@@ -62,7 +62,8 @@ class Condensed:
     tell (:func:`resolved`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
-    its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes``
+    its force (2,) on the slave and ``mismatches`` to what that on the master differs by from the opposite of
+    it; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes``
     maps each probe to its displacement and stress (5,). ``solves`` counts columns. ``content`` is a digest of
     all but the coefficients of friction.
     """
@@ -88,6 +89,7 @@ class Condensed:
     content: str
     probes: Mapping[str, LinearMap] = field(default_factory=dict)
     drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
+    mismatches: Mapping[str, LinearMap] = field(default_factory=dict)
 
     @cached_property
     def whole(self) -> FloatArray:
@@ -336,6 +338,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
             for probe, rows in zip(scene.probes, seen.probes, strict=True)
         },
         drivers=drivers,
+        mismatches={pairing.name: forces.mismatch(pairing) for pairing in pairings},
     )
 
 
