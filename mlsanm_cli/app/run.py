@@ -31,6 +31,7 @@ from mlsanm_cli.app.judge import (
 )
 from mlsanm_cli.app.marks import Start
 from mlsanm_cli.app.paths import load_path
+from mlsanm_cli.app.pressed_ends import end_warnings
 from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess, case_warnings, factor_warnings
 from mlsanm_cli.app.recorder import Recorder
@@ -185,6 +186,8 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     judge_spacing(built, recorder.last)
     with clock.phase("output"):
         recorder.energies = energy_error(built, recorder.last, recorder.stressed)
+    for warning in end_warnings(built, recorder.last):
+        recorder.warn(warning)
     # First: where units are mixed up the checks that follow fail, for that reason.
     for warning in strain_warnings(built.case, recorder.energies.strains):
         recorder.warn(warning)

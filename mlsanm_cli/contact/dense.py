@@ -11,6 +11,8 @@ SINGULAR = 1e-15
 NOTHING = 1e-12
 """Singular values below this part of the largest are none."""
 UNSOLVED = 1e-9
+HUGE = 1e200
+"""Factors on rows and columns without any entry are larger."""
 
 
 class SingularSystemError(ArithmeticError):
@@ -84,7 +86,7 @@ def smallest_solution(matrix: FloatArray, lengths: int, rhs: FloatArray) -> Floa
 
     Raises SingularSystemError where it has none.
     """
-    rows, columns = scales(matrix, lengths)
+    rows, columns = (np.where(one < HUGE, one, 1.0) for one in scales(matrix, lengths))
     left, values, right = np.linalg.svd(rows[:, None] * (matrix * columns))
     kept = values > NOTHING * values[0]
     wanted = left.T @ (rows * rhs)
