@@ -42,6 +42,8 @@ SPACING_LIMIT = 4.0
 
 CONE = 1e-8
 """Tractions may pass their friction limits by this part of the peak pressure at the stages' ends."""
+CONE_SMOOTH = 1e-3
+"""Or by this part of a smooth law's eta, by which its pressures are off themselves."""
 
 LINEAR_LIMIT = 1e-6
 """Largest part of an elastic solution that may still change when its equations are solved again."""
@@ -135,7 +137,9 @@ def _judge_cone(built: Built, state: State) -> None:
     limit = condensed.friction * np.maximum(state.pressure[condensed.rubbing], 0.0)
     beyond = np.abs(state.traction) - limit
     peak = max(float(end.pressure.max()) for end in built.ends)
-    if not beyond.max() <= CONE * peak:
+    laws = [contact.regularization for contact in built.case.contact if contact.friction]
+    smooth = min(law.eta if law.law == "hyperbolic" else 0.0 for law in laws)
+    if not beyond.max() <= max(CONE, CONE_SMOOTH * smooth) * peak:
         raise NumericalError(
             f"a traction is beyond the friction limit at position {state.position:.6g}",
             'lower solver.tolerance, or use contact.regularization.law = "exact"',
