@@ -29,6 +29,7 @@ from mlsanm_cli.app.judge import (
     judge_state,
     judge_transfer,
 )
+from mlsanm_cli.app.limit_named import at_limit
 from mlsanm_cli.app.marks import Start
 from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.pressed_ends import end_warnings
@@ -172,7 +173,11 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     while True:
         stopper.check()
         with clock.phase("continuation"):
-            step = next(steps, None)
+            try:
+                step = next(steps, None)
+            except NumericalError as error:
+                last = recorder.last.position if recorder.last is not None else 0.0
+                raise at_limit(built.scene, built.condensed, built.stages, last, error) from error
         if step is None:
             break
         for state in (*step.saved, step.state):
