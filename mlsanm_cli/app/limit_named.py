@@ -26,7 +26,7 @@ def at_limit(
 ) -> NumericalError:
     """The error that ended a path along ``stages`` (T + 1, L) at the position ``last``, in words of the limit
     load if it came close to one; else the error itself."""
-    if isinstance(error, SlidingError) or isinstance(error.__cause__, SlidingError):
+    if isinstance(error, SlidingError):
         return error
     stage = min(int(last), len(stages) - 2)
     named = _told(scene, condensed, stages, stage, last - stage)

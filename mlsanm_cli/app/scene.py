@@ -49,7 +49,7 @@ class Prepared:
     by one, ``acting`` the loads' values, ``movers`` all that moves rigidly, ``probes`` the points to observe,
     ``notes`` what a person should know, ``line`` about what the scene is its own mirror image if half of it
     is solved, ``clear`` the contacts that may have grids of their own, ``held_motions`` what of loose bodies
-    is held although nothing resists it, as a scene has them.
+    is held although nothing resists it, as a scene has them, ``weak`` warnings of what is hardly resisted.
     """
 
     models: Mapping[str, BodyModel]
@@ -63,6 +63,7 @@ class Prepared:
     line: Line | None = None
     clear: Mapping[str, Clear] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
+    weak: tuple[str, ...] = ()
 
 
 def mls_settings(case: Case) -> MlsSettings:
@@ -121,7 +122,16 @@ def prepare(
     moving, notes = found.movers, found.notes
     probes = _probes(case, clouds)
     prepared = Prepared(
-        models, pairings, held, held_nodes, loads, probes, moving, notes, held_motions=found.held
+        models,
+        pairings,
+        held,
+        held_nodes,
+        loads,
+        probes,
+        moving,
+        notes,
+        held_motions=found.held,
+        weak=found.weak,
     )
     even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
     if clear:

@@ -75,6 +75,32 @@ slave = "shaft.arc"
 master = "ring.inner"
 interference = 1e-3
 """
+PINNED = """
+format = 1
+[model]
+plane = "strain"
+[material.steel]
+E = 210e3
+nu = 0.3
+[[body]]
+name = "disk"
+material = "steel"
+shape = {{ kind = "disk", center = [0.0, 0.0], radius = 10.0 }}
+[[support]]
+body = "disk"
+near = {near!r}
+ux = 0.0
+uy = 0.0
+[[contact]]
+name = "floor"
+slave = "disk.arc"
+obstacle = {{ kind = "plane", point = {below!r}, normal = {up!r} }}
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "floor"
+displacement = {moved!r}
+"""
 WEIGHT = """
 [[load]]
 name = "weight"
@@ -191,6 +217,22 @@ def test_a_motion_of_two_bodies_names_both() -> None:
     message = caught.value.problems[0].message
     assert "body ring in uy, which moves body shaft with it" in message
     assert "a force of -3.06" in message
+
+
+@pytest.mark.parametrize("way", [(0.0, 1.0), (-1.0, 0.0), (0.6, 0.8)])
+def test_a_disk_held_at_its_top_may_turn_about_it(way: tuple[float, float]) -> None:
+    up = np.array(way)
+    place = {"below": -10.0 * up, "up": up, "moved": 0.01 * up}
+    text = PINNED.format(**{key: one.tolist() for key, one in place.items()}, near="NEAR")
+    cloud = clouds(parse_case(text.replace("'NEAR'", "[0.0, 0.0]"), Path("case.toml")).case)["disk"]
+    # The node that is nearest to the top of a tilted scene is not quite there.
+    nearest = cloud.points[np.argmin(((cloud.points - 10.0 * up) ** 2).sum(axis=1))]
+    aside = abs(float(nearest @ [up[1], -up[0]]))
+    found = prepared(text.replace("'NEAR'", str((10.0 * up).tolist())))
+    held = [note for note in found.notes if note.startswith("body disk: rotation is held at 0")]
+    assert len(held) == (aside < 1e-6)
+    assert len(found.weak) == (aside > 1e-6)
+    assert all("body disk: rotation is hardly resisted" in text for text in found.weak)
 
 
 def test_what_is_held_carries_nothing(tmp_path: Path) -> None:
