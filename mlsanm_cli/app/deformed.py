@@ -14,7 +14,7 @@ MOST_CHORDS = 64
 SECOND_ORDER = 0.6
 """Overlaps count from so many times the square of a body's largest displacement over its size: the end of a
 cantilever comes nearer to its root by that."""
-ERROR = 0.005
+ERROR = 0.01
 """Parts of a body's displacements below this one are discretisation errors."""
 ROUND_OFF = 1e-6
 """They count from this part of a body's size at least."""

@@ -98,12 +98,15 @@ def _nodal_forces(
 
 
 def sliding_resistance(
-    unknown: Sequence[UnknownMotion], pairings: Sequence[Pairing], clouds: Mapping[str, Cloud]
+    unknown: Sequence[UnknownMotion],
+    pairings: Sequence[Pairing],
+    clouds: Mapping[str, Cloud],
+    at_once: bool = False,
 ) -> FloatArray:
     """Mean squares (k, k) of what the motions do across the surfaces they move, with friction in all.
 
-    Where one of two surfaces is straight a body may slide along both at once, as a disk that turns about a
-    point above the plane it rests on.
+    Where one of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that turns about
+    a point above the plane it rests on: what holds it is the width of the contact alone.
     """
     total = _elastic(unknown)
     for pairing in pairings:
@@ -111,7 +114,7 @@ def sliding_resistance(
         sides = [np.linalg.eigh(frame.squares(*side)) for side in frame.sides]
         free = [directions[:, sizes <= SLIDES**2] for sizes, directions in sides]
         straight = any(one.shape[1] and np.abs(one[2]).max() <= SLIDES for one in free)
-        if straight and not pairing.friction:
+        if at_once and straight and not pairing.friction:
             along = np.linalg.svd(np.hstack(free))
             crossing = along[0][:, int((along[1] > SLIDES).sum()) :]
             relative = crossing.T @ frame.relative(unknown)
@@ -138,7 +141,9 @@ def contact_resistance(
     total = _elastic(unknown)
     for pairing in pairings:
         frame = _Frame.of(pairing, clouds)
-        sizes, directions = np.linalg.eigh(frame.squares(frame.sides[0][0], frame.sides[1][1]))
+        sizes, directions = np.linalg.eigh(
+            frame.squares(frame.sides[0][0], pairing.normal[pairing.candidate])
+        )
         least = SURE if pairing.name in exact else TILT
         resisted = np.eye(3) if pairing.friction else directions[:, sizes >= least**2].T
         relative = resisted @ frame.relative(unknown)
@@ -166,7 +171,12 @@ class _Frame:
         middle = share @ points
         lever = float(np.sqrt(share @ ((points - middle) ** 2).sum(axis=1))) or 1.0
         own = points, pairing.slave.normal[pairing.position[chosen]]
-        return cls(pairing, middle, lever, share, (own, (pairing.partner[chosen], pairing.normal[chosen])))
+        partner, there = pairing.partner[chosen], pairing.normal[chosen]
+        if pairing.master is not None:
+            # Pressures may have the directions of the other surface's normals.
+            curve = pairing.master.curve
+            there = curve.normals(curve.closest(partner))
+        return cls(pairing, middle, lever, share, (own, (partner, there)))
 
     def squares(self, points: FloatArray, normal: FloatArray) -> FloatArray:
         """Mean squares (3, 3) of what rigid motions do across normals (m, 2) at ``points`` (m, 2)."""

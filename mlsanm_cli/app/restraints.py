@@ -2,9 +2,9 @@
 
 Platens, obstacles and bodies held by contact alone move as unknowns. A contact resists a relative motion of
 its two sides where its normals point along it, with friction every motion. Two kinds of motion find no
-resistance: those that slide surfaces along themselves, as a disk turns, or turns about a point above the
-plane it rests on, and those that no contact's normals tilt towards. They are the null vectors of a matrix over
-all unknown motions, so that axes mean nothing, and several bodies may have one in common.
+resistance: those that slide a body's surfaces along themselves, as a disk turns, and those that no contact's
+normals tilt towards. They are the null vectors of a matrix over all unknown motions, so that axes mean
+nothing, and several bodies may have one in common.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ from mlsanm_cli.values import dataclass
 BALANCED = 1e-3
 """Forces that cancel but for this part of themselves do so but for the surfaces' quadrature."""
 WEAK = 0.05
-"""Motions that go across surfaces by less than this part of themselves are hardly resisted."""
+"""Motions that go across surfaces by less than this part of themselves are hardly resisted, be it that they
+go along both surfaces of a contact at once."""
 NONE = 1e-5
 """Parts of a free motion below this part of the largest are round-off."""
 FIRST = 1e-6
@@ -101,7 +102,7 @@ def restrained(
         )
         for mover in movers
     ]
-    weak = free_motions(sliding_resistance(kept, pairings, clouds), WEAK)
+    weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK)
     return Restrained(
         tuple(result),
         tuple(notes),
@@ -171,8 +172,8 @@ def _hardly(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray)
     one, together = unknown[pivot], _together(unknown, pivot, direction)
     return (
         f"{_owner(one)}: {_way(one)}{f', which moves {together} with it,' if together else ''} is hardly "
-        f"resisted, as it goes along the surfaces in contact but for a few percent: results depend on where "
-        f"nodes are held exactly; hold it with a [[support]]{_instead(one)}"
+        f"resisted, as it goes along the surfaces in contact: results depend on where exactly nodes are held "
+        f"and on the contact's width; hold it with a [[support]]{_instead(one)}"
     )
 
 
