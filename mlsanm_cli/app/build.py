@@ -16,6 +16,7 @@ from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.contacts import refuse_overlap
 from mlsanm_cli.app.estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.fine_views import View, fine_views
+from mlsanm_cli.app.limit_named import beyond_limit
 from mlsanm_cli.app.linear import direct_solver
 from mlsanm_cli.app.near import find_grids
 from mlsanm_cli.app.scene import NOTHING, Prepared, equip, prepare
@@ -189,7 +190,7 @@ def _completed(
     if prepared.clear:
         with clock.phase("condensation"):
             console.phase("finding the contacts' grids")
-            search = partial(_searched, case, stages)
+            search = partial(_searched, case, scene, stages)
             found = find_grids(case, scene, prepared.pairings, prepared.clear, search, memo)
     if found is None:
         if prepared.clear:
@@ -227,6 +228,8 @@ def _condense(
             except EndlessError:
                 certify_candidates(case, scene, condensed, memo)
                 raise
+            except UnbalancedError as error:
+                raise beyond_limit(scene, condensed, stages, error) from error
             touched = _touched(condensed, ends)
         if not any(mask.any() for mask in touched.values()):
             return condensed, ends
@@ -248,7 +251,7 @@ def _condense(
 
 
 def _searched(
-    case: Case, stages: FloatArray, condensed: Condensed, starts: Sequence[Sets], every: bool
+    case: Case, scene: Scene, stages: FloatArray, condensed: Condensed, starts: Sequence[Sets], every: bool
 ) -> tuple[ExactState, ...]:
     """Exact states at the ends of the stages, or ``every`` state that counts with those where fields are
     wanted."""
@@ -265,6 +268,9 @@ def _searched(
         first = _last(ends) if start is None else start.closed
         try:
             ends.append(_solved_exactly(condensed, wanted, first))
+        except UnbalancedError as error:
+            if not every:
+                raise beyond_limit(scene, condensed, stages, error) from error
         except NumericalError:
             # A body that floats on its way has no exact state there.
             if not every:

@@ -80,8 +80,10 @@ def _judged(
     case: Case, scene: Scene, condensed: Condensed, closed: BoolArray, memo: Memo
 ) -> dict[str, float]:
     """The certificates of all contacts with ``closed`` nodes (m,). Raises UnstableError."""
+    loose = {mover.body for mover in scene.loose}
+    numbers = [number for number, name in enumerate(scene.bodies) if name in loose]
     judged = {
-        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), memo)
+        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), numbers, memo)
         for pairing in condensed.pairings
         if closed[condensed.spans[pairing.name]].any()
     }
@@ -96,9 +98,9 @@ def _judged(
     return judged
 
 
-def _contact(condensed: Condensed, bearing: BoolArray, memo: Memo) -> float:
-    key = digest(condensed.content, bearing)
-    return memo.value("contact stability", key, lambda: contact_stability(condensed, bearing))
+def _contact(condensed: Condensed, bearing: BoolArray, loose: Sequence[int], memo: Memo) -> float:
+    key = digest(condensed.content, bearing, list(loose))
+    return memo.value("contact stability", key, lambda: contact_stability(condensed, bearing, loose))
 
 
 def _bulk(body: ElasticBody, memo: Memo) -> float:

@@ -53,8 +53,8 @@ def friction_path(built: Built, mark: FrictionMark | None = None) -> Iterator[Pa
                 yield from rows.add(event)
         except SlidingError as error:
             yield from rows.last()
-            where = f"at position {stage + error.fraction:.9g}"
-            raise NumericalError(f"{error.message} {where}", error.hint) from error
+            where = f" at position {stage + error.fraction:.9g}"
+            raise SlidingError(error.fraction, where) from error
         except NumericalError as error:
             yield from rows.last()
             raise NumericalError(

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.near_geometry import Clear
-from mlsanm_cli.app.near_turns import turns
+from mlsanm_cli.app.near_turns import turns, unturned
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.contact.active_set import ExactState
@@ -55,7 +55,7 @@ MOST, SHORTEST = 2000, 1e-5
 under corners of obstacles have no bound."""
 TURNED, SETTLED, TURNINGS = 3e-3, 3e-4, 4
 """Directions turn where they are off by the first angle, and then until they are off by less than the second,
-so many times at most."""
+so many times at most, or twice as many where a motion is held that they push along."""
 FLAT = 1e-9
 """Surfaces whose gap varies by less than this part of the range are parallel."""
 PLENTY = 300
@@ -93,7 +93,8 @@ def find_grids(
     grids = {name: _first(one) for name, one in clear.items()}
     answers: Answers | None = None
     starts: list[Sets] = []
-    every, turnings = False, TURNINGS
+    common: dict[str, float] = {}
+    every, turnings = False, TURNINGS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
     for _ in range(ROUNDS):
         some = _on_grids(pairings, grids)
@@ -111,7 +112,9 @@ def find_grids(
         if _same(wanted, grids):
             wanted = _refined(condensed, grids, clear, states, accuracy, tractions=not every)
         if _same(wanted, grids):
-            turned = _turned(condensed, states, grids) if every and turnings else None
+            turned = None
+            if every and turnings:
+                turned = _turned(condensed, states, grids, scene.held_motions, common)
             if turned is None and every:
                 return condensed, search(condensed, starts, False)
             every = True
@@ -130,17 +133,35 @@ def find_grids(
 
 
 def _turned(
-    condensed: Condensed, states: Sequence[ExactState], grids: Mapping[str, Near]
+    condensed: Condensed,
+    states: Sequence[ExactState],
+    grids: Mapping[str, Near],
+    held: Sequence[Mapping[str, FloatArray]],
+    common: dict[str, float],
 ) -> dict[str, Near] | None:
-    """The grids with directions as the bodies have turned in the last states where they touch; None where
-    these are so already."""
+    """The grids with directions as the bodies have turned in the last states where they touch, but for the
+    angles ``common`` that would push along ``held`` motions, which are brought up to date; None where these
+    are so already."""
     now: dict[str, float] = {}
     for state in states:
         now.update(turns(condensed, state))
+    before = {name: grids[name].facing.turn for name in grids}
+    after = {}
+    for name, turn in before.items():
+        was = turn - common.get(name, 0.0)
+        angle = now.get(name, was)
+        after[name] = (angle if abs(angle - was) > (SETTLED if was else TURNED) else was) + turn - was
+    if held:
+        last = states[-1]
+        for name, angle in unturned(condensed, last, after, held).items():
+            common[name] = common.get(name, 0.0) + angle
+            after[name] += angle
+        settled = all(abs(after[name] - turn) <= SETTLED for name, turn in before.items())
+        if settled and not unturned(condensed, last, before, held):
+            return None
     result = dict(grids)
-    for name, angle in now.items():
-        before = grids[name].facing.turn
-        if abs(angle - before) > (SETTLED if before else TURNED):
+    for name, angle in after.items():
+        if angle != before[name]:
             result[name] = replace(grids[name], facing=replace(grids[name].facing, turn=angle))
     return None if _same(result, grids) else result
 

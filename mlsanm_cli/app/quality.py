@@ -88,6 +88,7 @@ def assess(case: Case, prepared: Prepared, memo: Memo = AFRESH) -> Quality:
             "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"
         )
     warnings += distance_warnings(prepared.pairings, clouds)
+    warnings += prepared.weak
     warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
     return Quality(
         bodies,

@@ -22,11 +22,13 @@ from mlsanm_cli.app.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.judge import EnergyVerdict
 from mlsanm_cli.app.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.marks import BEGINNING, Start
+from mlsanm_cli.app.overlaps import judge_overlaps, within_themselves
 from mlsanm_cli.app.recorded import CLOUDS, PATH, Earlier, Recorded
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.states import PathStep, Polish, State
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import LoadedCase, resolved_mapping
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.path_table import write_path_csv
@@ -249,8 +251,10 @@ class Recorder:
             # Unlike max of Python, that of numpy loses no nan.
             self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
             shown = recording.shown_fields(built, state, fields, stress)
+            clouds = {name: built.shown(name) for name in shown}
+            self.judged = state
+            self._judge_places(built, state, clouds, shown)
             if self._case.output.vtu:
-                clouds = {name: built.shown(name) for name in shown}
                 self._states.write(state.position, recording.vtu_states(clouds, shown, wanted))
                 lines = contact_lines(built, state, shown), obstacle_lines(built, state)
                 self._lines.write(state.position, *lines)
@@ -258,11 +262,35 @@ class Recorder:
             saved.append((state.position, kept, {"linear_residual": residual}))
         return saved
 
+    def _judge_places(
+        self,
+        built: Built,
+        state: State,
+        clouds: Mapping[str, Cloud],
+        fields: Mapping[str, recording.Fields],
+    ) -> None:
+        """NumericalError where a body lies inside another one, a warning where one lies inside itself."""
+        moved = {name: one.displacement for name, one in fields.items()}
+        judge_overlaps(built, state, clouds, moved)
+        for name, (x, y) in within_themselves(clouds, moved).items():
+            text = f"body {name} lies inside itself"
+            if not any(told.startswith(text) for told in self._told):
+                message = (
+                    f"{text} near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: contact of a "
+                    f"body with itself is not there yet, and results beyond that mean nothing"
+                )
+                self._told.append(message)
+                self.warn(message)
+
     def check_linear(self, built: Built) -> float:
-        """How well the linear systems are solved over the saved states, or in the last if none was saved."""
+        """How well the linear systems are solved over the saved states, or in the last if none was saved,
+        which is then looked at for overlaps."""
         if self.linear_residual is None and self.last is not None:
-            found = recording.fields_of(built, [self.last], stress=False, starts=self._starts)
-            self.linear_residual = found[0][1]
+            fields, self.linear_residual = recording.fields_of(
+                built, [self.last], stress=False, starts=self._starts
+            )[0]
+            clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
+            judge_overlaps(built, self.last, clouds, {name: one.displacement for name, one in fields.items()})
         return self.linear_residual or 0.0
 
     def warn(self, message: str) -> None:

@@ -83,9 +83,8 @@ def rubbing_path(built: Built, mark: RubbingMark | None) -> Iterator[PathStep]:
         point = walk.point
 
 
-def _slides(stage: int, lam: float) -> NumericalError:
-    error = SlidingError(lam)
-    return NumericalError(f"{error.message} at position {stage + lam:.9g}", error.hint)
+def _slides(stage: int, lam: float) -> SlidingError:
+    return SlidingError(lam, f" at position {stage + lam:.9g}")
 
 
 def _first(built: Built, options: AnmOptions | NewtonOptions) -> Point:

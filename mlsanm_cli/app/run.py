@@ -22,12 +22,16 @@ from mlsanm_cli.app.judge import (
     judge_balance,
     judge_energy,
     judge_estimates,
+    judge_held,
     judge_linear,
     judge_polish,
     judge_spacing,
     judge_state,
+    judge_transfer,
 )
+from mlsanm_cli.app.limit_named import at_limit
 from mlsanm_cli.app.marks import Start
+from mlsanm_cli.app.pressed_ends import end_warnings
 from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess, case_warnings, factor_warnings
 from mlsanm_cli.app.recorder import Recorder
@@ -179,7 +183,11 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     while True:
         stopper.check()
         with clock.phase("continuation"):
-            step = next(steps, None)
+            try:
+                step = next(steps, None)
+            except NumericalError as error:
+                last = recorder.last.position if recorder.last is not None else 0.0
+                raise at_limit(built.scene, built.condensed, built.stages, last, error) from error
         if step is None:
             break
         for state in (*step.saved, step.state):
@@ -193,12 +201,16 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     judge_spacing(built, recorder.last)
     with clock.phase("output"):
         recorder.energies = energy_error(built, recorder.last, recorder.stressed)
+    for warning in end_warnings(built, recorder.last):
+        recorder.warn(warning)
     # First: where units are mixed up the checks that follow fail, for that reason.
     for warning in strain_warnings(built.case, recorder.energies.strains):
         recorder.warn(warning)
     for warning in (
+        *judge_transfer(built, recorder.last),
         judge_balance(force_balance(built, recorder.last)),
         judge_energy(recorder.energies),
+        judge_held(built),
         judge_polish(recorder.polished),
     ):
         if warning:

@@ -19,6 +19,7 @@ from mlsanm_cli.app.near_geometry import Clear, clear_contacts, directed
 from mlsanm_cli.app.restraints import restrained
 from mlsanm_cli.app.surfaces import refuse_conflicts, surfaces_at
 from mlsanm_cli.app.symmetry import even_scene
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Place, Platen
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.mirror import Line
@@ -47,7 +48,8 @@ class Prepared:
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
     by one, ``acting`` the loads' values, ``movers`` all that moves rigidly, ``probes`` the points to observe,
     ``notes`` what a person should know, ``line`` about what the scene is its own mirror image if half of it
-    is solved, ``clear`` the contacts that may have grids of their own.
+    is solved, ``clear`` the contacts that may have grids of their own, ``held_motions`` what of loose bodies
+    is held although nothing resists it, as a scene has them, ``weak`` warnings of what is hardly resisted.
     """
 
     models: Mapping[str, BodyModel]
@@ -60,6 +62,8 @@ class Prepared:
     notes: tuple[str, ...]
     line: Line | None = None
     clear: Mapping[str, Clear] = field(default_factory=dict)
+    held_motions: tuple[Mapping[str, FloatArray], ...] = ()
+    weak: tuple[str, ...] = ()
 
 
 def mls_settings(case: Case) -> MlsSettings:
@@ -116,9 +120,21 @@ def prepare(
     # At finite strain pressures live at the nodes.
     grids = grids and case.model.strain == "small"
     clear = clear_contacts(case, models, pairings, occupied) if grids else {}
-    moving, notes = restrained(case, clouds, directed(pairings, clear), free, loads)
+    found = restrained(case, clouds, directed(pairings, clear), free, loads, clear)
+    moving, notes = found.movers, found.notes
     probes = _probes(case, clouds)
-    prepared = Prepared(models, pairings, held, held_nodes, loads, probes, moving, notes)
+    prepared = Prepared(
+        models,
+        pairings,
+        held,
+        held_nodes,
+        loads,
+        probes,
+        moving,
+        notes,
+        held_motions=found.held,
+        weak=found.weak,
+    )
     even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
     if clear:
         # Symmetry forbids motions; half of so few nodes is not worth solving.
@@ -198,6 +214,7 @@ def equip(
         body_forces=prepared.acting.body_forces,
         heatings=prepared.acting.heatings,
         probes=prepared.probes,
+        held_motions=prepared.held_motions,
     )
 
 

@@ -15,7 +15,9 @@ from mlsanm_cli.app.judge import (
     ENERGY_LIMIT,
     LARGE_ERROR,
     LINEAR_LIMIT,
+    TRANSFER_LIMIT,
     force_balance,
+    force_mismatch,
 )
 from mlsanm_cli.app.quality import Quality
 from mlsanm_cli.app.recorder import Recorder
@@ -77,8 +79,10 @@ def summarise(
     summary["linear_residual"] = recorder.linear_residual
     if built is not None and adapted is not None and state is not None:
         verdict = force_balance(built, state)
+        lost = force_mismatch(built, state)
         summary["contacts"] = {
             p.name: _contact(built, p.name, state, recorder.cone.get(p.name))
+            | {"force_mismatch": lost.get(p.name)}
             for p in built.condensed.reported
         }
         summary["error_estimate"] = adapted.accuracy.figures(built, state)
@@ -112,6 +116,7 @@ def limits(case: Case, built: Built | None) -> dict[str, float]:
         "residual": case.solver.tolerance,
         "linear_residual": LINEAR_LIMIT,
         "force_balance": BALANCE_LIMIT,
+        "force_mismatch": TRANSFER_LIMIT,
         "energy_error": ENERGY_LIMIT,
         "error_estimate": LARGE_ERROR,
     }

@@ -12,7 +12,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.dense import DenseSystem, SingularSystemError
+from mlsanm_cli.contact.dense import DenseSystem, SingularSystemError, smallest_solution
 from mlsanm_cli.contact.set_search import EndlessError, UnbalancedError
 from mlsanm_cli.contact.violation import violation
 from mlsanm_cli.values import dataclass
@@ -52,11 +52,13 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
     one_by_one = False
     limit = 50 * (m + 1)
     for count in range(1, limit + 1):
-        pressure, motion = _solve_active(condensed, free_gap, factors, active)
+        pressure, motion, loose = _solve_active(condensed, free_gap, factors, active)
         gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
         gap[active] = 0.0
         wrong = _violations(condensed, active, pressure, gap)
         if not wrong.any():
+            if loose:
+                raise _unbalanced()
             nothing = np.zeros(len(condensed.rubbing))
             unknowns = (factors, motion, pressure, nothing)
             residual = violation(condensed, unknowns, active, np.full(len(nothing), np.nan))
@@ -87,31 +89,41 @@ def _first_guess(condensed: Condensed, free_gap: FloatArray) -> BoolArray:
 
 def _solve_active(
     condensed: Condensed, free_gap: FloatArray, factors: FloatArray, active: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """Pressures (m,) that close the active nodes' gaps, and motions (k,) that balance the platens."""
+) -> tuple[FloatArray, FloatArray, bool]:
+    """Pressures (m,) that close the active nodes' gaps, motions (k,) that balance the platens, and whether
+    bodies are loose with these nodes alone: where no force drives them they stay, until others touch."""
     closed = np.flatnonzero(active)
     balance = condensed.balance
     a, k = len(closed), len(balance.constant)
     pressure = np.zeros(len(active))
     if a + k == 0:
-        return pressure, np.zeros(0)
+        return pressure, np.zeros(0), False
     matrix = np.empty((a + k, a + k))
     matrix[:a, :a] = condensed.gap.pressure[np.ix_(closed, closed)]
     matrix[:a, a:] = condensed.gap.motion[closed]
     matrix[a:, :a] = balance.pressure[:, closed]
     matrix[a:, a:] = balance.motion
     rhs = np.concatenate([-free_gap[closed], -(balance.constant + balance.load @ factors)])
+    loose = False
     try:
         solution = DenseSystem(matrix, a).solve(rhs)
-    except SingularSystemError as error:
-        raise UnbalancedError(
-            "no contact pressure balances the loads",
-            "a force-controlled platen may push its body away from the contact, or a body that only contacts "
-            "hold may be loose there; prescribe the displacement instead, or use "
-            'contact.regularization.law = "hyperbolic"',
-        ) from error
+    except SingularSystemError:
+        loose = True
+        try:
+            solution = smallest_solution(matrix, a, rhs)
+        except SingularSystemError as error:
+            raise _unbalanced() from error
     pressure[closed] = solution[:a]
-    return pressure, solution[a:]
+    return pressure, solution[a:], loose
+
+
+def _unbalanced() -> UnbalancedError:
+    return UnbalancedError(
+        "no contact pressure balances the loads",
+        "a force-controlled platen may push its body away from the contact, or a body that only contacts "
+        "hold may be loose there; prescribe the displacement instead, or use "
+        'contact.regularization.law = "hyperbolic"',
+    )
 
 
 def _violations(condensed: Condensed, active: BoolArray, pressure: FloatArray, gap: FloatArray) -> BoolArray:

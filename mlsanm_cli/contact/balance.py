@@ -61,6 +61,14 @@ class Forces:
             total[:, span] = (resultants @ self.sources[body][:, span]).toarray()
         return drivers.by_unknowns(total)
 
+    def mismatch(self, pairing: Pairing) -> LinearMap:
+        """What a contact exerts on both its bodies together (2 rows): nothing, if each feels what the other
+        does; rigid obstacles feel it all."""
+        if pairing.master_body is None:
+            return self.columns.zeros(2)
+        both = [self.contact(pairing, body) for body in pairing.bodies]
+        return (both[0] + both[1]).take(slice(0, 2))
+
     def applied(self, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
         """What prescribed tractions and body forces, and the springs, add up to on a body."""
         elastic, resultants = self.scene.bodies[body], self._resultants(body, center)

@@ -70,10 +70,10 @@ class Condensed:
     tell (:func:`resolved`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
-    its force (2,) on the slave; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes``
-    maps each probe to its displacement and stress (5,), ``moments`` each plate that turns to the moment on
-    its bodies about its hinge. ``solves`` counts columns. ``content`` is a digest of all but the coefficients
-    of friction.
+    its force (2,) on the slave and ``mismatches`` to what that on the master differs by from the opposite of
+    it; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes`` maps each probe to its
+    displacement and stress (5,), ``moments`` each plate that turns to the moment on its bodies about its
+    hinge. ``solves`` counts columns. ``content`` is a digest of all but the coefficients of friction.
     """
 
     pairings: tuple[Pairing, ...]
@@ -99,6 +99,7 @@ class Condensed:
     probes: Mapping[str, LinearMap] = field(default_factory=dict)
     moments: Mapping[str, LinearMap] = field(default_factory=dict)
     drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
+    mismatches: Mapping[str, LinearMap] = field(default_factory=dict)
 
     @property
     def reported(self) -> tuple[Pairing, ...]:
@@ -378,6 +379,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
             for probe, rows in zip(scene.probes, seen.probes, strict=True)
         },
         drivers=drivers,
+        mismatches={pairing.name: forces.mismatch(pairing) for pairing in pairings},
     )
 
 

@@ -6,7 +6,7 @@ at once at first, one by one should a set come back.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 import numpy as np
@@ -93,13 +93,21 @@ def find_sets(
     signs must be against friction; SingularSystemError where there are none. Raises NoStateError.
     """
     sets, seen, care = first, set[bytes](), ALL
+    others: Iterator[Sets] | None = None
     limit = 60 + 12 * len(first.closed)
     for count in range(1, limit + 1):
         try:
             system, values, slipped = solve(sets)
         except SingularSystemError:
             if care == ONE:
-                raise NoStateError(sliding=slides_freely(condensed, sets)) from None
+                others = _divided(condensed, sets) if others is None else others
+                another = next(others, None)
+                if another is None:
+                    raise NoStateError(sliding=slides_freely(condensed, sets)) from None
+                sets = first = another
+                care = ALL
+                seen.clear()
+                continue
             # Too many exchanges at once have freed what friction holds.
             sets, care = first, care + 1
             seen.clear()
@@ -119,6 +127,22 @@ def find_sets(
         else:
             sets = _only(condensed, sets, better, np.arange(len(wrong)) == np.flatnonzero(wrong)[0])
     raise EndlessError(limit)
+
+
+def _divided(condensed: Condensed, sets: Sets) -> Iterator[Sets]:
+    """The same sets with one node that sticks, where those that slip one way and those that slip the other
+    meet: a body that both hold rests there, and when its last sticking node gives way another one comes to
+    rest."""
+    if sets.stuck.any():
+        return
+    for own in condensed.tangential.values():
+        sense = sets.sense[own]
+        rubs = np.flatnonzero(sense)
+        change = np.flatnonzero(sense[rubs[1:]] != sense[rubs[:-1]])
+        for node in own.start + rubs[np.unique(np.concatenate([change, change + 1]))]:
+            stuck, turned = sets.stuck.copy(), sets.sense.copy()
+            stuck[node], turned[node] = True, 0.0
+            yield Sets(sets.closed, stuck, turned)
 
 
 def _exchange(

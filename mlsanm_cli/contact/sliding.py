@@ -17,9 +17,10 @@ ROUND_OFF = 1e-9
 class SlidingError(NumericalError):
     """All of a contact slips and nothing else carries the load: there is no state beyond this one."""
 
-    def __init__(self, fraction: float) -> None:
+    def __init__(self, fraction: float, where: str = "") -> None:
         super().__init__(
-            "the contact slides as a whole", "prescribe the displacement instead of the force to go on"
+            f"the contact slides as a whole{where}",
+            "prescribe the displacement instead of the force to go on",
         )
         self.fraction = fraction
 

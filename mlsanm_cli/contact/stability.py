@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 
+ROUND_OFF = 1e-9
+SUPPORTED = 1e-6
+"""Lack of balance below this part of the forces is round-off, as that of a body with supports."""
 
-def contact_stability(condensed: Condensed, chosen: BoolArray) -> float:
-    """Smallest resistance to pressures, and with friction tractions, on the ``chosen`` candidates (m,).
+
+def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[int] = ()) -> float:
+    """Smallest resistance to pressures, and with friction tractions, on the ``chosen`` candidates (m,), of
+    bodies of which those with the numbers ``loose`` are held by contact alone.
 
     See :func:`relative_resistance`. Nodes that never touch have no say: the outermost candidates, whose
     pressure only half arrives on the master, resist little and bear nothing.
@@ -26,8 +33,16 @@ def contact_stability(condensed: Condensed, chosen: BoolArray) -> float:
     place = np.concatenate([kept, condensed.rubbing[rubbing]])
     unbalanced = np.zeros((0, len(place)))
     if any(pairing.near is not None for pairing in condensed.pairings):
-        # Displacements in closed form of bodies that nothing holds count from anywhere.
-        unbalanced = np.hstack([condensed.balance.pressure[:, kept], condensed.balance.traction[:, rubbing]])
+        # Displacements in closed form of bodies that nothing holds count from anywhere, also where symmetry
+        # forbids what would balance them.
+        rows = [2 * body + component for body in loose for component in (0, 1)]
+        parts = [
+            np.hstack([one.pressure[:, kept], one.traction[:, rubbing]])
+            for one in (condensed.balance, condensed.imbalance.take(np.array(rows, dtype=np.int64)))
+        ]
+        size = np.linalg.norm(condensed.weight[place])
+        parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > SUPPORTED * size]
+        unbalanced = np.concatenate(parts)
     return relative_resistance(condensed.weight[place], condensed.modulus[place], compliance, unbalanced)
 
 
@@ -47,7 +62,15 @@ def relative_resistance(
     relative = compliance * scale[:, None] * (scale / weight)[None, :]
     relative = 0.5 * (relative + relative.T)
     if unbalanced is not None and len(unbalanced):
-        basis = np.linalg.qr((unbalanced * (scale / weight)).T, mode="complete")[0]
-        free = basis[:, np.linalg.matrix_rank(unbalanced) :]
+        free = _balanced(unbalanced * (scale / weight))
         relative = free.T @ relative @ free
     return float(np.linalg.eigvalsh(relative)[0]) if relative.size else np.inf
+
+
+def _balanced(unbalanced: FloatArray) -> FloatArray:
+    """An orthonormal basis (m, d) of all that has nothing ``unbalanced`` (r, m): forces and moments, each of
+    its own unit."""
+    sizes = np.linalg.norm(unbalanced, axis=1, keepdims=True)
+    _, values, right = np.linalg.svd(unbalanced / np.where(sizes > 0.0, sizes, 1.0))
+    basis: FloatArray = right[int((values > ROUND_OFF).sum()) :].T
+    return basis

@@ -143,7 +143,9 @@ class Scene:
     """Factorised bodies with all that acts on them, contact apart.
 
     ``supports`` maps a support's name to its body and surfaces; ``held_nodes`` tells for each body whether
-    single nodes hold it in x and y (their forces cannot be told from the stress field).
+    single nodes hold it in x and y (their forces cannot be told from the stress field). ``held_motions`` are
+    those of loose bodies that are held as nothing resists them: velocities (3,) of each body in one, x, y and
+    the rotation about the origin.
     """
 
     bodies: Mapping[str, ElasticBody]
@@ -157,6 +159,7 @@ class Scene:
     probes: tuple[Probe, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     loose: tuple[LooseBody, ...] = ()
+    held_motions: tuple[Mapping[str, FloatArray], ...] = ()
 
     def surface(self, body: str, name: str) -> Surface:
         """A body's surface by name."""

@@ -25,6 +25,7 @@ SUMMARY_KEYS = {
 }  # fmt: skip
 CONTACT_KEYS = {
     "peak_pressure", "half_width", "force", "stick_nodes", "slip_nodes", "min_gap", "max_cone_ratio",
+    "force_mismatch",
 }  # fmt: skip
 SECONDS_KEYS = {
     "total", "jit", "cloud", "operators", "factorization", "condensation", "continuation", "output",

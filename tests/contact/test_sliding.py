@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.history import follow, start
 from mlsanm_cli.contact.linear_map import LinearMap
-from mlsanm_cli.contact.sets import Sets
+from mlsanm_cli.contact.set_search import Watch, find_sets
+from mlsanm_cli.contact.sets import Sets, SetSystem, Values
 from mlsanm_cli.contact.sliding import SlidingError, slides_freely
 from tests.contact.friction import half_planes, side_by_side
 
@@ -70,3 +72,19 @@ def test_one_of_two_contacts_that_slides_is_named() -> None:
     with pytest.raises(SlidingError) as caught:
         list(follow(c, state, np.array([1.0, 0.4, 1.0, 1.25]), [1.0]))
     assert caught.value.fraction == pytest.approx(0.8, abs=1e-9)
+
+
+def test_a_body_that_slips_both_ways_rests_somewhere() -> None:
+    # A clamped strip spreads both ways; when its last sticking node gives way another one comes to rest.
+    c = half_planes(20, beta=0.5).condensed
+    sense, never = np.where(np.arange(20) < 9, 1.0, -1.0), np.zeros(20, dtype=bool)
+    watch = Watch(never, never, ~never, sense.copy())
+
+    def solve(sets: Sets) -> tuple[SetSystem, Values, FloatArray]:
+        system = SetSystem(c, sets)
+        rates = system.rate(np.array([1.0, 0.0]))
+        return system, rates, rates.slip
+
+    sets, *_ = find_sets(c, Sets(~never, never, sense), watch, solve)
+    assert sets.stuck.any()
+    assert not slides_freely(c, sets)

@@ -1,0 +1,119 @@
+"""Outlines of bodies as they are deformed, and how well their places are known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.values import dataclass
+
+BEND = 0.02
+"""Chords of curves turn by this angle at most."""
+MOST_CHORDS = 64
+SECOND_ORDER = 0.6
+"""Overlaps count from so many times the square of a body's largest displacement over its size: the end of a
+cantilever comes nearer to its root by that."""
+ERROR = 0.01
+"""Parts of a body's displacements below this one are discretisation errors."""
+ROUND_OFF = 1e-6
+"""They count from this part of a body's size at least."""
+TOGETHER = 2**18
+"""Pairs of a point and an edge that are looked at together."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The deformed outline of a body: ``points`` (n, 2) with the displacements ``moved`` (n, 2), those before
+    ``drawn`` (n, 2), outward normals (n, 2), the numbers ``surface`` (n,) of their surfaces, and how well
+    places between the nodes are known, ``slack`` (n,). ``chords`` (c, 2) are the numbers of neighbours.
+    ``names`` are the surfaces', ``ends`` (s, 2) the numbers of their first and last points."""
+
+    points: FloatArray
+    moved: FloatArray
+    drawn: FloatArray
+    normal: FloatArray
+    surface: IntArray
+    slack: FloatArray
+    chords: IntArray
+    names: tuple[str, ...]
+    ends: IntArray
+
+    @property
+    def edges(self) -> FloatArray:
+        """The chords' ends (c, 4)."""
+        return np.hstack([self.points[self.chords[:, 0]], self.points[self.chords[:, 1]]])
+
+    @property
+    def size(self) -> float:
+        """The longer side of the box around it before loading."""
+        return float(np.ptp(self.drawn, axis=0).max())
+
+    @property
+    def tolerance(self) -> float:
+        """By how much places are wrong, as displacements are taken for small ones and have errors."""
+        apart = float(np.hypot(*np.ptp(self.moved, axis=0)))
+        return SECOND_ORDER * apart**2 / self.size + ERROR * apart + ROUND_OFF * self.size
+
+
+def outline_of(cloud: Cloud, displacement: FloatArray) -> Outline:
+    """The deformed outline of a body whose nodes have a ``displacement`` (n, 2)."""
+    drawn, moved, normal, surface, slack, chords, ends = ([] for _ in range(7))
+    count = 0
+    for number, one in enumerate(cloud.surfaces.values()):
+        s, u, n = one.arc_length, displacement[one.index], one.normal
+        if one.curve.closed:
+            s, u, n = np.append(s, one.curve.length), np.vstack([u, u[:1]]), np.vstack([n, n[:1]])
+        turn = np.arccos(np.clip((n[1:] * n[:-1]).sum(axis=1), -1.0, 1.0))
+        pieces = np.clip(np.ceil(turn / BEND), 1, MOST_CHORDS).astype(np.int64)
+        first = np.repeat(np.arange(len(pieces)), pieces)
+        start = np.cumsum(pieces) - pieces
+        share = (np.arange(pieces.sum()) - start[first]) / pieces[first]
+        fine = np.append(s[first] + share * (s[1:] - s[:-1])[first], s[-1])
+        drawn.append(one.curve.points(np.minimum(fine, one.curve.length)))
+        normal.append(one.curve.normals(np.minimum(fine, one.curve.length)))
+        moved.append(np.vstack([u[first] + share[:, None] * np.diff(u, axis=0)[first], u[-1:]]))
+        unknown = _between(s, u)
+        slack.append(np.append(np.maximum(unknown[:-1], unknown[1:])[first], unknown[-1]))
+        surface.append(np.full(len(fine), number))
+        own = count + np.arange(len(fine))
+        chords.append(np.stack([own[:-1], own[1:]], axis=1))
+        ends.append(own[[0, -1]])
+        count += len(fine)
+    places, shifts = np.concatenate(drawn), np.concatenate(moved)
+    return Outline(
+        places + shifts,
+        shifts,
+        places,
+        np.concatenate(normal),
+        np.concatenate(surface),
+        np.concatenate(slack),
+        np.concatenate(chords),
+        tuple(cloud.surfaces),
+        np.array(ends),
+    )
+
+
+def _between(s: FloatArray, u: FloatArray) -> FloatArray:
+    """By how much displacements ``u`` (b, 2) at arc lengths (b,) are off the straight line of neighbours."""
+    off = np.zeros(len(s))
+    if len(s) > 2:
+        share = (s[1:-1] - s[:-2]) / (s[2:] - s[:-2])
+        off[1:-1] = np.hypot(*(u[1:-1] - (1.0 - share[:, None]) * u[:-2] - share[:, None] * u[2:]).T)
+        off[0], off[-1] = off[1], off[-2]
+    return 0.15 * off
+
+
+def distances(points: FloatArray, edges: FloatArray) -> tuple[FloatArray, IntArray]:
+    """How far (e,) ``points`` (e, 2) are from the nearest of ``edges`` (c, 4), and its number (e,)."""
+    start, way = edges[:, :2], edges[:, 2:] - edges[:, :2]
+    square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
+    distance, nearest = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
+    step = max(1, TOGETHER // len(edges))
+    for first in range(0, len(points), step):
+        away = points[first : first + step, None] - start
+        share = np.clip((away * way).sum(axis=2) / square, 0.0, 1.0)
+        squares = ((away - share[:, :, None] * way) ** 2).sum(axis=2)
+        nearest[first : first + step] = squares.argmin(axis=1)
+        distance[first : first + step] = np.sqrt(squares.min(axis=1))
+    return distance, nearest

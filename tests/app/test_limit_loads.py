@@ -1,0 +1,85 @@
+"""Loads that contacts cannot carry: what slides, tips or comes off is named, with the part that can be."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.contact.limit_load import limit_load
+from tests.app.scenes import solve
+from tests.contact.friction import half_planes
+
+BRICK = """
+format = 1
+[model]
+plane = "strain"
+[material.stone]
+E = 20e3
+nu = 0.2
+[[body]]
+name = "brick"
+material = "stone"
+shape = { kind = "rectangle", x = [0.0, 2.0], y = [0.0, 3.0] }
+[[load]]
+name = "weight"
+kind = "body-force"
+body = "brick"
+body-force = [0.0, -1.0]
+[[load]]
+name = "quake"
+kind = "body-force"
+body = "brick"
+body-force = [1.0, 0.0]
+[[contact]]
+name = "floor"
+slave = "brick.bottom"
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+friction = 0.9
+accuracy = 0.05
+[[stage]]
+weight = 1.0
+[[stage]]
+quake = 1.0
+"""
+EXACT = 'contact.floor.regularization.law="exact"'
+UP = "load.quake.body-force=[0.0, 2.5]"
+
+
+@pytest.mark.parametrize(
+    ("settings", "how", "position"),
+    [
+        ([], "tips over", 1.0 + 2.0 / 3.0),
+        ([EXACT], "tips over", 1.0 + 2.0 / 3.0),
+        ([EXACT, UP], "loses contact", 1.4),
+        ([EXACT, UP, "contact.floor.friction=0.0"], "loses contact", 1.4),
+    ],
+)
+def test_limit_loads_are_named(tmp_path: Path, settings: list[str], how: str, position: float) -> None:
+    summary = solve(BRICK, tmp_path / "run", *settings)
+    assert summary["status"] == "failed"
+    found = re.match(rf"body brick {how} at position ([0-9.]+): ", summary["stop_reason"])
+    assert found, summary["stop_reason"]
+    # The pressures' grid tells the edge that the brick turns about to a few percent.
+    assert float(found[1]) == pytest.approx(position, rel=0.02)
+    hint = re.match(r"apply ([0-9.]+) % of what stage 2 adds to quake at most", summary["hint"])
+    assert hint
+    assert float(hint[1]) == pytest.approx(100.0 * (position - 1.0), rel=0.04)
+    if settings:
+        less = f"stage=[{{weight=1.0}},{{quake={0.0097 * float(hint[1])!r}}}]"
+        assert solve(BRICK, tmp_path / "less", *settings, less)["status"] == "done"
+
+
+def test_the_limit_of_sliding_is_friction_times_force() -> None:
+    c = half_planes(20).condensed
+    pressed, change = np.array([1.0, 0.0]), np.array([0.0, 1.25])
+    limit = limit_load(c, pressed, change)
+    assert limit is not None
+    assert limit.part == pytest.approx(0.8)
+    assert limit.rubbed == pytest.approx(1.0)
+    assert limit.pressed
+    assert abs(limit.motion[1]) > 0.0
+    assert limit_load(c, pressed, 0.7 * change) is None
+    assert limit_load(c, np.array([-1.0, 0.0]), change) is None

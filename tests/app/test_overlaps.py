@@ -1,0 +1,179 @@
+"""Boundaries inside other bodies, obstacles or their own body: told with place and depth, or let be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.deformed import distances
+from tests.app.scenes import solve
+
+SOLID = """
+format = 1
+[model]
+plane = "strain"
+[material.solid]
+E = 1000.0
+nu = 0.3
+alpha = 1e-3
+"""
+PAD = (
+    SOLID
+    + """
+[[body]]
+name = "pad"
+material = "solid"
+spacing = 0.3
+[body.shape]
+kind = "polygon"
+points = [[-2.0, 0.0], [2.0, 0.0], [2.0, 3.0], [-2.0, 3.0]]
+names = ["face", "right", "top", "left"]
+rounding = [0.8, 0.8, 0.0, 0.0]
+[[load]]
+name = "press"
+boundary = "pad.top"
+kind = "platen"
+uy = -0.15
+ux = 0.0
+"""
+)
+BLOCK = """
+[[body]]
+name = "block"
+material = "solid"
+spacing = 0.3
+shape = { kind = "rectangle", x = [-5.0, 5.0], y = [-4.0, 0.0] }
+[[support]]
+boundary = "block.bottom"
+ux = 0.0
+uy = 0.0
+[[contact]]
+name = "face"
+slave = "pad.face"
+master = "block.top"
+regularization = { law = "exact" }
+"""
+PLANE = """
+[[contact]]
+name = "face"
+slave = "pad.face"
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+regularization = { law = "exact" }
+"""
+WHOLE = 'contact.face.slave=["pad.face", "pad.corner1", "pad.corner2"]'
+BARS = (
+    SOLID
+    + """
+[[body]]
+name = "hot"
+material = "solid"
+spacing = 0.5
+shape = { kind = "rectangle", x = [0.0, 4.0], y = [0.0, 1.0] }
+[[body]]
+name = "cold"
+material = "solid"
+spacing = 0.5
+shape = { kind = "rectangle", x = [4.1, 6.0], y = [-0.5, 1.5] }
+[[support]]
+boundary = "hot.left"
+ux = 0.0
+[[support]]
+body = "hot"
+near = [0.0, 0.0]
+uy = 0.0
+[[support]]
+boundary = "cold.right"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "heat"
+kind = "temperature"
+body = "hot"
+temperature = 50.0
+[output]
+at = [0.25, 1.0]
+"""
+)
+SLIT = (
+    SOLID
+    + """
+[[body]]
+name = "clip"
+material = "solid"
+spacing = 0.15
+[body.shape]
+kind = "polygon"
+points = [[0.0, 0.0], [6.0, 0.0], [6.0, 1.0], [1.0, 1.0], [1.0, 1.15], [6.0, 1.15], [6.0, 2.15], [0.0, 2.15]]
+names = ["lower", "l", "inner", "root", "outer", "u", "upper", "back"]
+[[support]]
+boundary = "clip.lower"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "squeeze"
+boundary = "clip.upper"
+kind = "pressure"
+pressure = 0.2
+"""
+)
+
+
+@pytest.mark.parametrize(("base", "whom"), [(BLOCK, "block.top"), (PLANE, "the obstacle of contact face")])
+def test_a_rounded_corner_beside_its_contact_is_told(tmp_path: Path, base: str, whom: str) -> None:
+    summary = solve(PAD + base, tmp_path / "face")
+    assert summary["status"] == "failed"
+    assert f"lies inside {whom} by 0.0" in summary["stop_reason"]
+    assert summary["stop_reason"].startswith("pad.corner")
+    assert "and no contact keeps it out" in summary["stop_reason"]
+    hinted = summary["hint"].partition("as in ")[2].partition(", or draw")[0].replace(" = ", "=")
+    assert {"pad.face", "pad.corner1", "pad.corner2"} == set(hinted.split('"')[1::2])
+    assert solve(PAD + base, tmp_path / "whole", hinted)["status"] == "done"
+
+
+def test_bodies_without_a_contact_are_told_how_deep_one_lies_in_the_other(tmp_path: Path) -> None:
+    summary = solve(BARS, tmp_path / "run")
+    assert summary["status"] == "failed"
+    # Plane strain: (1 + nu) alpha T l, less the gap.
+    depth = 1.3 * 1e-3 * 50.0 * 4.0 - 0.1
+    words = summary["stop_reason"].split()
+    assert float(words[words.index("by") + 1]) == pytest.approx(depth, rel=0.01)
+    assert {words[0].partition(".")[0], words[3].partition(".")[0]} == {"hot", "cold"}
+    assert summary["position"] == pytest.approx(0.25)
+    assert "[[contact]] of its own" in summary["hint"]
+    # Where the last state has no fields, it is looked at all the same.
+    assert solve(BARS, tmp_path / "bare", "output.fields=[]")["status"] == "failed"
+    assert solve(BARS, tmp_path / "cooler", "load.heat.temperature=15.0")["status"] == "done"
+
+
+def test_a_slit_that_closes_too_far_is_told(tmp_path: Path) -> None:
+    summary = solve(SLIT, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert sum("body clip lies inside itself near (" in text for text in summary["warnings"]) == 1
+    summary = solve(SLIT, tmp_path / "open", "load.squeeze.pressure=0.02")
+    assert not [text for text in summary["warnings"] if "inside itself" in text]
+
+
+def test_sharp_corners_that_slide_a_little_are_let_be(tmp_path: Path) -> None:
+    punch = (PAD + BLOCK).replace("rounding = [0.8, 0.8, 0.0, 0.0]", "rounding = [0.0, 0.0, 0.0, 0.0]")
+    assert solve(punch, tmp_path / "punch")["status"] == "done"
+
+
+def test_distances_are_those_to_the_nearest_chord() -> None:
+    edges = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 1.0, 2.0]])
+    distance, nearest = distances(np.array([[0.4, 0.3], [0.9, 1.5], [2.0, 3.0]]), edges)
+    assert distance == pytest.approx([0.3, 0.1, np.sqrt(2.0)])
+    assert nearest.tolist() == [0, 1, 1]
+
+
+def test_a_contact_pressed_up_to_a_smooth_end_is_told(tmp_path: Path) -> None:
+    # So lightly that the corner's overlap is within the displacements' error.
+    light = "load.press.uy=-1e-3"
+    summary = solve(PAD + PLANE, tmp_path / "face", light)
+    assert summary["status"] == "done"
+    told = [text for text in summary["warnings"] if "goes on without a corner" in text]
+    assert len(told) == 2
+    assert 'contact.face.slave = ["pad.face", "pad.corner1"]' in told[0]
+    summary = solve(PAD + PLANE, tmp_path / "whole", light, WHOLE)
+    assert not [text for text in summary["warnings"] if "goes on without a corner" in text]

@@ -1,0 +1,268 @@
+"""Motions that nothing resists: of one body and of several, however they lie and in whatever units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.clouds import clouds
+from mlsanm_cli.app.restraints import free_motions
+from mlsanm_cli.app.scene import Prepared, prepare
+from mlsanm_cli.case import parse_case
+from mlsanm_cli.errors import CaseError
+from tests.app.scenes import solve
+
+SQUEEZED = """
+format = 1
+[model]
+plane = "strain"
+[material.rubber]
+E = 50.0
+nu = 0.45
+[[body]]
+name = "base"
+material = "rubber"
+shape = { kind = "rectangle", x = [-9.549841954259321, 9.549841954259321], y = [0.0, 2.657353613610373] }
+[[body]]
+name = "disk"
+material = "rubber"
+shape = { kind = "disk", center = [0.0, 4.9096456071428705], radius = 2.2522919935324976 }
+[[body]]
+name = "lid"
+material = "rubber"
+shape = { kind = "rectangle", x = [-4.9, 4.9], y = [7.161937600675368, 11.299480446932417] }
+[[support]]
+boundary = "base.bottom"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+boundary = "lid.top"
+kind = "platen"
+fy = -2.0
+ux = 0.0
+[[contact]]
+name = "lower"
+slave = "base.top"
+master = "disk.arc"
+[[contact]]
+name = "upper"
+slave = "disk.arc"
+master = "lid.bottom"
+"""
+FIT = """
+format = 1
+[model]
+plane = "strain"
+[material.steel]
+E = 210e3
+nu = 0.3
+[[body]]
+name = "ring"
+material = "steel"
+spacing = 0.4
+shape = { kind = "annulus", center = [0.0, 0.0], radii = [1.0, 2.0] }
+[[body]]
+name = "shaft"
+material = "steel"
+spacing = 0.4
+shape = { kind = "disk", center = [0.0, 0.0], radius = 1.0 }
+[[contact]]
+name = "fit"
+slave = "shaft.arc"
+master = "ring.inner"
+interference = 1e-3
+"""
+PINNED = """
+format = 1
+[model]
+plane = "strain"
+[material.steel]
+E = 210e3
+nu = 0.3
+[[body]]
+name = "disk"
+material = "steel"
+shape = {{ kind = "disk", center = [0.0, 0.0], radius = 10.0 }}
+[[support]]
+body = "disk"
+near = {near!r}
+ux = 0.0
+uy = 0.0
+[[contact]]
+name = "floor"
+slave = "disk.arc"
+obstacle = {{ kind = "plane", point = {below!r}, normal = {up!r} }}
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "floor"
+displacement = {moved!r}
+"""
+WEIGHT = """
+[[load]]
+name = "weight"
+kind = "body-force"
+body = "{body}"
+body-force = [0.0, {value!r}]
+"""
+PINS = """
+format = 1
+[model]
+plane = "strain"
+[material.cast]
+E = 110e3
+nu = 0.25
+[[body]]
+name = "plate"
+material = "cast"
+shape = { kind = "rectangle", x = [-20.0, 20.0], y = [0.0, 8.0] }
+[[load]]
+name = "push"
+boundary = "plate.top"
+kind = "pressure"
+pressure = 50.0
+[[contact]]
+name = "left"
+slave = "plate.bottom"
+obstacle = { kind = "disk", center = [-14.0, -5.0], radius = 5.0 }
+regularization = { law = "exact" }
+accuracy = 0.01
+[[contact]]
+name = "right"
+slave = "plate.bottom"
+obstacle = { kind = "disk", center = [16.0, -5.0], radius = 5.0 }
+regularization = { law = "exact" }
+accuracy = 0.01
+"""
+SEAL = """
+format = 1
+[model]
+plane = "strain"
+[material.rubber]
+E = {modulus!r}
+nu = 0.45
+[[body]]
+name = "seal"
+material = "rubber"
+shape = {{ kind = "disk", center = [{x!r}, {y!r}], radius = {radius!r} }}
+[[load]]
+name = "close"
+kind = "obstacle"
+obstacle = "lid"
+displacement = {moved!r}
+[[contact]]
+name = "groove"
+slave = "seal.arc"
+obstacle = {{ kind = "polyline", points = {groove!r} }}
+regularization = {{ law = "exact" }}
+accuracy = 0.03
+[[contact]]
+name = "lid"
+slave = "seal.arc"
+obstacle = {{ kind = "plane", point = {above!r}, normal = {down!r} }}
+regularization = {{ law = "exact" }}
+accuracy = 0.03
+"""
+
+
+def prepared(text: str) -> Prepared:
+    case = parse_case(text, Path("case.toml")).case
+    return prepare(case, clouds(case))
+
+
+def seal(unit: float = 1.0, modulus: float = 8.0, turned: bool = False) -> str:
+    """A seal squeezed into a groove that it fills only then; ``turned`` by 90 degrees."""
+
+    def place(x: float, y: float) -> list[float]:
+        return [-y * unit, x * unit] if turned else [x * unit, y * unit]
+
+    walls = [(8.0, 4.5), (3.1, 4.5), (3.1, 0.0), (-3.1, 0.0), (-3.1, 4.5), (-8.0, 4.5)]
+    x, y = place(0.0, 3.0)
+    return SEAL.format(
+        modulus=modulus,
+        x=x,
+        y=y,
+        radius=3.0 * unit,
+        moved=place(0.0, -0.6),
+        groove=[place(*one) for one in walls],
+        above=place(0.0, 6.0),
+        down=place(0.0, -1.0),
+    )
+
+
+def test_a_free_motion_has_a_unit_of_what_it_is_held_by() -> None:
+    apart = np.array([[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+    found = free_motions(apart.T @ apart)
+    assert [pivot for pivot, _ in found] == [0]
+    assert found[0][1] == pytest.approx([1.0, 1.0, 0.0], abs=1e-12)
+    assert not free_motions(np.eye(2))
+    assert not free_motions(np.zeros((0, 0)))
+
+
+def test_round_off_drives_no_motion() -> None:
+    # A free motion had 1e-10 of the lid's, whose force was then taken for one that drives the disk.
+    notes = prepared(SQUEEZED).notes
+    assert any(note.startswith("body disk: ux is held at 0, for no force") for note in notes)
+
+
+def test_a_motion_of_two_bodies_names_both() -> None:
+    notes = [note for note in prepared(FIT).notes if "held at 0" in note]
+    assert [note.split(":")[0] for note in notes] == ["body ring", "body shaft", "body ring", "body ring"]
+    assert all("moves together with body shaft" in note for note in notes[2:])
+    with pytest.raises(CaseError) as caught:
+        prepared(FIT + WEIGHT.format(body="shaft", value=-1.0))
+    message = caught.value.problems[0].message
+    assert "body ring in uy, which moves body shaft with it" in message
+    assert "a force of -3.06" in message
+
+
+@pytest.mark.parametrize("way", [(0.0, 1.0), (-1.0, 0.0), (0.6, 0.8)])
+def test_a_disk_held_at_its_top_may_turn_about_it(way: tuple[float, float]) -> None:
+    up = np.array(way)
+    place = {"below": -10.0 * up, "up": up, "moved": 0.01 * up}
+    text = PINNED.format(**{key: one.tolist() for key, one in place.items()}, near="NEAR")
+    # The node that is nearest to the top of a tilted scene is not quite there.
+    found = prepared(text.replace("'NEAR'", str((10.0 * up).tolist())))
+    assert len(found.weak) == 1
+    assert found.weak[0].startswith("body disk: rotation is hardly resisted")
+
+
+def test_disks_turn_whichever_role_they_have() -> None:
+    # Pressures on the master had told its normals, which are those of the flatter surface.
+    loose = SQUEEZED.replace("x = [-4.9, 4.9]", "x = [-4.0, 4.9]")
+    held = [note for note in prepared(loose).notes if "held at 0" in note]
+    assert any(note.startswith("body disk: rotation") for note in held)
+
+
+def test_what_is_held_carries_nothing(tmp_path: Path) -> None:
+    # A bent plate is pressed on by both pins along normals of their own: they had pushed it aside by 5e-4.
+    summary = solve(PINS, tmp_path / "run")
+    forces = np.array([one["force"] for one in summary["contacts"].values()])
+    assert summary["status"] == "done"
+    assert abs(forces[0, 0]) > 1e-3 * forces[0, 1]
+    assert np.abs(forces.sum(axis=0) - [0.0, 2000.0]).max() <= 1e-6 * 2000.0
+
+
+def test_a_hold_that_would_carry_much_is_told(tmp_path: Path) -> None:
+    summary = solve(PINS, tmp_path / "run", "contact.right.obstacle.center=[16.0, -5.5]")
+    forces = [one["force"][0] for one in summary["contacts"].values()]
+    assert abs(sum(forces)) <= 1e-6 * 2000.0
+    assert any("along a motion that nothing resists" in one for one in summary["warnings"])
+
+
+@pytest.mark.parametrize("settings", [{"turned": True}, {"unit": 1e3, "modulus": 8e-6}])
+def test_a_seal_fills_its_groove_in_all_directions_and_units(
+    tmp_path: Path, settings: dict[str, float]
+) -> None:
+    one = solve(seal(), tmp_path / "one")
+    other = solve(seal(**settings), tmp_path / "other")  # type: ignore[arg-type]
+    assert other["status"] == "done", other["stop_reason"]
+    scale = settings.get("modulus", 8.0) / 8.0
+    for name, contact in one["contacts"].items():
+        assert other["contacts"][name]["peak_pressure"] == pytest.approx(
+            scale * contact["peak_pressure"], rel=1e-6
+        )
+    assert other["stability"] == pytest.approx(one["stability"], rel=1e-6)
