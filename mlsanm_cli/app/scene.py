@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.conflicts import refuse_conflicts
 from mlsanm_cli.app.contacts import pair
 from mlsanm_cli.app.loads import Acting, acting
 from mlsanm_cli.app.materials import materials
 from mlsanm_cli.app.movers import components, movers
 from mlsanm_cli.app.near_geometry import Clear, clear_contacts, directed
 from mlsanm_cli.app.restraints import restrained
-from mlsanm_cli.app.surfaces import refuse_conflicts, surfaces_at
+from mlsanm_cli.app.surfaces import surfaces_at
 from mlsanm_cli.app.symmetry import even_scene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Place, Platen
