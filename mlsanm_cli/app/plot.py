@@ -11,8 +11,10 @@ import numpy as np
 
 from mlsanm_cli.app.drawn import marks_of
 from mlsanm_cli.app.history import pressures_at
+from mlsanm_cli.app.levels import level_at
 from mlsanm_cli.app.overlay import draw_line, draw_together, slips
 from mlsanm_cli.app.plot_choice import KINDS, OF_CONTACT, Choice, refuse_nonsense, told
+from mlsanm_cli.app.probe import probe_contact
 from mlsanm_cli.app.references import ReferenceProfile, profile_on
 from mlsanm_cli.app.views import automatic_scale, chosen_state, contact_window, field_of, triangles_of
 from mlsanm_cli.arrays import FloatArray
@@ -115,7 +117,7 @@ def _all_pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[st
     for name in run.contacts:
         yield "pressure", name, partial(_draw_pressure, run=run, case=case, name=name, at=choice.at)
         if friction[name]:
-            yield "traction", name, partial(_draw_traction, run=run, case=case, name=name)
+            yield "traction", name, partial(_draw_traction, run=run, case=case, name=name, at=choice.at)
         if friction[name] and np.isfinite(friction[name]):
             yield "loop", name, partial(_draw_loop, run=run, case=case, name=name)
             yield "hysteresis", name, partial(_draw_loop, run=run, case=case, name=name, over_slip=True)
@@ -167,21 +169,23 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
     plot_pressure(path, name, profile.coordinate, pressure, labels, curve, from_middle, **shared)
 
 
-def _draw_traction(path: Path, run: RunData, case: Case, name: str) -> None:
+def _draw_traction(path: Path, run: RunData, case: Case, name: str, at: tuple[float, ...]) -> None:
     contact = run.contacts[name]
     friction = next(one.coefficient for one in case.contact if one.name == name)
     # What is bonded has no limit.
-    limit = (friction if np.isfinite(friction) else 0.0) * np.maximum(contact.pressure[-1], 0.0)
-    end = float(run.path.position[-1])
-    label = f"position {end:.4g}, {told(run, case, end)}"
+    coefficient = friction if np.isfinite(friction) else 0.0
+    position = at[-1] if at else float(run.path.position[-1])
+    (found,) = probe_contact(run, [position], name, ("pressure", "traction"))
+    # What places do is stored step by step: within one it is that of its end.
+    row = level_at(run, position).row
     plot_traction(
         path,
         name,
-        label,
+        ", ".join(filter(None, (f"position {position:.4g}", told(run, case, position)))),
         contact.arc_length,
-        contact.traction[-1],
-        limit,
-        contact.status[-1],
+        found["traction"],
+        coefficient * np.maximum(found["pressure"], 0.0),
+        contact.status[row],
         arc_label=case.units.label("arc length", "length"),
         traction_label=case.units.label("traction on the slave", "stress"),
     )

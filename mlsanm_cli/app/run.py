@@ -31,6 +31,7 @@ from mlsanm_cli.app.judge import (
 )
 from mlsanm_cli.app.limit_named import at_limit
 from mlsanm_cli.app.marks import Start
+from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.pressed_ends import end_warnings
 from mlsanm_cli.app.provenance import attributes
 from mlsanm_cli.app.quality import assess, case_warnings, factor_warnings
@@ -178,7 +179,7 @@ def carry_out(
 def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stopper: Stopper) -> Stop | None:
     """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
     soon as a state cannot be believed."""
-    path = Stoppable(built, start)
+    path = Stoppable(built, start, load_path)
     steps = path.steps()
     while True:
         stopper.check()

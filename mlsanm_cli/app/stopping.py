@@ -7,7 +7,7 @@ asks for among those that are saved; of power series that is a look at the serie
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.marks import BEGINNING, Start
-from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.recording import platen_displacements, probe_record
 from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray
@@ -33,6 +32,8 @@ NEAR = 1e-10
 MOST_LOOKS = 100
 SAMPLES = 65
 AXES = {"x": 0, "y": 1}
+Follow = Callable[[Built, Start], Iterator[PathStep]]
+"""A path, or what of it is left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +58,9 @@ class Stoppable:
     ``reached`` is that stop, once the path has ended at it.
     """
 
-    def __init__(self, built: Built, start: Start) -> None:
-        """Raises RunError where a stop asks for what the scene does not know."""
-        self._built, self._start = built, start
+    def __init__(self, built: Built, start: Start, follow: Follow) -> None:
+        """``follow`` gives the path. Raises RunError where a stop asks for what the scene does not know."""
+        self._built, self._start, self._follow = built, start, follow
         self.reached: Stop | None = None
         for stop in built.case.stop:
             if stop.what == "force" and stop.of not in _forces(built):
@@ -72,7 +73,7 @@ class Stoppable:
         """The steps; the last one ends at the stop, whose state is among the saved ones."""
         stops = self._built.case.stop
         if not stops:
-            yield from load_path(self._built, self._start)
+            yield from self._follow(self._built, self._start)
             return
         mark = self._start.mark(StopMark)
         if mark is None:
@@ -82,7 +83,7 @@ class Stoppable:
             return
         begin = Start(self._start.steps, mark.path.tobytes()) if len(mark.path) else BEGINNING
         before: float | None = None
-        for step in load_path(self._built, begin):
+        for step in self._follow(self._built, begin):
             values = np.array([excess(self._built, stop, step.state) for stop in stops])
             passed = [k for k in range(len(stops)) if mark.armed[k] and values[k] >= 0.0]
             passed += [k for k, stop in enumerate(stops) if stop.what == "fold" and turning(step) is not None]
@@ -137,7 +138,7 @@ class Stoppable:
         output = case.output.model_copy(update={"at": at})
         built = replace(self._built, case=case.model_copy(update={"output": output}))
         near = CLOSE * max(1.0, place)
-        for step in load_path(built, begin):
+        for step in self._follow(built, begin):
             for state in (*step.saved, step.state):
                 if abs(state.position - place) <= near:
                     earlier = tuple(one for one in step.saved if one.position < state.position)

@@ -144,11 +144,19 @@ def test_runs_are_drawn_over_each_other(
         plot([hertz_run, punches_run], choice=Choice(what=("peak",)))
 
 
-def test_hysteresis_is_drawn_over_slip(tmp_path: Path) -> None:
+def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rough = solve(CYLINDER, tmp_path / "run")
     assert rough["status"] == "done"
     files = plot(tmp_path / "run", choice=Choice(what=("hysteresis", "loop")))
     assert {file.name for file in files} == {"plot_hysteresis_drum.png", "plot_loop_drum.png"}
+    kept: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(plot_module, "plot_traction", lambda *given, **words: kept.append(given))
+    plot(tmp_path / "run", choice=Choice(what=("traction",), at=(0.5,)))
+    _, _, label, _, traction, limit, status = kept[0]
+    assert label == "position 0.5, down x 0.5"
+    # Closed places are within their limits, those that slip at them.
+    assert np.abs(traction[status == 2]) == pytest.approx(limit[status == 2], rel=1e-9)
+    assert (np.abs(traction) <= limit * (1.0 + 1e-9)).all()
 
 
 def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_starters_are_valid(kind: str) -> None:
         "body.block.shape.radius=1.0",
         "body.block.refine=[{spacing=0.1}]",
         "material.steel.nu=true",
-        "output.fields=['strain']",
+        "output.fields=['strains']",
         "format=2",
         "body=[]",
         'probe=[{name="p", body="block"}]',
