@@ -39,7 +39,7 @@ def outcome(name: str, directory: Path, *overrides: str) -> Mapping[str, Any]:
 
 def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., FloatArray]:
     """The body's row weights with those of the traction rows multiplied by ``factor`` of the modulus."""
-    proper = assembly._row_weights
+    proper = assembly.row_weights
 
     def faulty(
         cloud: Cloud,
@@ -80,7 +80,7 @@ def test_pieces_that_know_of_no_load(case: str, monkeypatch: pytest.MonkeyPatch,
 def test_dropped_weights_of_tractions(
     factor: Callable[[float], float], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(assembly, "_row_weights", traction_weights_times(factor))
+    monkeypatch.setattr(assembly, "row_weights", traction_weights_times(factor))
     summary = outcome("patch", tmp_path / "run")
     if summary["status"] == "failed":
         assert summary["stop_reason"] != "end of the last stage"
