@@ -37,7 +37,7 @@ def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
             steps += 1
             if steps > scene.case.solver.max_steps:
                 raise NumericalError(
-                    f"the path stopped at position {reached:.6g}: max steps", "solver.max_steps"
+                    f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
             state = walk.state(reached, walk.now)
             judge(scene, reached, walk.now.displacement)
