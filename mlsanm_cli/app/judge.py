@@ -204,7 +204,8 @@ def judge_energy(verdict: EnergyVerdict) -> str:
 def judge_held(built: Built) -> str:
     """A warning where surfaces have turned so far that what presses on a body drives a motion that is held
     as nothing resists it, "" elsewhere."""
-    held = {body for motion in built.scene.held_motions for body in motion}
+    along = [motion for motion in built.scene.held_motions if not any(way[2] for way in motion.values())]
+    held = {body for motion in along for body in motion}
     if not held or not built.ends:
         return ""
     turned = turns(built.condensed, built.ends[-1])

@@ -62,7 +62,13 @@ def unturned(
 ) -> dict[str, float]:
     """By which angles the directions of contacts on grids have to turn beyond those to which they are
     ``turned``, so that what they exert in a state does no work along motions that are ``held``, as rigid
-    motions (3,) of bodies about the origin; those that do none already are left out."""
+    motions (3,) of bodies about the origin; those that do none already are left out.
+
+    Bodies held against turning feel a moment, and no force: directions tell nothing of it.
+    """
+    held = [motion for motion in held if not any(way[2] for way in motion.values())]
+    if not held:
+        return {}
     work, along, names = np.zeros(len(held)), list[FloatArray](), list[str]()
     pressed = 0.0
     for pairing in condensed.pairings:

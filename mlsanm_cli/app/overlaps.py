@@ -159,6 +159,7 @@ def _with_obstacles(built: Built, state: State, outlines: Mapping[str, Outline])
             depth = -(away * normal).sum(axis=1)
             beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
             deep = (depth > own.tolerance + own.slack) & (beside <= ROUND_OFF * own.size + 1e-3 * depth)
+            deep &= ~_other_contacts(built, contact.name, body, own, partner + shift, depth, shifts)
             if not deep.any():
                 continue
             if body == pairing.slave_body:
@@ -172,6 +173,28 @@ def _with_obstacles(built: Built, state: State, outlines: Mapping[str, Outline])
                     continue
             at = np.flatnonzero(deep)
             yield from _deepest(own, at, depth[at], body, [_obstacle(contact.name)] * len(at))
+
+
+def _other_contacts(
+    built: Built,
+    contact: str,
+    body: str,
+    own: Outline,
+    partner: FloatArray,
+    depth: FloatArray,
+    shifts: Mapping[str, FloatArray],
+) -> BoolArray:
+    """Which points (n,) of a body lie on surfaces that meet the same obstacle, whose closest points are
+    ``partner`` (n, 2), in another contact: one plane may be the obstacle of several."""
+    found = np.zeros(len(depth), dtype=bool)
+    for other, pairing in zip(built.case.contact, built.condensed.pairings, strict=True):
+        if other.obstacle is None or other.name == contact or pairing.slave_body != body:
+            continue
+        shift = shifts.get(other.name, np.zeros(2))
+        there = shape_of(other.obstacle).closest(own.points - shift, own.normal)[0] + shift
+        same = np.hypot(*(there - partner).T) <= depth
+        found |= same & _members(pairing, body, own)[own.surface]
+    return found
 
 
 def _obstacle_shifts(built: Built, state: State) -> dict[str, FloatArray]:

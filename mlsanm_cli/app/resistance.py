@@ -173,12 +173,9 @@ class _Frame:
         middle = share @ points
         lever = float(np.sqrt(share @ ((points - middle) ** 2).sum(axis=1))) or 1.0
         own = points, pairing.slave.normal[pairing.position[chosen]]
-        partner, there = pairing.partner[chosen], pairing.normal[chosen]
-        if pairing.master is not None:
-            # Pressures may have the directions of the other surface's normals.
-            curve = pairing.master.curve
-            there = curve.normals(curve.closest(partner))
-        return cls(pairing, middle, lever, share, (own, (partner, there)))
+        # Where pressures have the directions of the slave's normals a round master turns by where they act,
+        # which keeps their lines through its centre: it stays unknown.
+        return cls(pairing, middle, lever, share, (own, (pairing.partner[chosen], pairing.normal[chosen])))
 
     def squares(self, points: FloatArray, normal: FloatArray) -> FloatArray:
         """Mean squares (3, 3) of what rigid motions do across normals (m, 2) at ``points`` (m, 2)."""

@@ -177,3 +177,16 @@ def test_a_contact_pressed_up_to_a_smooth_end_is_told(tmp_path: Path) -> None:
     assert 'contact.face.slave = ["pad.face", "pad.corner1"]' in told[0]
     summary = solve(PAD + PLANE, tmp_path / "whole", light, WHOLE)
     assert not [text for text in summary["warnings"] if "goes on without a corner" in text]
+
+
+def test_one_plane_may_be_the_obstacle_of_several_contacts(tmp_path: Path) -> None:
+    feet = """points = [[-3, 0], [-1, 0], [-1, 1], [1, 1], [1, 0], [3, 0], [3, 3], [-3, 3]]
+names = ["left", "l2", "arch", "r2", "right", "r1", "top", "l1"]
+rounding = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"""
+    start, _, rest = PAD.partition("points = ")
+    text = start + feet + "\n" + rest[rest.index("[[load]]") :]
+    both = [PLANE.replace("face", side) for side in ("left", "right")]
+    summary = solve(text + "".join(both), tmp_path / "both", "load.press.uy=-0.01")
+    assert summary["status"] == "done", summary["stop_reason"]
+    summary = solve(text + both[0], tmp_path / "one", "load.press.uy=-0.01")
+    assert summary["stop_reason"].startswith("pad.right lies inside the obstacle of contact left")

@@ -230,13 +230,6 @@ def test_a_disk_held_at_its_top_may_turn_about_it(way: tuple[float, float]) -> N
     assert found.weak[0].startswith("body disk: rotation is hardly resisted")
 
 
-def test_disks_turn_whichever_role_they_have() -> None:
-    # Pressures on the master had told its normals, which are those of the flatter surface.
-    loose = SQUEEZED.replace("x = [-4.9, 4.9]", "x = [-4.0, 4.9]")
-    held = [note for note in prepared(loose).notes if "held at 0" in note]
-    assert any(note.startswith("body disk: rotation") for note in held)
-
-
 def test_what_is_held_carries_nothing(tmp_path: Path) -> None:
     # A bent plate is pressed on by both pins along normals of their own: they had pushed it aside by 5e-4.
     summary = solve(PINS, tmp_path / "run")
