@@ -14,7 +14,7 @@ from itertools import permutations
 import numpy as np
 
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.contacts import shape_of
+from mlsanm_cli.app.contacts import profile_of, shape_of
 from mlsanm_cli.app.deformed import ROUND_OFF, Outline, distances, outline_of
 from mlsanm_cli.app.states import State
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
@@ -55,13 +55,13 @@ def judge_overlaps(
     """NumericalError where a boundary lies inside another body or an obstacle in a state with the
     ``displacements`` (n, 2) of all bodies at the points of ``clouds``."""
     outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
-    pairings = built.condensed.pairings
+    pairings, given = built.condensed.reported, _given_gaps(built)
     found = [
         overlap
         for one, other in permutations(outlines, 2)
-        for overlap in _of_bodies(one, other, outlines, pairings)
+        for overlap in _of_bodies(one, other, outlines, pairings, max(given[one], given[other]))
     ]
-    found += list(_with_obstacles(built, state, outlines))
+    found += list(_with_obstacles(built, state, outlines, given))
     if not found:
         return
     worst = max(found, key=lambda overlap: overlap.depth)
@@ -71,6 +71,19 @@ def judge_overlaps(
         f"position {state.position:.6g}, and no contact keeps it out",
         _hint(built, worst, found),
     )
+
+
+def _given_gaps(built: Built) -> dict[str, float]:
+    """How far from where they are drawn the surfaces of every body may lie, by the gaps that a case gives."""
+    found = dict.fromkeys(built.scene.bodies, 0.0)
+    profiles = {contact.name: profile_of(contact) for contact in built.case.contact}
+    for pairing in built.condensed.pairings:
+        profile = profiles[pairing.name]
+        for body in pairing.bodies if profile is not None else ():
+            assert profile is not None
+            largest = float(np.abs(profile.at(pairing.points)).max())
+            found[body] = max(found[body], largest)
+    return found
 
 
 def within_themselves(
@@ -111,9 +124,10 @@ def _is_convex(outline: Outline) -> bool:
 
 
 def _of_bodies(
-    one: str, other: str, outlines: Mapping[str, Outline], pairings: Sequence[Pairing]
+    one: str, other: str, outlines: Mapping[str, Outline], pairings: Sequence[Pairing], given: float
 ) -> Iterator[Overlap]:
-    """Where boundaries of ``one`` body lie inside the ``other`` beside their contacts."""
+    """Where boundaries of ``one`` body lie inside the ``other`` beside their contacts, by more than a
+    ``given`` gap."""
     own, there = outlines[one], outlines[other]
     low, high = there.points.min(axis=0), there.points.max(axis=0)
     near = np.flatnonzero(((own.points > low) & (own.points < high)).all(axis=1))
@@ -124,7 +138,7 @@ def _of_bodies(
         return
     depth, chord = distances(own.points[near], there.edges)
     facing = there.chords[chord, 0]
-    least = own.tolerance + there.tolerance + own.slack[near] + there.slack[facing]
+    least = given + own.tolerance + there.tolerance + own.slack[near] + there.slack[facing]
     deep = depth > least
     for pairing in pairings:
         if {one, other} == set(pairing.bodies):
@@ -142,8 +156,10 @@ def _of_bodies(
     )
 
 
-def _with_obstacles(built: Built, state: State, outlines: Mapping[str, Outline]) -> Iterator[Overlap]:
-    """Where boundaries lie inside the rigid obstacles of contacts.
+def _with_obstacles(
+    built: Built, state: State, outlines: Mapping[str, Outline], given: Mapping[str, float]
+) -> Iterator[Overlap]:
+    """Where boundaries lie inside the rigid obstacles of contacts, by more than the gaps ``given``.
 
     Bodies that have no such contact may be drawn inside: then the obstacle is not meant for them.
     """
@@ -158,7 +174,9 @@ def _with_obstacles(built: Built, state: State, outlines: Mapping[str, Outline])
             away = own.points - shift - partner
             depth = -(away * normal).sum(axis=1)
             beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
-            deep = (depth > own.tolerance + own.slack) & (beside <= ROUND_OFF * own.size + 1e-3 * depth)
+            deep = (depth > given[body] + own.tolerance + own.slack) & (
+                beside <= ROUND_OFF * own.size + 1e-3 * depth
+            )
             deep &= ~_other_contacts(built, contact.name, body, own, partner + shift, depth, shifts)
             if not deep.any():
                 continue
@@ -187,7 +205,9 @@ def _other_contacts(
     """Which points (n,) of a body lie on surfaces that meet the same obstacle, whose closest points are
     ``partner`` (n, 2), in another contact: one plane may be the obstacle of several."""
     found = np.zeros(len(depth), dtype=bool)
-    for other, pairing in zip(built.case.contact, built.condensed.pairings, strict=True):
+    pairings = {pairing.name: pairing for pairing in built.condensed.reported}
+    for other in built.case.contact:
+        pairing = pairings[other.name]
         if other.obstacle is None or other.name == contact or pairing.slave_body != body:
             continue
         shift = shifts.get(other.name, np.zeros(2))

@@ -20,7 +20,9 @@ PRESSED = 0.2
 
 def end_warnings(built: Built, state: State) -> Iterator[str]:
     """What to take into which contact, as a node at such an end bears what belongs beyond it."""
-    for contact, pairing in zip(built.case.contact, built.condensed.pairings, strict=True):
+    contacts = {contact.name: contact for contact in built.case.contact}
+    for pairing in built.condensed.pairings:
+        contact = contacts[pairing.name]
         span = built.condensed.spans[pairing.name]
         pressure, weight = state.pressure[span], built.condensed.weight[span]
         closed = state.closed[span]

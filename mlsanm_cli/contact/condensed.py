@@ -379,7 +379,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
             for probe, rows in zip(scene.probes, seen.probes, strict=True)
         },
         drivers=drivers,
-        mismatches={pairing.name: forces.mismatch(pairing) for pairing in pairings},
+        mismatches={pairing.name: reduced(forces.mismatch(pairing)) for pairing in pairings},
     )
 
 

@@ -352,7 +352,7 @@ def test_a_factor_that_does_not_solve_is_not_used(monkeypatch: pytest.MonkeyPatc
 
     def wrong(*arguments: Any) -> int:
         failed = right(*arguments)
-        arguments[-1][0] *= 1.0 + 1e-6
+        arguments[-2][0] *= 1.0 + 1e-6
         return failed
 
     monkeypatch.setattr(cholesky, "factorise", wrong)
