@@ -17,8 +17,6 @@ from tests.app.scenes import BAR, PATCH, Quiet, assert_same_bits
 
 ROUGH = PATCH.replace('master = "', 'friction = 0.3\nmaster = "')
 
-STACK = (Path(__file__).parents[2] / "cases" / "stack.toml").read_text()
-
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,7 +39,7 @@ def figures(tmp_path: Path, text: str, *overrides: str, name: str = "run", on_di
     return [summary["cache"][key] for key in ("found", "made")] if on_disk else []
 
 
-@pytest.mark.parametrize("text", [ROUGH, BAR, STACK], ids=["contact", "bar", "loose twins"])
+@pytest.mark.parametrize("text", [ROUGH, BAR], ids=["contact", "bar"])
 def test_the_same_bits_without_with_a_new_and_with_a_full_cache(tmp_path: Path, text: str) -> None:
     figures(tmp_path, text, name="without", on_disk=False)
     assert not (tmp_path / "cache" / "operators").exists()

