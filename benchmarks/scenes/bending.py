@@ -373,11 +373,36 @@ def plate_weight_pins() -> Scene:
 
 @scene
 def bimetal_stop() -> Scene:
-    """Two layers of different expansion, one clamped end, the other against a stop."""
+    """Two bonded layers of different expansion, one end held, the other against a round stop; Timoshenko."""
+    E, rise, thick, at, gap = 70e3, 50.0, 1.0, 58.0, 0.4
+    low, high = 23e-6, 13e-6
+    given = case(
+        "stress",
+        {"low": solid(E, 0.3, alpha=low), "high": solid(E, 0.3, alpha=high)},
+        [
+            box("lower", "low", (0.0, 60.0), (0.0, thick)),
+            box("upper", "high", (0.0, 60.0), (thick, 2 * thick)),
+        ],
+        support=[held("lower.left", "ux"), held("upper.left", "ux"), pinned("lower", (0.0, 0.0), "uy")],
+        contact=[
+            {"name": "bond", "slave": "upper.bottom", "master": "lower.top", "friction": "bonded"},
+            on_disk("stop", "upper.top", (at, 2 * thick + gap + 5.0), 5.0),
+        ],
+        load=[
+            {"name": "heat_low", "kind": "temperature", "body": "lower", "temperature": rise},
+            {"name": "heat_high", "kind": "temperature", "body": "upper", "temperature": rise},
+        ],
+    )
+    curvature = 0.75 * (low - high) * rise / thick
+    stiff = E * (2 * thick) ** 3 / 12.0
+    # The top face moves by what the section below it grows, too.
+    free = 0.5 * curvature * at**2 + 0.5 * (low + high) * rise * 2 * thick
+    force = 3.0 * stiff * (free - gap) / at**3
     return Scene(
         "bimetal_stop",
         "bimetal against a stop",
-        missing="contact.NAME.bonded (or body.regions with materials)",
+        given,
+        [Figure("force", lambda r: abs(r.force("stop")[1]), force, 2.0)],
     )
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from benchmarks.scenes.scene import FORCE, PEAK, PLACE, Array, Figure, Move, Result, Scene, Table
+from benchmarks.scenes.scene import FORCE, PEAK, PLACE, Array, Figure, Move, Result, Scene, Table, listed
 
 SIDES = 1e-6
 """How far what a body receives may be from what is reported of it, over the largest force."""
@@ -197,9 +197,9 @@ def imbalance(given: Table, result: Result) -> float | None:
     for one in given.get("contact", []):
         force = result.force(one["name"])
         largest = max(largest, result.pressed(one["name"]))
-        add(one["slave"].split(".")[0], force)
+        add(listed(one["slave"])[0].split(".")[0], force)
         if "master" in one:
-            add(one["master"].split(".")[0], -force)
+            add(listed(one["master"])[0].split(".")[0], -force)
     for one in given.get("support", []):
         if "boundary" in one:
             add(one["boundary"].split(".")[0], result.exerted(one["boundary"]))

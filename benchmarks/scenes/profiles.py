@@ -168,11 +168,39 @@ def rough_heavy() -> Scene:
 
 @scene
 def profile_table() -> Scene:
-    """A body's side from a table of heights, without a mesh of the user's own."""
+    """A body's side by a curve through points, without a mesh of the user's own; Westergaard."""
+    mean = 10.0
+    full = 0.5 * np.pi * 0.5 * PLANE * 0.002
+    x = np.linspace(8.0, 0.0, 8 * 24 + 1)
+    low = 0.001 * (1.0 + np.cos(2.0 * np.pi * x))
+    sides = [
+        {"name": "wavy", "points": np.column_stack([x, low]).tolist()},
+        {"name": "left", "to": [0.0, 4.0]},
+        {"name": "top", "to": [8.0, 4.0]},
+        {"name": "right"},
+    ]
+    given = case(
+        "strain",
+        {"alloy": solid(YOUNG, POISSON)},
+        [
+            make_body("wavy", "alloy", "outline", sides=sides),
+            box("block", "alloy", (0.0, 8.0), (-4.0, 0.0)),
+        ],
+        support=[
+            held("block.bottom", "uy"),
+            *(held(f"{b}.{s}", "ux") for b in ("block", "wavy") for s in ("left", "right")),
+        ],
+        contact=[{"name": "face", "slave": "wavy.wavy", "master": "block.top"}],
+        load=[platen("press", "wavy.top", fy=-mean * 8.0)],
+    )
     return Scene(
         "profile_table",
         "wavy and rough profiles",
-        missing='body.shape.kind = "profile" (spline, table of heights)',
+        given,
+        [
+            Figure("force", lambda r: abs(r.force("face")[1]), mean * 8.0),
+            Figure("peak", lambda r: r.peak("face"), 2.0 * float(np.sqrt(mean * full)), 4.0),
+        ],
     )
 
 

@@ -147,6 +147,11 @@ def solid(E: float, nu: float, **rest: Any) -> Table:
     return {"E": E, "nu": nu, **rest}
 
 
+def listed(boundaries: str | list[str]) -> list[str]:
+    """One boundary, or several, as a list."""
+    return [boundaries] if isinstance(boundaries, str) else boundaries
+
+
 def body(name: str, material: str, kind: str, **shape: Any) -> Table:
     return {"name": name, "material": material, "shape": {"kind": kind, **shape}}
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.scenes.scene import Array, Move, Table
+from benchmarks.scenes.scene import Array, Move, Table, listed
 
 LENGTH, STRESS = 1e3, 1e-6
 """From metres and pascals to millimetres and megapascals; the other way round is as good a test."""
@@ -60,7 +60,13 @@ def variants() -> list[Variant]:
 def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) -> Variant:
     """Half of the spacing that every body had in its first run, and of finer ones along its contacts."""
     made = copy.deepcopy(given)
-    sides = {one[key] for one in made.get("contact", []) for key in ("slave", "master") if key in one}
+    sides = {
+        side
+        for one in made.get("contact", [])
+        for key in ("slave", "master")
+        if key in one
+        for side in listed(one[key])
+    }
     for one in made["body"]:
         if brings_nodes(one):
             continue
@@ -106,6 +112,8 @@ def _scaled(given: Table) -> Table:
         for key in ("x", "y", "center", "radius", "radii", "points", "rounding"):
             if key in shape:
                 shape[key] = _times(shape[key], LENGTH)
+        for side in shape.get("sides", []):
+            side.update({key: _times(side[key], LENGTH) for key in ("to", "points") if key in side})
         for hole in shape.get("holes", []):
             hole.update({key: _times(hole[key], LENGTH) for key in ("center", "radius")})
         if isinstance(one.get("spacing"), float):
@@ -169,7 +177,8 @@ def _moved(given: Table, matrix: Array, how: str) -> Table:
         for one in made.get(key, []):
             for side in ("boundary", "slave", "master"):
                 if side in one:
-                    one[side] = _side(one[side], shapes, how)
+                    named = [_side(boundary, shapes, how) for boundary in listed(one[side])]
+                    one[side] = named if isinstance(one[side], list) else named[0]
     return made
 
 
@@ -199,6 +208,11 @@ def _shape(shape: Table, matrix: Array, how: str) -> None:
         shape["angles"] = [a + 90.0, b + 90.0] if how == "turned" else [180.0 - b, 180.0 - a]
     if "points" in shape:
         shape["points"] = [_turn(place, matrix) for place in shape["points"]]
+    for side in shape.get("sides", []):
+        if "to" in side:
+            side["to"] = _turn(side["to"], matrix)
+        if "points" in side:
+            side["points"] = [_turn(place, matrix) for place in side["points"]]
     for hole in shape.get("holes", []):
         hole["center"] = _turn(hole["center"], matrix)
 
