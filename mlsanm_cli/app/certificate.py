@@ -126,7 +126,7 @@ def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> 
     """What most likely makes the contact resist."""
     if case.mls.scheme != "least-squares":
         return 'use mls.scheme = "least-squares"'
-    pairing = next(p for p in condensed.pairings if p.name == name)
+    pairing = condensed.pairing_of(name)
     models = {body: elastic.model for body, elastic in scene.bodies.items()}
     ratio = stiffness_ratio(pairing, models)
     if ratio > 2.0:

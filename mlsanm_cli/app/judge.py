@@ -173,8 +173,9 @@ def force_mismatch(built: Built, state: State) -> dict[str, float]:
 def judge_transfer(built: Built, state: State) -> list[str]:
     """Warnings of contacts whose slave and master feel unlike forces; NumericalError past the limit."""
     texts = []
+    mismatches = force_mismatch(built, state)
     for pairing in built.condensed.pairings:
-        lost = force_mismatch(built, state)[pairing.name]
+        lost = mismatches[pairing.name]
         keys = " and ".join(f"body.{body}.spacing" for body in pairing.bodies)
         message = f"contact {pairing.name}: slave and master feel forces that differ by {100.0 * lost:.2g} %"
         hint = f"bring {keys} closer together where they touch, or make both smaller"

@@ -364,7 +364,7 @@ def _refined(
 def _summits(condensed: Condensed, name: str, room: Clear, states: Sequence[ExactState]) -> FloatArray:
     """Places (e,) where surfaces overlap in a state away from all that touches there: summits of a profile
     that neither means over wide hats nor the nodes beyond them see."""
-    pairing = next(one for one in condensed.pairings if one.name == name)
+    pairing = condensed.pairing_of(name)
     assert pairing.near is not None
     hats, span, watched = pairing.near.hats, condensed.spans[name], condensed.watched_of(name)
     places, drawn = room.looks
@@ -392,7 +392,7 @@ def grid_errors(
 ) -> FloatArray:
     """What every interval of a contact's grid has of the relative L2 error of its pressures, and of tractions
     if these count, in the worst of some states."""
-    pairing = next(one for one in condensed.pairings if one.name == name)
+    pairing = condensed.pairing_of(name)
     assert pairing.near is not None
     hats, worst = pairing.near.hats, np.zeros(len(pairing.near.hats.steps))
     for state in states:

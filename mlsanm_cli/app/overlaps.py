@@ -164,11 +164,12 @@ def _with_obstacles(
     Bodies that have no such contact may be drawn inside: then the obstacle is not meant for them.
     """
     shifts = _obstacle_shifts(built, state)
+    pairings = {pairing.name: pairing for pairing in built.condensed.reported}
     for contact in built.case.contact:
         if contact.obstacle is None:
             continue
         shape, shift = shape_of(contact.obstacle), shifts.get(contact.name, np.zeros(2))
-        pairing = next(one for one in built.condensed.pairings if one.name == contact.name)
+        pairing = pairings[contact.name]
         for body, own in outlines.items():
             partner, normal = shape.closest(own.points - shift, own.normal)
             away = own.points - shift - partner
@@ -177,7 +178,7 @@ def _with_obstacles(
             deep = (depth > given[body] + own.tolerance + own.slack) & (
                 beside <= ROUND_OFF * own.size + 1e-3 * depth
             )
-            deep &= ~_other_contacts(built, contact.name, body, own, partner + shift, depth, shifts)
+            deep &= ~_other_contacts(built, pairings, contact.name, body, own, partner + shift, depth, shifts)
             if not deep.any():
                 continue
             if body == pairing.slave_body:
@@ -195,6 +196,7 @@ def _with_obstacles(
 
 def _other_contacts(
     built: Built,
+    pairings: Mapping[str, Pairing],
     contact: str,
     body: str,
     own: Outline,
@@ -205,7 +207,6 @@ def _other_contacts(
     """Which points (n,) of a body lie on surfaces that meet the same obstacle, whose closest points are
     ``partner`` (n, 2), in another contact: one plane may be the obstacle of several."""
     found = np.zeros(len(depth), dtype=bool)
-    pairings = {pairing.name: pairing for pairing in built.condensed.reported}
     for other in built.case.contact:
         pairing = pairings[other.name]
         if other.obstacle is None or other.name == contact or pairing.slave_body != body:

@@ -106,6 +106,10 @@ class Condensed:
         """All contacts, bonded ones too, in the order of the case."""
         return self.drivers.pairings
 
+    def pairing_of(self, name: str) -> Pairing:
+        """The contact of a name that may come apart."""
+        return next(pairing for pairing in self.pairings if pairing.name == name)
+
     @cached_property
     def whole(self) -> FloatArray:
         """Gaps, slips and lacking balance (m + n + k) per pressure, traction and motion."""

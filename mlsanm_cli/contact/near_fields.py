@@ -17,7 +17,6 @@ from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.grid import RULE
 from mlsanm_cli.contact.near import Near
-from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex
 from mlsanm_cli.values import dataclass
 
@@ -102,8 +101,7 @@ def fields_of(
     # From afar few samples of the range stand for all the pressures, as they do for the remainder.
     for some, sampled in ((away > 1.0, near), ((away <= 1.0) & (away > BEYOND), close)):
         if some.any():
-            forces, (normal, tangent) = sampled.own_forces(kernel, slave), sampled.spreads
-            on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
+            forces, on = sampled.own_forces(kernel, slave), _on_samples(sampled, pressure, traction)
             for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
                 total[some] = np.einsum("ekcd,kdm->ecm", field(z[some]), on, optimize=True)
     beside = away <= BEYOND
@@ -112,34 +110,30 @@ def fields_of(
     for corner in near.corners_of(slave):
         # The other ends of what a corner adds lie off the body, beyond the tip.
         beyond = np.abs(z - corner.tip) > BEYOND * (near.last - near.first)
-        for some, (at, force) in (
-            (beyond, _sampled_forces(near, slave, corner, pressure, traction)),
-            (~beyond, _forces(near, slave, corner, pressure, traction)),
-        ):
-            for line in corner.lines(at, force) if some.any() else ():
+        for some, afar in ((beyond, True), (~beyond, False)):
+            if not some.any():
+                continue
+            if afar:
+                place, force = close.samples, _on_samples(close, pressure, traction)
+            else:
+                place, force = near.hats.points, _on_points(near, pressure, traction)
+            for line in corner.lines(corner.distance(near.facing.side(place, slave)[0]), force):
                 displacement[some] += line.displacement(z[some])
                 stress[some] += line.stress(z[some])
     return displacement, stress
 
 
-def _forces(
-    near: Near, slave: bool, corner: Corner, pressure: FloatArray, traction: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Distances (g,) from a corner's tip of the hats' points, and the forces (g, 2, c) there."""
+def _on_points(near: Near, pressure: FloatArray, traction: FloatArray) -> FloatArray:
+    """The forces (g, 2, c) at the hats' points that nodal ``pressure`` and ``traction`` (m, c) are."""
     (normal, tangent), unit = near.directions, near.hats.integrals.T
-    along, across = (unit @ values for values in (traction, pressure))
-    force = normal[:, :, None] * across[:, None] + tangent[:, :, None] * along[:, None]
-    return corner.distance(near.facing.side(near.hats.points, slave)[0]), force
+    across, along = unit @ pressure, unit @ traction
+    return np.asarray(normal[:, :, None] * across[:, None] + tangent[:, :, None] * along[:, None])
 
 
-def _sampled_forces(
-    near: Near, slave: bool, corner: Corner, pressure: FloatArray, traction: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """The same of few samples (k,) that stand for all the pressures, seen from afar."""
-    close = replace(near, count=CLOSE)
-    normal, tangent = close.spreads
-    force = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
-    return corner.distance(close.facing.side(close.samples, slave)[0]), force
+def _on_samples(near: Near, pressure: FloatArray, traction: FloatArray) -> FloatArray:
+    """The forces (k, 2, ...) at the samples that stand for nodal values (m, ...), seen from afar."""
+    normal, tangent = near.spreads
+    return np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
 
 
 def _beside(
@@ -226,8 +220,8 @@ def traction_beside(
     pressure, traction = near.uneven(pressure), near.uneven(traction)
     if near.corners_of(slave):
         # What is left beside corners changes little along the contact.
-        spreads, z = near.spreads, as_complex(surface.curve.points(surface.arc_length))
-        on = np.stack(np.split(spreads[0] @ pressure + spreads[1] @ traction, 2), axis=1)
+        z = as_complex(surface.curve.points(surface.arc_length))
+        on = _on_samples(near, pressure, traction)
         curvature = surface.curve.curvature(surface.arc_length)
         found = near.forces(kernel, slave).traction(z, as_complex(surface.normal), curvature)
         return np.asarray(np.einsum("ekcd,kd->ec", found, on))
