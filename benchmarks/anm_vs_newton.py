@@ -30,18 +30,19 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from mlsanm_cli.app.build import Built, build_scene, complete  # noqa: E402
 from mlsanm_cli.app.clock import Clock  # noqa: E402
-from mlsanm_cli.app.homotopy import lowered  # noqa: E402
-from mlsanm_cli.app.paths import path_of  # noqa: E402
-from mlsanm_cli.app.series_path import coupling_of, problem_of, regularization, start_point  # noqa: E402
-from mlsanm_cli.app.stages import factors_at  # noqa: E402
-from mlsanm_cli.app.states import PathStep  # noqa: E402
+from mlsanm_cli.app.scene.build import build_scene, condense_scene  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.case import load_case  # noqa: E402
-from mlsanm_cli.contact.active_set import solve_exact  # noqa: E402
+from mlsanm_cli.contact.laws.active_set import solve_exact  # noqa: E402
 from mlsanm_cli.continuation import AnmOptions, Follower, NewtonOptions, follow  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.homotopy import lowered  # noqa: E402
+from mlsanm_cli.solve.load_factors import factors_at  # noqa: E402
+from mlsanm_cli.solve.paths import path_of  # noqa: E402
+from mlsanm_cli.solve.series import coupling_of, problem_of, regularization, start_point  # noqa: E402
+from mlsanm_cli.solve.state import PathStep  # noqa: E402
 from tests.app.scenes import Quiet, hertz  # noqa: E402
 
 ETAS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
@@ -56,13 +57,13 @@ FINER = [
 Row = dict[str, Any]
 
 
-def build(path: Path, *settings: str) -> Built:
+def build(path: Path, *settings: str) -> CondensedScene:
     """A case, condensed."""
     loaded, clock, console = load_case(path, settings), Clock(), Quiet()
-    return complete(loaded.case, build_scene(loaded, clock, console), clock, console)
+    return condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
 
 
-def with_eta(built: Built, eta: float, **solver: Any) -> Built:
+def with_eta(built: CondensedScene, eta: float, **solver: Any) -> CondensedScene:
     """The same operators with another eta and other solver settings."""
     (contact,) = built.case.contact
     law = contact.regularization.model_copy(update={"eta": eta})
@@ -100,7 +101,7 @@ def walked(follower: Follower) -> tuple[Row, FloatArray]:
     return row, end.x
 
 
-def hertz_rows(built: Built, repeat: int) -> Iterator[Row]:
+def hertz_rows(built: CondensedScene, repeat: int) -> Iterator[Row]:
     """Every method at every eta."""
     condensed, weight, full = built.condensed, built.condensed.weight, factors_at(built.stages, 1.0)
     exact = solve_exact(condensed, full).pressure
@@ -144,10 +145,10 @@ def hertz_rows(built: Built, repeat: int) -> Iterator[Row]:
         yield timed(homotopy, repeat)
 
 
-def slip_rows(built: Built) -> Iterator[Row]:
+def slip_rows(built: CondensedScene) -> Iterator[Row]:
     """Partial slip: four stages, states wanted at their ends."""
 
-    def whole(variant: Built, **names: Any) -> Row:
+    def whole(variant: CondensedScene, **names: Any) -> Row:
         steps: list[PathStep] = []
         reason = "target reached"
         try:

@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.build import build_scene, complete
 from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.paths import path_of
-from mlsanm_cli.app.states import State
+from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
+from mlsanm_cli.solve.paths import path_of
+from mlsanm_cli.solve.state import State
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -63,7 +63,7 @@ def measure(
     """Times and counts of one path, and the states at common load levels."""
     loaded = load_case(CASE, (*overrides, f'solver.formulation="{formulation}"'))
     clock, console = Clock(), Quiet()
-    built = complete(loaded.case, build_scene(loaded, clock, console), clock, console)
+    built = condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
     steps, states, stopped = [], [], False
     path = path_of(built)
     while True:

@@ -64,14 +64,14 @@ def preload() -> None:
     import scipy.optimize  # noqa: F401
 
     import mlsanm_cli.app.check
-    import mlsanm_cli.app.collect
-    import mlsanm_cli.app.compare
-    import mlsanm_cli.app.info
-    import mlsanm_cli.app.plot
-    import mlsanm_cli.app.probe
+    import mlsanm_cli.app.comparison.compare
+    import mlsanm_cli.app.results.collect
+    import mlsanm_cli.app.results.info
+    import mlsanm_cli.app.results.plot
+    import mlsanm_cli.app.results.probe
     import mlsanm_cli.app.resume
     import mlsanm_cli.app.run
-    import mlsanm_cli.app.sweep  # noqa: F401
+    import mlsanm_cli.app.sweep.run_sweep  # noqa: F401
     from mlsanm_cli.kernels.jit import load
 
     load()

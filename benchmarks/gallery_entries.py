@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.profile import half_width
+from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.io.run_reader import ContactData, RunData
 from mlsanm_cli.reference.hertz import HertzLine, plates_approach
 from mlsanm_cli.reference.kirsch import KirschHole

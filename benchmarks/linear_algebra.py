@@ -39,13 +39,13 @@ import scipy.sparse as sparse  # noqa: E402
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from mlsanm_cli.app.clouds import clouds  # noqa: E402
-from mlsanm_cli.app.scene import equip, prepare  # noqa: E402
+from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare  # noqa: E402
+from mlsanm_cli.app.scene.clouds import clouds  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.case import load_case  # noqa: E402
-from mlsanm_cli.contact.linear_map import Columns  # noqa: E402
-from mlsanm_cli.contact.observers import gap_rows, slip_rows  # noqa: E402
-from mlsanm_cli.contact.sources import body_sources  # noqa: E402
+from mlsanm_cli.contact.response.functionals import gap_rows, slip_rows  # noqa: E402
+from mlsanm_cli.contact.response.linear_map import Columns  # noqa: E402
+from mlsanm_cli.contact.response.load_vectors import body_load_vectors  # noqa: E402
 from mlsanm_cli.operators.least_squares import Eliminated, LeastSquares  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
 from mlsanm_cli.operators.linear.engine import MissingEngineError  # noqa: E402
@@ -120,13 +120,13 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
     ]
     case = load_case(CASE, (*sizes, f"contact.interface.friction={friction}")).case
     prepared = prepare(case, clouds(case))
-    scene = equip(case, prepared, CholeskySolver())
+    scene = assemble_bodies(case, prepared, CholeskySolver())
     pairings = prepared.pairings
     count = sum(int(pairing.candidate.sum()) for pairing in pairings)
     rough = tuple(pairing for pairing in pairings if pairing.friction)
     columns = Columns(len(scene.loads), len(scene.unknown_motions), count, count if rough else 0)
     body = scene.bodies[BODY]
-    sources = body_sources(scene, BODY, pairings, columns)
+    sources = body_load_vectors(scene, BODY, pairings, columns)
     sources = sources[:, np.flatnonzero(np.diff(sources.indptr))]
     relative = [gap_rows(body, BODY, pairings), slip_rows(body, BODY, rough)]
     observed = sparse.csr_array(sparse.vstack(relative, format="csr"))

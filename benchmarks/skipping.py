@@ -92,7 +92,7 @@ LINES = (
 
 def solve_fields() -> None:
     """Fields by a solve of their own where the answers to the loads are kept."""
-    from mlsanm_cli.contact.condensed import Condensed
+    from mlsanm_cli.contact.response.condensed import Condensed
 
     solution = Condensed.solution
     Condensed.solution = lambda self, *given: solution(replace(self, solutions={}), *given)  # type: ignore[method-assign]
@@ -100,25 +100,25 @@ def solve_fields() -> None:
 
 def solve_whole() -> None:
     """All equations of symmetric scenes, on the same clouds."""
-    from mlsanm_cli.app import scene
+    from mlsanm_cli.app.scene import assemble as scene
 
     scene.even_scene = lambda *given: None
 
 
 def factorise_twins() -> None:
     """A factor for every body."""
-    from mlsanm_cli.app import scene
+    from mlsanm_cli.app.scene import assemble as scene
 
-    scene.alike = lambda one, other: False
+    scene.is_translated_copy = lambda one, other: False
 
 
 def build_anew() -> None:
     """All bodies made anew in every pass."""
-    from mlsanm_cli.app import adapt
+    from mlsanm_cli.app.assessment import refinement as adapt
 
-    place, complete = adapt.place, adapt.complete
+    place, condense_scene = adapt.place, adapt.condense_scene
     adapt.place = lambda *given: place(*given[:5])
-    adapt.complete = lambda *given: complete(*given[:5])
+    adapt.condense_scene = lambda *given: condense_scene(*given[:5])
 
 
 def factorise_orders() -> None:

@@ -130,7 +130,7 @@ def check(
     """
     with _numerics(1):
         from mlsanm_cli.app.check import check as check_case
-        from mlsanm_cli.app.point import Silent
+        from mlsanm_cli.app.sweep.point import Silent
     result = check_case(
         Path(case),
         overrides=overrides(changes),
@@ -168,14 +168,14 @@ def sweep(
     CaseError or RunError, with nothing run, where a point cannot be run as written.
     """
     with _numerics(1):
-        from mlsanm_cli.app.sweep import Wishes
-        from mlsanm_cli.app.sweep import sweep as sweep_case
+        from mlsanm_cli.app.sweep.run_sweep import SweepOptions
+        from mlsanm_cli.app.sweep.run_sweep import sweep as sweep_case
     texts = [f"{key}={','.join(_toml(value) for value in values)}" for key, values in varied.items()]
     with _console(progress) as console:
         result = sweep_case(
             Path(case),
             texts,
-            Wishes(jobs=jobs, cache=cache, force=force),
+            SweepOptions(jobs=jobs, cache=cache, force=force),
             overrides=overrides(changes),
             out=None if out is None else Path(out),
             console=console,
@@ -189,7 +189,7 @@ def sweep(
 def collect(runs: Sequence[Place | Run]) -> list[dict[str, Any]]:
     """One row per run: directory, status, the keys in which the cases differ, and figures."""
     with _numerics(1):
-        from mlsanm_cli.app.collect import collect as collect_runs
+        from mlsanm_cli.app.results.collect import collect as collect_runs
     return collect_runs([one.directory if isinstance(one, Run) else Path(one) for one in runs])
 
 
@@ -250,7 +250,7 @@ def _numerics(threads: int) -> Iterator[None]:
 @contextmanager
 def _console(progress: bool) -> Iterator[Any]:
     """What a run talks to, the terminal or nothing. A limit on the time that ends it is Interrupted."""
-    from mlsanm_cli.app.point import Silent
+    from mlsanm_cli.app.sweep.point import Silent
 
     shown = None
     if progress:

@@ -35,7 +35,7 @@ class Memo(Protocol):
         ...
 
 
-class Afresh:
+class NoCache:
     """Keeps nothing."""
 
     def arrays(self, kind: str, key: str, make: Callable[[], Arrays]) -> Arrays:
@@ -52,7 +52,7 @@ class Afresh:
         return {}
 
 
-AFRESH = Afresh()
+NO_CACHE = NoCache()
 
 
 def digest(*parts: object) -> str:

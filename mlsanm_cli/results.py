@@ -58,7 +58,7 @@ class Contact:
 
         Raises RunError where the path does not reach, or where nothing is known of it.
         """
-        from mlsanm_cli.app.probe import probe_contact, probe_force
+        from mlsanm_cli.app.results.probe import probe_contact, probe_force
 
         levels = [] if position is None else [float(position)]
         (row,) = probe_contact(self.run.data, levels, self.name)
@@ -100,7 +100,7 @@ class Run:
     @cached_property
     def summary(self) -> Mapping[str, Any]:
         """Figures, checks, times and provenance, as ``mlsanm info`` tells them."""
-        from mlsanm_cli.app.info import info
+        from mlsanm_cli.app.results.info import info
 
         return info(self.directory)
 
@@ -142,21 +142,21 @@ class Run:
 
     def force(self, name: str, at: float | None = None) -> FloatArray:
         """Force (2,) of a load or support on its body, or of a contact on its slave. Raises RunError."""
-        from mlsanm_cli.app.probe import probe_force
+        from mlsanm_cli.app.results.probe import probe_force
 
         (row,) = probe_force(self.data, _levels(at), name)
         return _vector(row["fx"], row["fy"])
 
     def probe(self, name: str, at: float | None = None) -> dict[str, float]:
         """What a ``[[probe]]`` of the case has seen: ux, uy, xx, yy, xy, von_mises. Raises RunError."""
-        from mlsanm_cli.app.probe import probe_named
+        from mlsanm_cli.app.results.probe import probe_named
 
         return _told(probe_named(self.data, _levels(at), name))
 
     def point(self, body: str, x: float, y: float, at: float | None = None) -> dict[str, float]:
         """Displacement and stress of a body at any place, at a position whose fields are saved: ux, uy, xx,
         yy, xy, von_mises. Raises RunError for other places and positions."""
-        from mlsanm_cli.app.probe import probe_point
+        from mlsanm_cli.app.results.probe import probe_point
 
         return _told(probe_point(self.data, _levels(at), body, (float(x), float(y))))
 
@@ -166,7 +166,7 @@ class Run:
 
         Raises RunError where no fields are saved.
         """
-        from mlsanm_cli.app.views import triangles_of
+        from mlsanm_cli.app.results.views import triangles_of
 
         if body not in self.data.bodies:
             raise RunError(f'the run has no body "{body}"', f"there are: {', '.join(self.bodies)}")
@@ -193,8 +193,8 @@ class Run:
     ) -> list[Path]:
         """Draw what ``mlsanm plot`` with the same options draws, into the run directory or the file ``out``;
         the files."""
-        from mlsanm_cli.app.plot import plot
-        from mlsanm_cli.app.plot_choice import Choice
+        from mlsanm_cli.app.results.plot import plot
+        from mlsanm_cli.app.results.plot_choice import Choice
 
         choice = Choice(
             what=(what,) if what else (),

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.marks import Start
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.packing import packed, unpacked
+from mlsanm_cli.solve.checkpoint import Start
 from mlsanm_cli.values import dataclass
 
 

@@ -77,7 +77,7 @@ def equilibrium(solve: Solve, state: State, forces: tuple[float, float], frictio
 
 def friction_states(step: State, answer: Answer, before: Array, friction: float) -> Array:
     """Sticking multipliers beyond the cone slide, sliding ones that went with their traction stick."""
-    excess = np.abs(answer.traction) - friction * np.maximum(answer.pressure, 0.0)
-    breaks = (step.sliding == 0) & (excess > CHATTER * friction * answer.pressure.max())
+    residual_vector = np.abs(answer.traction) - friction * np.maximum(answer.pressure, 0.0)
+    breaks = (step.sliding == 0) & (residual_vector > CHATTER * friction * answer.pressure.max())
     turned = (answer.slip - before) * step.sliding > CHATTER * np.abs(answer.slip).max()
     return np.where(breaks, np.sign(answer.traction), np.where(turned, 0, step.sliding))

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks.scenes.judge import Ran, known, run_case
 from benchmarks.scenes.scene import FORCE, PEAK, PLACE, Array, Scene, Table
-from benchmarks.scenes.variants import Variant, brings_nodes, halved, variants
+from benchmarks.scenes.variants import Variant, halved, has_nodes, variants
 
 SMALL = 0.05
 """Forces and displacements below this part of the scene's largest are compared with it instead."""
@@ -64,7 +64,7 @@ def _line(scene: Scene, variant: Variant, base: Ran, ran: Ran) -> Table:
     peak = peaks(base, ran, variant, without=unbounded(scene.name))
     agrees = force <= FORCE and place <= PLACE and peak <= PEAK
     text = f"force {force:.2f} %, peak {peak:.2f} %, displacement {place:.2f} %"
-    if variant.name == "halved" and not any(map(brings_nodes, scene.case["body"])):
+    if variant.name == "halved" and not any(map(has_nodes, scene.case["body"])):
         ratio, told = estimates(base, ran)
         text += told
         agrees = agrees and ratio

@@ -34,9 +34,9 @@ from benchmarks.scenes import bending, fits, layers, profiles  # noqa: F401  (th
 from benchmarks.scenes.elements import Side, Solid, value_of
 from benchmarks.scenes.judge import REFERENCE
 from benchmarks.scenes.scene import SCENES, Array, Scene, Table
-from mlsanm_cli.app.clouds import outline_of
-from mlsanm_cli.app.foreign import survey
-from mlsanm_cli.case.reading import load_case
+from mlsanm_cli.app.scene.clouds import outline_of
+from mlsanm_cli.app.scene.imported import inspect_geometry_file
+from mlsanm_cli.case.reading.read import load_case
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
@@ -445,7 +445,7 @@ def reference(scene: Scene) -> Table:
         for name, write in scene.files.items():
             write(folder / name, lambda places: places)
         (folder / "case.toml").write_text(tomli_w.dumps(scene.case))
-        case = load_case(folder / "case.toml", survey=survey).case
+        case = load_case(folder / "case.toml", inspect_geometry_file=inspect_geometry_file).case
         outlines = {body.name: outline_of(body) for body in case.body}
     began = time.process_time()
     zones = corners(scene.case, outlines, 0.1)

@@ -68,7 +68,7 @@ def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) ->
         for side in listed(one[key])
     }
     for one in made["body"]:
-        if brings_nodes(one):
+        if has_nodes(one):
             continue
         name = one["name"]
         far, along = spacings[name]
@@ -81,7 +81,7 @@ def halved(given: Table, spacings: dict[str, tuple[float, dict[str, float]]]) ->
     return Variant("halved", lambda _: made, np.eye(2))
 
 
-def brings_nodes(one: Table) -> bool:
+def has_nodes(one: Table) -> bool:
     """Whether a body's nodes are those of its file."""
     return one["shape"]["kind"] in ("mesh", "points") and one["shape"].get("use", "nodes") == "nodes"
 
@@ -89,7 +89,7 @@ def brings_nodes(one: Table) -> bool:
 def _seeded(given: Table) -> Table:
     made = copy.deepcopy(given)
     for number, one in enumerate(made["body"]):
-        if not brings_nodes(one):
+        if not has_nodes(one):
             one["seed"] = 11 + number
     return made
 

@@ -22,7 +22,7 @@ from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.store import Store
 from mlsanm_cli.kernels.kept import cache_root
-from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
 
 Value = TypeVar("Value")
 
@@ -86,7 +86,7 @@ def shelf(threads: int, say: Callable[[str], None], *, on_disk: bool = True, val
     Raises RunError for a size limit that is no number.
     """
     if not on_disk and not values:
-        return AFRESH
+        return NO_CACHE
     return Shelf(operator_store(say) if on_disk else None, origin(threads), values)
 
 

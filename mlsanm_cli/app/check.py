@@ -6,18 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from mlsanm_cli.app.build import build_scene
+from mlsanm_cli.app.assessment.quality import Quality, assess, ratio_message
+from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.cost import cpu_seconds
-from mlsanm_cli.app.estimate import estimate
-from mlsanm_cli.app.foreign import load_with_files
-from mlsanm_cli.app.quality import Quality, assess, ratio_message
-from mlsanm_cli.app.recording import boundary_tags
-from mlsanm_cli.app.references import check_reference
-from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.app.output.recording import model_bodies
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.build import build_scene
+from mlsanm_cli.app.scene.cost import cpu_seconds
+from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.size_estimate import estimate
 from mlsanm_cli.case import (
     AnyLoad,
     BodyForce,
@@ -28,8 +26,8 @@ from mlsanm_cli.case import (
     Pressure,
     Temperature,
 )
-from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.io.vtu import ModelBody, write_model
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.io.vtu import write_model
 
 REMARKABLE_RATIO = 1.5
 """Facing spacings are remarked on above this ratio; ``quality`` warns where the result is at risk."""
@@ -61,7 +59,7 @@ def check(
         write_model(write, model_bodies(prepared))
         console.note(f"model written to {write}")
     if picture is not None:
-        from mlsanm_cli.app.model_picture import draw_model
+        from mlsanm_cli.app.results.model_picture import draw_model
 
         draw_model(picture, case, prepared)
         console.note(f"picture written to {picture}")
@@ -88,14 +86,14 @@ def check(
     }
 
 
-def _contact_unknowns(prepared: Prepared) -> int | None:
+def _contact_unknowns(prepared: SceneModel) -> int | None:
     """How many pressures and tractions there will be; None where a run finds out, for a grid of their own."""
     if prepared.clear:
         return None
     return sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
 
 
-def _body(name: str, prepared: Prepared, quality: Quality) -> dict[str, Any]:
+def _body(name: str, prepared: SceneModel, quality: Quality) -> dict[str, Any]:
     model, cloud = prepared.models[name], quality.bodies[name]
     return {
         "nodes": cloud.nodes,
@@ -171,7 +169,7 @@ def _described(load: AnyLoad) -> tuple[str, str]:
     return first, second
 
 
-def _remarks(prepared: Prepared, quality: Quality) -> list[str]:
+def _remarks(prepared: SceneModel, quality: Quality) -> list[str]:
     """What is worth knowing although it does no harm yet."""
     remarks = []
     for pairing in prepared.pairings:
@@ -194,19 +192,3 @@ def _remarks(prepared: Prepared, quality: Quality) -> list[str]:
                 f"{model.settings.stencil_size}; an even cloud (lower growth) avoids that"
             )
     return remarks
-
-
-def model_bodies(prepared: Prepared) -> dict[str, ModelBody]:
-    """Clouds with tags, outward normals and, for contact candidates, the way to their virtual nodes."""
-    bodies = {}
-    for name, model in prepared.models.items():
-        cloud = model.cloud
-        normal, partner = np.zeros_like(cloud.points), np.zeros_like(cloud.points)
-        for surface in cloud.surfaces.values():
-            normal[surface.index] = surface.normal
-        for pairing in prepared.pairings:
-            if pairing.slave_body == name:
-                node = pairing.node[pairing.candidate]
-                partner[node] = pairing.partner[pairing.candidate] - cloud.points[node]
-        bodies[name] = ModelBody(cloud.points, boundary_tags(cloud), cloud.spacing, normal, partner)
-    return bodies

@@ -12,16 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.adapt import Refinement
-from mlsanm_cli.app.build import build_scene
+from mlsanm_cli.app.assessment.refinement import Refinement
 from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.foreign import survey
-from mlsanm_cli.app.marks import Mark, restored
-from mlsanm_cli.app.recorded import CLOUDS, PATH, Earlier, Recorded
-from mlsanm_cli.app.recorder import Recorder
+from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.run import carry_out, resumable
+from mlsanm_cli.app.scene.build import build_scene
+from mlsanm_cli.app.scene.imported import inspect_geometry_file
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import RunError
@@ -29,6 +27,8 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_reader import RunOrigin, read_origin
 from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.solve.checkpoint import Mark, restored
+from mlsanm_cli.solve.recorded import CLOUDS, PATH, Earlier, Recorded
 
 
 def resume(
@@ -79,7 +79,7 @@ def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:
         raise RunError(
             f"the run in {rundir} was killed before it had begun", "run the case again with --force"
         )
-    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), survey)
+    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), inspect_geometry_file)
     if loaded.case_hash != origin.attributes["case_hash"]:
         raise RunError(
             f"the case stored in {rundir} is not the one of the run: another version wrote it",

@@ -8,44 +8,45 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.adapt import Adapted, Refinement, adapt, refine_again
-from mlsanm_cli.app.build import Built, build_scene
+from mlsanm_cli.app.assessment.checks import (
+    check_balance,
+    check_energy,
+    check_estimates,
+    check_held,
+    check_linear,
+    check_polish,
+    check_spacing,
+    check_state,
+    check_transfer,
+    force_balance,
+)
+from mlsanm_cli.app.assessment.energy import energy_error
+from mlsanm_cli.app.assessment.pressed_ends import end_warnings
+from mlsanm_cli.app.assessment.quality import assess, case_warnings, factor_warnings
+from mlsanm_cli.app.assessment.references import check_reference
+from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
 from mlsanm_cli.app.cache import shelf
-from mlsanm_cli.app.causes import strain_warnings
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
-from mlsanm_cli.app.energy import energy_error
-from mlsanm_cli.app.finished import finished
-from mlsanm_cli.app.foreign import load_with_files
-from mlsanm_cli.app.judge import (
-    force_balance,
-    judge_balance,
-    judge_energy,
-    judge_estimates,
-    judge_held,
-    judge_linear,
-    judge_polish,
-    judge_spacing,
-    judge_state,
-    judge_transfer,
-)
-from mlsanm_cli.app.limit_named import at_limit
-from mlsanm_cli.app.marks import Start
-from mlsanm_cli.app.paths import load_path
-from mlsanm_cli.app.pressed_ends import end_warnings
-from mlsanm_cli.app.provenance import attributes
-from mlsanm_cli.app.quality import assess, case_warnings, factor_warnings
-from mlsanm_cli.app.recorder import Recorder
-from mlsanm_cli.app.references import check_reference
-from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.output.recorder import Recorder
+from mlsanm_cli.app.output.summary import Ending, summarise
+from mlsanm_cli.app.results.finished import finished
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.build import build_scene
+from mlsanm_cli.app.scene.causes import strain_warnings
+from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.app.signals import Stopper
-from mlsanm_cli.app.stopping import Stoppable
-from mlsanm_cli.app.summary import Ending, summarise
 from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.memo import Memo
+from mlsanm_cli.solve.checkpoint import Start
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.limit_loads import at_limit
+from mlsanm_cli.solve.paths import load_path
+from mlsanm_cli.solve.stop_events import Stoppable
 
 RESULTS = Path("results")
 
@@ -112,7 +113,7 @@ def resumable(directory: Path) -> Iterator[None]:
 
 def carry_out(
     case: Case,
-    prepared: Prepared,
+    prepared: SceneModel,
     recorder: Recorder,
     stopper: Stopper,
     clock: Clock,
@@ -124,7 +125,7 @@ def carry_out(
 
     A ``refinement`` is what an earlier process found.
     """
-    built: Built | None = None
+    built: CondensedScene | None = None
     adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
     with clock.phase("cloud"):
@@ -157,7 +158,7 @@ def carry_out(
             at = f"at position {recorder.last.position:.9g}"
             ending = Ending("done", f"{reached.told}, {at}", stopped_by=reached.told)
         estimates = adapted.accuracy.figures(built, recorder.last)
-        for warning in judge_estimates(built, estimates["pressure"], estimates["displacement"]):
+        for warning in check_estimates(built, estimates["pressure"], estimates["displacement"]):
             recorder.warn(warning)
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
@@ -176,7 +177,9 @@ def carry_out(
     return summary
 
 
-def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stopper: Stopper) -> Stop | None:
+def _follow(
+    built: CondensedScene, start: Start, recorder: Recorder, clock: Clock, stopper: Stopper
+) -> Stop | None:
     """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
     soon as a state cannot be believed."""
     path = Stoppable(built, start, load_path)
@@ -193,13 +196,13 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
             break
         for state in (*step.saved, step.state):
             recorder.judged = state
-            judge_state(built, state)
+            check_state(built, state)
         recorder.step(built, step)
     assert recorder.last is not None
     with clock.phase("output"):
         linear = recorder.check_linear(built)
-    judge_linear(linear)
-    judge_spacing(built, recorder.last)
+    check_linear(linear)
+    check_spacing(built, recorder.last)
     with clock.phase("output"):
         recorder.energies = energy_error(built, recorder.last, recorder.stressed)
     for warning in end_warnings(built, recorder.last):
@@ -208,11 +211,11 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
     for warning in strain_warnings(built.case, recorder.energies.strains):
         recorder.warn(warning)
     for warning in (
-        *judge_transfer(built, recorder.last),
-        judge_balance(force_balance(built, recorder.last)),
-        judge_energy(recorder.energies),
-        judge_held(built),
-        judge_polish(recorder.polished),
+        *check_transfer(built, recorder.last),
+        check_balance(force_balance(built, recorder.last)),
+        check_energy(recorder.energies),
+        check_held(built),
+        check_polish(recorder.polished),
     ):
         if warning:
             recorder.warn(warning)

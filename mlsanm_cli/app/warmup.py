@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mlsanm_cli.app.build import load_kernels
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.scene.build import load_kernels
 from mlsanm_cli.kernels.jit import is_warm
 
 

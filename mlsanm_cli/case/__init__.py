@@ -2,22 +2,8 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.case.base import split_boundary
-from mlsanm_cli.case.expressions import ExpressionError, value_at
-from mlsanm_cli.case.files import FileShape, Mesh, Points, Survey, Surveyed
-from mlsanm_cli.case.loads import (
-    AnyLoad,
-    BodyForce,
-    Displacement,
-    Load,
-    ObstacleMotion,
-    Platen,
-    Pressure,
-    Temperature,
-    Traction,
-)
-from mlsanm_cli.case.materials import Material
-from mlsanm_cli.case.model import (
+from mlsanm_cli.case.model.base import split_boundary
+from mlsanm_cli.case.model.case import (
     Adapt,
     Body,
     Case,
@@ -32,16 +18,34 @@ from mlsanm_cli.case.model import (
     Solver,
     Support,
 )
-from mlsanm_cli.case.obstacles import (
+from mlsanm_cli.case.model.expressions import ExpressionError, value_at
+from mlsanm_cli.case.model.files import FileShape, Mesh, Points, Survey, Surveyed
+from mlsanm_cli.case.model.loads import (
+    AnyLoad,
+    BodyForce,
+    Displacement,
+    Load,
+    ObstacleMotion,
+    Platen,
+    Pressure,
+    Temperature,
+    Traction,
+)
+from mlsanm_cli.case.model.materials import Material
+from mlsanm_cli.case.model.obstacles import (
     AnyObstacle,
     DiskObstacle,
     Obstacle,
     PlaneObstacle,
     PolylineObstacle,
 )
-from mlsanm_cli.case.places import Place, label_of
-from mlsanm_cli.case.polygon import Chained, Polygon
-from mlsanm_cli.case.reading import (
+from mlsanm_cli.case.model.places import Place, label_of
+from mlsanm_cli.case.model.polygon import Chained, Polygon
+from mlsanm_cli.case.model.round_shapes import Annulus, Disk, HalfDisk, Sector
+from mlsanm_cli.case.model.shapes import AnyShape, DrawnShape, Rectangle, Shape
+from mlsanm_cli.case.model.stop import Stop
+from mlsanm_cli.case.model.units import Units
+from mlsanm_cli.case.reading.read import (
     LoadedCase,
     case_hash,
     load_case,
@@ -49,10 +53,6 @@ from mlsanm_cli.case.reading import (
     resolved_mapping,
     stored_case,
 )
-from mlsanm_cli.case.round_shapes import Annulus, Disk, HalfDisk, Sector
-from mlsanm_cli.case.shapes import AnyShape, DrawnShape, Rectangle, Shape
-from mlsanm_cli.case.stop import Stop
-from mlsanm_cli.case.units import Units
 
 __all__ = [
     "Adapt",

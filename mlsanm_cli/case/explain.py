@@ -10,7 +10,7 @@ from dataclasses import field, replace
 from functools import cache
 from typing import Any
 
-from mlsanm_cli.case.base import UNIT
+from mlsanm_cli.case.model.base import UNIT
 from mlsanm_cli.case.report import SYNONYMS
 from mlsanm_cli.case.schema import Node, follow, json_schema, tables, walk
 from mlsanm_cli.case.starters import kinds, starter
@@ -264,8 +264,10 @@ def _nearest(schema: Node, key: str) -> str:
     last = SYNONYMS.get(last.lower(), last)
     near = [one for one in known if one.rpartition(".")[2] == last]
     near = near or difflib.get_close_matches(key, known, n=3)
-    alike = difflib.get_close_matches(last, [one.rpartition(".")[2] for one in known], n=1)
-    near = near or [one for one in known if alike and one.rpartition(".")[2] == alike[0]]
+    is_translated_copy = difflib.get_close_matches(last, [one.rpartition(".")[2] for one in known], n=1)
+    near = near or [
+        one for one in known if is_translated_copy and one.rpartition(".")[2] == is_translated_copy[0]
+    ]
     if near:
         return f"did you mean {' or '.join(near[:4])}?"
     return '"mlsanm explain" lists the tables'

@@ -16,9 +16,9 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from mlsanm_cli.case.base import Section
-from mlsanm_cli.case.model import Case
-from mlsanm_cli.case.unsupported import PLANNED, Planned
+from mlsanm_cli.case.model.base import Section
+from mlsanm_cli.case.model.case import Case
+from mlsanm_cli.case.reading.unsupported import PLANNED, Planned
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
 TITLE = "mlsanm case file"

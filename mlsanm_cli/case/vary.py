@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
 
-from mlsanm_cli.case.overrides import is_word
+from mlsanm_cli.case.reading.overrides import is_word
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.values import dataclass
 

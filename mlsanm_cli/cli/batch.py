@@ -61,15 +61,15 @@ def sweep(
     Points that are done already are left out, so the same command goes on where it was stopped.
     """
     with numerics(threads):
-        from mlsanm_cli.app.sweep import Wishes
-        from mlsanm_cli.app.sweep import sweep as run_sweep
+        from mlsanm_cli.app.sweep.run_sweep import SweepOptions
+        from mlsanm_cli.app.sweep.run_sweep import sweep as run_sweep
 
     console = console_for(settings)
     try:
         result = run_sweep(
             case,
             varied,
-            Wishes(jobs, threads, scheduler, cache, force),
+            SweepOptions(jobs, threads, scheduler, cache, force),
             overrides=overrides,
             out=out,
             console=console,
@@ -90,8 +90,8 @@ def sweep(
 def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
     """Write one CSV row per run: what differs between the cases, status, figures."""
     with numerics(1):
-        from mlsanm_cli.app.collect import as_csv, write_rows
-        from mlsanm_cli.app.collect import collect as collect_runs
+        from mlsanm_cli.app.results.collect import as_csv, write_rows
+        from mlsanm_cli.app.results.collect import collect as collect_runs
 
     rows = collect_runs(rundirs)
     if out is not None:

@@ -202,7 +202,7 @@ def check(
 def info(settings: Settings, rundir: Path) -> int:
     """Summarise the run in RUNDIR."""
     with numerics(1):
-        from mlsanm_cli.app.info import info as run_info
+        from mlsanm_cli.app.results.info import info as run_info
 
     result = run_info(rundir)
     print_result(settings, result, pretty_result(settings, result))

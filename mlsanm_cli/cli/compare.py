@@ -69,8 +69,8 @@ def compare(
     The method that CASE itself asks for is always among them. Exit code 1 where methods disagree.
     """
     with numerics(threads):
-        from mlsanm_cli.app.compare import Wishes
-        from mlsanm_cli.app.compare import compare as compare_methods
+        from mlsanm_cli.app.comparison.compare import CompareOptions
+        from mlsanm_cli.app.comparison.compare import compare as compare_methods
 
     asked = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
     methods = tuple(name for name, wanted in asked.items() if wanted)
@@ -78,7 +78,7 @@ def compare(
     try:
         result = compare_methods(
             case,
-            Wishes(methods, analytic, levels, tolerance, repeat, picture),
+            CompareOptions(methods, analytic, levels, tolerance, repeat, picture),
             overrides=overrides,
             out=out,
             force=force,

@@ -62,8 +62,8 @@ def plot(
     Pressure against position, load path, deformed bodies with von Mises stress; needs no display.
     """
     with numerics(1):
-        from mlsanm_cli.app.plot import plot as plot_run
-        from mlsanm_cli.app.plot_choice import Choice
+        from mlsanm_cli.app.results.plot import plot as plot_run
+        from mlsanm_cli.app.results.plot_choice import Choice
 
     choice = Choice(what, contact, field, at, along, out, animate)
     files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=choice)

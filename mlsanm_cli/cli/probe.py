@@ -97,7 +97,7 @@ def probe(
     Between stored states it comes from the series of the run. Without a choice: what there is to choose from.
     """
     with numerics(1):
-        from mlsanm_cli.app import probe as app
+        from mlsanm_cli.app.results import probe as app
 
     targets = [name for name in (contact, force, probe, body) if name is not None]
     _refuse_mixtures(len(targets), contact, body, point, field, quantities, force)

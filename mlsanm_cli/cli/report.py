@@ -22,7 +22,7 @@ def report(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> i
     written here unless -o tells where.
     """
     with numerics(1):
-        from mlsanm_cli.app.report import report as write_report
+        from mlsanm_cli.app.results.report import report as write_report
 
     path = write_report(rundirs, out)
     print_result(settings, {"file": str(path)}, str(path))

@@ -9,19 +9,19 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, dual_faces
-from mlsanm_cli.cloud.crowding import Crowding, crowding
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import filled
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.relax import relax
-from mlsanm_cli.cloud.sight import Sight, look
+from mlsanm_cli.cloud.separation import NodeSeparation, separation
+from mlsanm_cli.cloud.sight import VisibilityCriterion, look
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass
 
@@ -67,7 +67,7 @@ class Cloud:
         )
 
     @cached_property
-    def sight(self) -> Sight | None:
+    def sight(self) -> VisibilityCriterion | None:
         """Which nodes see each other past the body's slits; None without slits."""
         return look(self.points, self.edges)
 
@@ -77,9 +77,9 @@ class Cloud:
         return cKDTree(self.points)
 
     @cached_property
-    def crowding(self) -> Crowding:
+    def separation(self) -> NodeSeparation:
         """How the nodes stand to their nearest ones."""
-        return crowding(self.points, self.tree, self.spacing, self.sight)
+        return separation(self.points, self.tree, self.spacing, self.sight)
 
     @cached_property
     def triangles(self) -> IntArray:
@@ -110,7 +110,7 @@ def build_cloud(
     spacing: Spacing,
     seed: int,
     limit: int = 50_000_000,
-    memo: Memo = AFRESH,
+    memo: Memo = NO_CACHE,
     line: Line | None = None,
 ) -> Cloud:
     """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``.

@@ -44,9 +44,11 @@ def cover(
             middle = np.where(np.arange(2) == line.axis, line.at, middle)
         distance = np.hypot(*(points - middle).T)
         near = np.argsort(distance)
-        alike = np.cumsum(area[near] * (wanted[near] <= TOLERANCE * h)) >= 0.7 * np.cumsum(area[near])
+        is_translated_copy = np.cumsum(area[near] * (wanted[near] <= TOLERANCE * h)) >= 0.7 * np.cumsum(
+            area[near]
+        )
         # As far as every circle up to there is mostly alike.
-        last = int(np.argmin(alike)) - 1 if not alike.all() else len(near) - 1
+        last = int(np.argmin(is_translated_copy)) - 1 if not is_translated_copy.all() else len(near) - 1
         radius = max(float(distance[near[max(last, 0)]]), h)
         places = [middle] if line is None else np.unique([middle, *line.reflect(middle[None])], axis=0)
         added = tuple(Zone.around((float(x), float(y)), h, radius, growth) for x, y in places)

@@ -191,8 +191,10 @@ def _merged(one: Curve, other: Curve) -> Curve | None:
         return Segment(one.start, other.end) if straight else None
     if isinstance(one, Arc) and isinstance(other, Arc):
         size = SAME * one.radius
-        alike = math.dist(one.center, other.center) <= size and abs(one.radius - other.radius) <= size
-        if not alike or one.sweep * other.sweep <= 0.0:
+        is_translated_copy = (
+            math.dist(one.center, other.center) <= size and abs(one.radius - other.radius) <= size
+        )
+        if not is_translated_copy or one.sweep * other.sweep <= 0.0:
             return None
         sweep = one.sweep + other.sweep
         if abs(abs(sweep) - 2.0 * math.pi) <= SAME:

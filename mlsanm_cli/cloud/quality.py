@@ -31,9 +31,9 @@ def measure(cloud: Cloud) -> CloudQuality:
     return CloudQuality(
         nodes=len(cloud.points),
         boundary_nodes=len(cloud.boundary_nodes),
-        closest=cloud.crowding.closest,
+        closest=cloud.separation.closest,
         hole=_largest_hole(cloud),
-        growth=cloud.crowding.growth,
+        growth=cloud.separation.growth,
     )
 
 

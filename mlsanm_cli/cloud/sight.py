@@ -31,7 +31,7 @@ FLAT = 1e-12
 
 
 @dataclass(frozen=True)
-class Sight:
+class VisibilityCriterion:
     """What the nodes ``points`` (n, 2) of a body with slits see of each other.
 
     ``edges`` (e, 2) are the outline's chords as pairs of nodes, ``normals`` (e, 2) their outward normals,
@@ -143,7 +143,7 @@ class Sight:
         return inward
 
 
-def look(points: FloatArray, edges: IntArray) -> Sight | None:
+def look(points: FloatArray, edges: IntArray) -> VisibilityCriterion | None:
     """What the nodes ``points`` (n, 2) inside the loops of ``edges`` (e, 2) see; None without slits."""
     step = points[edges[:, 1]] - points[edges[:, 0]]
     length = np.sqrt((step**2).sum(axis=1))
@@ -159,7 +159,7 @@ def look(points: FloatArray, edges: IntArray) -> Sight | None:
     loop = np.add.reduceat(length, begins)[number]
     normals = np.stack([step[:, 1], -step[:, 0]], axis=1) / length[:, None]
     slits = _slits(0.5 * (points[edges[:, 0]] + points[edges[:, 1]]), normals, along, loop, number)
-    return Sight(points, edges, normals, along, loop, slits) if len(slits) else None
+    return VisibilityCriterion(points, edges, normals, along, loop, slits) if len(slits) else None
 
 
 def _slits(

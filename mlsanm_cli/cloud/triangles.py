@@ -7,7 +7,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.cloud.search import listening
-from mlsanm_cli.cloud.sight import Sight
+from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.parts import Delaunay
 
 FLAT = 1e-9
@@ -15,7 +15,7 @@ FEW = 10_000
 """Points that are done with before anybody would want to stop it."""
 
 
-def triangulate(points: FloatArray, edges: IntArray, sight: Sight | None) -> IntArray:
+def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion | None) -> IntArray:
     """Delaunay triangles (t, 3), counter-clockwise, of ``points`` (n, 2) inside loops of ``edges`` (e, 2).
 
     ``sight`` keeps them from reaching across slits.

@@ -13,13 +13,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct_end, residual_norm
-from mlsanm_cli.continuation.expansion import Series, Station, expand
+from mlsanm_cli.continuation.expansion import ExpansionPoint, Series, expand
 from mlsanm_cli.continuation.options import AnmOptions
 from mlsanm_cli.continuation.path import Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
-from mlsanm_cli.continuation.ranges import Gauge
+from mlsanm_cli.continuation.ranges import RangeOfValidity
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.continuation.walker import Route, Stopped, Walker
+from mlsanm_cli.continuation.walker import PathFollower, PathRequest, Stopped
 
 # An end of step that cannot be used is tried again at this part of the length, so often at most.
 _RETREAT = 0.7
@@ -34,13 +34,13 @@ _BEFORE = 0.98
 _SHORT = 1e-6
 
 
-class AnmFollower(Walker):
+class AnmFollower(PathFollower):
     """Goes by power series."""
 
-    def __init__(self, problem: Problem, route: Route, options: AnmOptions) -> None:
+    def __init__(self, problem: Problem, route: PathRequest, options: AnmOptions) -> None:
         super().__init__(problem, route, options)
         self._options = options
-        self._gauge = Gauge(problem, self._metric, self._lam_end, options)
+        self._gauge = RangeOfValidity(problem, self._metric, self._lam_end, options)
 
     def _walk(self) -> Iterator[Step]:
         try:
@@ -83,7 +83,7 @@ class AnmFollower(Walker):
         direction = branch.x[1], float(branch.lam[1])
         return direction, _power_of_two(branch.length * self._metric.norm(*direction))
 
-    def _series(self, here: Station, direction: tuple[FloatArray, float], unit: float) -> Series:
+    def _series(self, here: ExpansionPoint, direction: tuple[FloatArray, float], unit: float) -> Series:
         with np.errstate(over="ignore", invalid="ignore"):
             series = expand(self._problem, self._metric, here, self._options.order, direction, unit)
         self._effort.solves += self._options.order
@@ -102,7 +102,7 @@ class AnmFollower(Walker):
             good = limit < piece.length and self._gauge.good(piece, limit)
         return piece.shortened(limit) if good else None
 
-    def _branch(self, here: Station, series: Series) -> Branch:
+    def _branch(self, here: ExpansionPoint, series: Series) -> Branch:
         """Return the longest good piece of path that begins at ``here``."""
         branch = self._gauge.branch(series)
         shortest = self._options.min_length / series.unit
@@ -115,7 +115,9 @@ class AnmFollower(Walker):
             StopReason.STEP_TOO_SMALL, f"the series is good for less than the shortest step {place}"
         )
 
-    def _arrive(self, here: Station, branch: Branch) -> tuple[Branch, Correction, Station | None, Effort]:
+    def _arrive(
+        self, here: ExpansionPoint, branch: Branch
+    ) -> tuple[Branch, Correction, ExpansionPoint | None, Effort]:
         """Settle the end of a step and factorise there; the step is shortened while that fails.
 
         Returns the step's piece of path, its end, the next station (None at the target) and its effort.
@@ -143,7 +145,7 @@ class AnmFollower(Walker):
             length *= _RETREAT
         raise failure
 
-    def _cut(self, here: Station, piece: Branch) -> Correction:
+    def _cut(self, here: ExpansionPoint, piece: Branch) -> Correction:
         """Return the end, corrected, of a piece that ends at the barrier: what follows has another series,
         whose length this one's residual would not suit."""
         x, lam = piece.evaluate(piece.length)
@@ -152,7 +154,7 @@ class AnmFollower(Walker):
             raise Stopped(StopReason.CORRECTION_FAILED, f"no state at the event near load factor {lam:.9g}")
         return end
 
-    def _finish(self, here: Station, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
+    def _finish(self, here: ExpansionPoint, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
         """Correct the end of the last step, which lies exactly at the load factor asked for."""
         x = piece.evaluate(piece.length)[0]
         end = self._corrected(here, (x, self._lam_end), None)
@@ -160,7 +162,7 @@ class AnmFollower(Walker):
             end = Correction(x, self._lam_end, residual_norm(self._problem, x, self._lam_end), 0, 0, 0)
         return piece, end, None, Effort()
 
-    def _end(self, here: Station, piece: Branch) -> Correction | None:
+    def _end(self, here: ExpansionPoint, piece: Branch) -> Correction | None:
         """Return the end of a step, corrected if its residual has drifted; None when that fails."""
         x, lam = piece.evaluate(piece.length)
         residual = residual_norm(self._problem, x, lam)
@@ -169,7 +171,7 @@ class AnmFollower(Walker):
         return self._corrected(here, (x, lam), self._normal(piece))
 
     def _corrected(
-        self, here: Station, end: tuple[FloatArray, float], normal: tuple[FloatArray, float] | None
+        self, here: ExpansionPoint, end: tuple[FloatArray, float], normal: tuple[FloatArray, float] | None
     ) -> Correction | None:
         return correct_end(self._problem, self._metric, here, end, normal, self._options, self._effort)
 

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from mlsanm_cli.continuation.expansion import Metric, Station, station
+from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, station
 from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
@@ -163,7 +163,7 @@ def iterate(
 def correct_end(
     problem: Problem,
     metric: Metric,
-    start: Station,
+    start: ExpansionPoint,
     end: tuple[FloatArray, float],
     normal: tuple[FloatArray, float] | None,
     options: PathOptions,
@@ -207,7 +207,7 @@ def correct_end(
 def _updated(
     problem: Problem,
     metric: Metric,
-    at: Station,
+    at: ExpansionPoint,
     point: Point,
     normal: tuple[FloatArray, float] | None,
     effort: Effort,

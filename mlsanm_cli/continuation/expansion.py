@@ -47,7 +47,7 @@ class Metric:
 
 
 @dataclass(frozen=True, eq=False)
-class Station:
+class ExpansionPoint:
     """A point of the path with its factorised tangent and the slope dx/dlam there, shape (size,)."""
 
     x: FloatArray
@@ -56,7 +56,7 @@ class Station:
     slope: FloatArray
 
 
-def station(problem: Problem, x: FloatArray, lam: float) -> Station:
+def station(problem: Problem, x: FloatArray, lam: float) -> ExpansionPoint:
     """Factorise at a point of the path (one factorisation, one solve).
 
     Raises
@@ -71,7 +71,7 @@ def station(problem: Problem, x: FloatArray, lam: float) -> Station:
         raise SingularTangentError(f"singular tangent at load factor {lam:.9g}") from error
     if not np.all(np.isfinite(slope)):
         raise SingularTangentError(f"singular tangent at load factor {lam:.9g}")
-    return Station(x, lam, tangent, slope)
+    return ExpansionPoint(x, lam, tangent, slope)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Series:
 def expand(
     problem: Problem,
     metric: Metric,
-    start: Station,
+    start: ExpansionPoint,
     order: int,
     direction: tuple[FloatArray, float],
     unit: float,

@@ -10,7 +10,7 @@ from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions
 from mlsanm_cli.continuation.path import Follower
 from mlsanm_cli.continuation.problem import FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.continuation.walker import Route
+from mlsanm_cli.continuation.walker import PathRequest
 
 
 def follow(
@@ -41,7 +41,7 @@ def follow(
         the path goes on to the same bits and counts as if it had not been left. ValueError without
         ``previous``
     """
-    route = Route(x0, lam0, lam_end, previous, barrier, levels, resumed)
+    route = PathRequest(x0, lam0, lam_end, previous, barrier, levels, resumed)
     if isinstance(options, NewtonOptions):
         return NewtonFollower(problem, route, options)
     return AnmFollower(problem, route, options or AnmOptions())

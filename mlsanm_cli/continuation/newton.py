@@ -26,12 +26,12 @@ from mlsanm_cli.continuation.corrector import (
     iterate,
     residual_norm,
 )
-from mlsanm_cli.continuation.expansion import Station
+from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.options import NewtonOptions
 from mlsanm_cli.continuation.path import Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.continuation.walker import Route, Stopped, Walker
+from mlsanm_cli.continuation.walker import PathFollower, PathRequest, Stopped
 from mlsanm_cli.values import dataclass
 
 # A step that fails is tried again with half its length; one is shrunk by no more for taking many iterations.
@@ -69,18 +69,18 @@ class _Leg:
 
     piece: Branch
     end: Correction
-    ahead: Station
+    ahead: ExpansionPoint
     event: bool = False
 
 
-class NewtonFollower(Walker):
+class NewtonFollower(PathFollower):
     """Goes from state to state.
 
     With load control the path goes straight to ``lam_end``, and on the other side of a fold that it jumps
     over; with arc-length control steps are shortened until they stay on the path.
     """
 
-    def __init__(self, problem: Problem, route: Route, options: NewtonOptions) -> None:
+    def __init__(self, problem: Problem, route: PathRequest, options: NewtonOptions) -> None:
         super().__init__(problem, route, options)
         self._options = options
         self._loaded = options.control == "load"
@@ -115,7 +115,7 @@ class NewtonFollower(Walker):
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             here, along = leg.ahead, self._along(leg.ahead, along)
 
-    def _along(self, here: Station, toward: tuple[FloatArray, float]) -> tuple[FloatArray, float]:
+    def _along(self, here: ExpansionPoint, toward: tuple[FloatArray, float]) -> tuple[FloatArray, float]:
         """Return the tangent of the path over the step's parameter: load factor or arc length."""
         if self._loaded:
             side = float(np.sign(self._lam_end - here.lam)) or float(np.sign(toward[1]))
@@ -123,7 +123,7 @@ class NewtonFollower(Walker):
         size = np.copysign(self._metric.norm(here.slope, 1.0), self._metric.product(here.slope, 1.0, *toward))
         return here.slope / size, float(1.0 / size)
 
-    def _advance(self, here: Station, along: tuple[FloatArray, float]) -> _Leg:
+    def _advance(self, here: ExpansionPoint, along: tuple[FloatArray, float]) -> _Leg:
         """Return the next step, as long as the pace, the levels and the equations allow."""
         length, level = self._pace, None
         if self._loaded:
@@ -141,11 +141,11 @@ class NewtonFollower(Walker):
                     place = f"at load factor {here.lam:.9g}"
                     raise Stopped(failure.reason, f"{failure.message}, and no shorter step {place}") from None
 
-    def _away(self, here: Station) -> Callable[[float], float]:
+    def _away(self, here: ExpansionPoint) -> Callable[[float], float]:
         return lambda level: abs(level - here.lam)
 
     def _attempt(
-        self, here: Station, along: tuple[FloatArray, float], length: float, level: float | None
+        self, here: ExpansionPoint, along: tuple[FloatArray, float], length: float, level: float | None
     ) -> _Leg:
         """Return a step of ``length``, cut at the first level (arc length) or event in it. Raises _Failed."""
         straight = Branch(np.array([here.x, along[0]]), np.array([here.lam, along[1]]), length)
@@ -163,7 +163,7 @@ class NewtonFollower(Walker):
 
     def _solved(
         self,
-        here: Station,
+        here: ExpansionPoint,
         along: tuple[FloatArray, float],
         guess: Branch,
         a: float,
@@ -191,7 +191,7 @@ class NewtonFollower(Walker):
         end = Correction(point.x, point.lam, point.residual, 0, 0, 0)
         return _Leg(self._cubic(here, along, ahead), end, ahead)
 
-    def _cubic(self, here: Station, along: tuple[FloatArray, float], ahead: Station) -> Branch:
+    def _cubic(self, here: ExpansionPoint, along: tuple[FloatArray, float], ahead: ExpansionPoint) -> Branch:
         """Return the piece of path with the values and tangents of both ends. Raises _Failed."""
         x, lam = ahead.x - here.x, ahead.lam - here.lam
         if self._loaded:
@@ -210,13 +210,13 @@ class NewtonFollower(Walker):
         whole = np.array([np.append(here.x, here.lam), first, bend, twist])
         return Branch(whole[:, :-1], whole[:, -1], length)
 
-    def _at_level(self, here: Station, along: tuple[FloatArray, float], leg: _Leg) -> _Leg:
+    def _at_level(self, here: ExpansionPoint, along: tuple[FloatArray, float], leg: _Leg) -> _Leg:
         """Return the step, or a shorter one to the first level that it crosses (not the one it begins at)."""
         found = [(leg.piece.first_crossing(v), v) for v in self._levels if v != here.lam]
         crossings = [(a, v) for a, v in found if a is not None and a > 0.0]
         return self._solved(here, along, leg.piece, *min(crossings)) if crossings else leg
 
-    def _faithful(self, here: Station, along: tuple[FloatArray, float], leg: _Leg) -> _Leg:
+    def _faithful(self, here: ExpansionPoint, along: tuple[FloatArray, float], leg: _Leg) -> _Leg:
         """Return the step, or a shorter one whose cubic follows the path well enough to show its events."""
         while True:
             length = leg.piece.length
@@ -231,7 +231,7 @@ class NewtonFollower(Walker):
 
     def _before_event(
         self,
-        here: Station,
+        here: ExpansionPoint,
         along: tuple[FloatArray, float],
         leg: _Leg,
         barrier: Callable[[Branch], float],
@@ -258,7 +258,7 @@ class NewtonFollower(Walker):
             self._pace = min(self._pace, _AFTER * leg.piece.length)
         return replace(leg, event=True)
 
-    def _at(self, here: Station, along: tuple[FloatArray, float], leg: _Leg, a: float) -> _Leg:
+    def _at(self, here: ExpansionPoint, along: tuple[FloatArray, float], leg: _Leg, a: float) -> _Leg:
         """Return the step that ends at ``a``; next to the start it takes no solving."""
         x, lam = leg.piece.evaluate(a)
         if a > _NEAR * leg.piece.length:

@@ -44,7 +44,7 @@ _NOISE, _QUIETER = 0.02, 0.95
 
 
 @dataclass(frozen=True)
-class Gauge:
+class RangeOfValidity:
     """Measures pieces of a path of ``problem`` that is to end at the load factor ``lam_end``."""
 
     problem: Problem
@@ -158,12 +158,13 @@ class Gauge:
         return low
 
 
-def _next(a: float, excess: float, order: int, low: float, high: float) -> float:
-    """Return the next length to try after ``a``, whose residual is ``excess`` times the tolerance."""
-    if 0.0 < excess < np.inf:
-        trial = a * float(np.clip((_AIM / excess) ** (1.0 / (order + 1)), _SHRINK, _GROW))
+def _next(a: float, residual_vector: float, order: int, low: float, high: float) -> float:
+    """Return the next length to try after ``a``, whose residual is ``residual_vector`` times the
+    tolerance."""
+    if 0.0 < residual_vector < np.inf:
+        trial = a * float(np.clip((_AIM / residual_vector) ** (1.0 / (order + 1)), _SHRINK, _GROW))
     else:
-        trial = a * (_GROW if excess == 0.0 else _SHRINK)
+        trial = a * (_GROW if residual_vector == 0.0 else _SHRINK)
     if low < trial < high:
         return max(trial, float(np.sqrt(low * a)))
     return float(np.sqrt(low * high)) if low > 0.0 else _SHRINK * high

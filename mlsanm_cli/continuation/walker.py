@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct, residual_norm
-from mlsanm_cli.continuation.expansion import Metric, Station, station
+from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, station
 from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.path import Outcome, Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem
@@ -25,7 +25,7 @@ class Stopped(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Route:
+class PathRequest:
     """What a follower is asked for; the fields are parameters of :func:`mlsanm_cli.continuation.follow`."""
 
     x0: FloatArray
@@ -37,10 +37,10 @@ class Route:
     resumed: bool
 
 
-class Walker(ABC):
+class PathFollower(ABC):
     """Follows R(x, lam) = 0 from (x0, lam0) until the load factor first is ``lam_end``. Use once."""
 
-    def __init__(self, problem: Problem, route: Route, options: PathOptions) -> None:
+    def __init__(self, problem: Problem, route: PathRequest, options: PathOptions) -> None:
         self._problem, self._limits, self._barrier = problem, options, route.barrier
         self._lam_end, self._previous, self._resumed = float(route.lam_end), route.previous, route.resumed
         if self._resumed and self._previous is None:
@@ -114,7 +114,7 @@ class Walker(ABC):
         if self._steps == self._limits.max_steps:
             raise Stopped(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
 
-    def _station(self, x: FloatArray, lam: float, effort: Effort) -> Station:
+    def _station(self, x: FloatArray, lam: float, effort: Effort) -> ExpansionPoint:
         effort.factorizations += 1
         effort.solves += 1
         return station(self._problem, x, lam)

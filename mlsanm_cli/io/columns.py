@@ -54,7 +54,7 @@ class Column:
         """How many rows there are."""
         return int(self._dataset.shape[0])
 
-    def checked(self, value: ArrayLike) -> NDArray[Any]:
+    def solve_with_error(self, value: ArrayLike) -> NDArray[Any]:
         """``value`` as a row; ValueError if its shape is not ``tail`` or it does not fit the type exactly."""
         row = np.asarray(value)
         if row.shape != self._tail:
@@ -66,7 +66,8 @@ class Column:
         return np.ascontiguousarray(row, dtype=self._dtype).reshape(self._row_shape)
 
     def write(self, index: int, row: NDArray[Any]) -> None:
-        """Write ``row``, as `checked` gave it, at ``index``; the dataset then has ``index`` + 1 rows."""
+        """Write ``row``, as `solve_with_error` gave it, at ``index``; the dataset then has ``index`` + 1
+        rows."""
         extent = (index + 1, *self._tail)
         self._dataset.set_extent(extent)
         if self._empty:

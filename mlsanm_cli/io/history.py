@@ -90,7 +90,7 @@ class History:
             }
         for name, probe in step.probes.items():
             values |= {f"probes/{name}/{key}": getattr(probe, key) for key in PROBE_COLUMNS}
-        rows = {key: self._columns[key].checked(value) for key, value in values.items()}
+        rows = {key: self._columns[key].solve_with_error(value) for key, value in values.items()}
         for key, row in rows.items():
             self._columns[key].write(self._rows, row)
         self._rows += 1

@@ -134,10 +134,10 @@ def _drop_weak_sets(mesh: meshio.Mesh, path: Path) -> None:
     names = [
         match[1] for match in (re.search(r"(?i)\belset\s*=\s*([^,\s]+)", text) for text in lists) if match
     ]
-    told_apart = len(lists) == len(set(names)) == len(mesh.cells)
+    split_motions = len(lists) == len(set(names)) == len(mesh.cells)
     strong = [cells for name, cells in mesh.cell_sets.items() if name not in names]
     for name in names:
-        if not told_apart:
+        if not split_motions:
             mesh.cell_sets.pop(name, None)
         elif name in mesh.cell_sets:
             mesh.cell_sets[name] = [

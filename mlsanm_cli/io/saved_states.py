@@ -45,7 +45,7 @@ class SavedStates:
             group = state.require_group(checked_name(body))
             for name, array in arrays.items():
                 keep(group, name, floats(array))
-        self._positions.write(index, self._positions.checked(position))
+        self._positions.write(index, self._positions.solve_with_error(position))
         self._count += 1
         return index
 

@@ -121,11 +121,11 @@ class Store:
 
     def _make_room(self, wanted: int) -> None:
         entries = sorted(self._entries())
-        excess = sum(size for _, size, _ in entries) + wanted - self._limit
+        residual_vector = sum(size for _, size, _ in entries) + wanted - self._limit
         for _, size, path in entries:
-            if excess <= 0:
+            if residual_vector <= 0:
                 break
-            excess -= size
+            residual_vector -= size
             _remove(path)
         for path in self._temporary():
             try:

@@ -31,21 +31,21 @@ def hyperbola_orders(
     product: float,
     gap: float,
     stuck: Int1,
-    drag: Float1,
-    rubbing: Int1,
+    friction_slope: Float1,
+    friction_nodes: Int1,
 ) -> None:
     """Fill orders 2 and on of the series ``x`` (N + 1, 2m + k + n), ``lam`` (N + 1,).
 
     The unknowns are pressures p (m,), gaps h (m,), motions q (k,) and tractions t (n,), of which those of the
-    nodes ``stuck`` (s,) are free and the others ``drag`` (n,) times the pressures of the nodes ``rubbing``
-    (n,). ``factor`` (r, r), transposed, and ``pivots`` (r,) are LAPACK's LU factor, r = m + s + k, of the
-    equations for (p, t of stuck nodes, q); the first m columns of ``equations`` (r, r or more) give of their
-    solution the gaps, as parts of ``gap``. The hyperbolas are (p h), as parts of ``product``. Each order is
-    the solution to the products of the lower ones plus lam_k times ``slope``, lam_k such that the product
-    with ``normal`` vanishes; ``denominator`` is that of ``slope``.
+    nodes ``stuck`` (s,) are free and the others ``friction_slope`` (n,) times the pressures of the nodes
+    ``friction_nodes`` (n,). ``factor`` (r, r), transposed, and ``pivots`` (r,) are LAPACK's LU factor, r = m
+    + s + k, of the equations for (p, t of stuck nodes, q); the first m columns of ``equations`` (r, r or
+    more) give of their solution the gaps, as parts of ``gap``. The hyperbolas are (p h), as parts of
+    ``product``. Each order is the solution to the products of the lower ones plus lam_k times ``slope``,
+    lam_k such that the product with ``normal`` vanishes; ``denominator`` is that of ``slope``.
     """
     r = len(factor)
-    s, n = stuck.size, drag.size
+    s, n = stuck.size, friction_slope.size
     k = r - m - s
     y = np.empty(r)
     free = np.empty(2 * m + k + n)
@@ -75,7 +75,7 @@ def hyperbola_orders(
             free[i] *= gap
         copy_to(free[2 * m :], y[m + s :])
         for i in range(n):
-            free[2 * m + k + i] = drag[i] * y[rubbing[i]]
+            free[2 * m + k + i] = friction_slope[i] * y[friction_nodes[i]]
         for i in range(s):
             free[2 * m + k + stuck[i]] = y[m + i]
         along = 0.0

@@ -36,7 +36,7 @@ from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.near_field import Kernel, kernel_of
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
-from mlsanm_cli.mechanics.rigid import Freedom
+from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.folded import reflected, reflected_numbers
@@ -247,9 +247,9 @@ def model_key(
 
 
 def _refuse_coincident(name: str, cloud: Cloud) -> None:
-    if cloud.crowding.closest < COINCIDENT:
-        x, y = cloud.points[cloud.crowding.node]
-        distance = cloud.crowding.closest
+    if cloud.separation.closest < COINCIDENT:
+        x, y = cloud.points[cloud.separation.node]
+        distance = cloud.separation.closest
         raise NumericalError(
             f"body {name}: two nodes near ({x:.6g}, {y:.6g}) are only {distance:.2g} of the spacing apart",
             "make the spacing smaller there, or leave out the short side, small arc or sharp tip",
@@ -274,7 +274,7 @@ class ElasticBody:
     model: BodyModel
     held: Mapping[str, tuple[bool, bool]]
     springs: Springs
-    free: Freedom
+    free: RigidBodyModes
     first_row: Mapping[str, int]
     rows: int
     pieces: Pieces

@@ -71,7 +71,7 @@ class Corrected:
         """Displacements (2N, c) of the body under ``sources`` (r, c), to ROUGH or better."""
         if self.rough > ROUGH:
             return body.system.solve(sources, QUICK)
-        return body.system.roughly(sources)
+        return body.system.solve_unrefined(sources)
 
 
 def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> Corrected:
@@ -83,7 +83,7 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
 
     Raises NumericalError as :func:`defect_of`.
     """
-    solution = body.system.roughly(source)
+    solution = body.system.solve_unrefined(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
     part = 0.0 if body.model.material.nearly_incompressible else UNSETTLED

@@ -12,11 +12,11 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.mirror import Mirror
 from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.pieces import Pieces
-from mlsanm_cli.mechanics.rigid import Freedom
+from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.operators.folded import Fold
 
 
-def even_motions(cloud: Cloud, free: Freedom) -> Freedom:
+def even_motions(cloud: Cloud, free: RigidBodyModes) -> RigidBodyModes:
     """Of the ``free`` motions those that are their own mirror images: along the mirror."""
     assert cloud.mirror is not None
     along = 1 - cloud.mirror.line.axis

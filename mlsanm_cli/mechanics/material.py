@@ -67,13 +67,13 @@ class PlaneMaterial:
     def _surface(self) -> FloatArray:
         return surface_compliance(self.stiffness)
 
-    def softness(self, direction: FloatArray) -> FloatArray:
+    def contact_compliance(self, direction: FloatArray) -> FloatArray:
         """1/E' (m,) of a half-plane's surface along unit vectors ``direction`` (m, 2); 1/E* is the sum of two
         bodies'."""
         result: FloatArray = 0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, direction)
         return result
 
-    def across_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
+    def out_of_plane_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
         """sigma_zz (n,) beside plane ``stress`` (n, 3) after a change of ``temperature``, one or (n,)."""
         # Where nothing is heated, an expansion that is not known does not matter.
         heat = np.where(temperature, self.across_heat * np.asarray(temperature), 0.0)

@@ -40,7 +40,7 @@ def rigid_pattern(points: FloatArray, center: tuple[float, float], component: in
 
 
 @dataclass(frozen=True)
-class Freedom:
+class RigidBodyModes:
     """The rigid motions that nothing holds: ``components`` 0 (x), 1 (y), 2 (rotation about ``center``)."""
 
     center: tuple[float, float]
@@ -52,7 +52,7 @@ class Freedom:
         return np.stack(columns, axis=1) if columns else np.zeros((2 * len(points), 0))
 
 
-def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> Freedom:
+def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> RigidBodyModes:
     """What ``held`` (n, 2), the held components of nodes ``points`` (n, 2), leaves free.
 
     A body that turns freely does so about what holds it, else about its centroid, for which the nodes'
@@ -65,16 +65,16 @@ def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> Freedom:
     whole[:, ROTATION] /= size
     rows = whole[held.ravel()]
     if not len(rows):
-        return Freedom(center, (0, 1, ROTATION))
+        return RigidBodyModes(center, (0, 1, ROTATION))
     _, sizes, motions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
     free = motions[np.append(sizes, np.zeros(3 - len(sizes))) <= HELD * sizes[0]]
     along = [axis for axis in (0, 1) if np.abs(rows[:, axis]).max() == 0.0]
     if len(free) == len(along):
-        return Freedom(center, tuple(along))
+        return RigidBodyModes(center, tuple(along))
     # What turns the body may move it along the free axes too, which would only shift the centre.
     turning = free.T @ np.linalg.solve(free[:, [*along, ROTATION]].T, np.eye(len(free))[-1])
     x, y, turn = turning[0], turning[1], turning[ROTATION] / size
-    return Freedom((center[0] - float(y / turn), center[1] + float(x / turn)), (*along, ROTATION))
+    return RigidBodyModes((center[0] - float(y / turn), center[1] + float(x / turn)), (*along, ROTATION))
 
 
 def free_motions(
@@ -82,7 +82,7 @@ def free_motions(
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],
     springs: Springs,
-) -> Freedom:
+) -> RigidBodyModes:
     """The rigid motions of a body that its held surfaces, held nodes and springs leave free."""
     mask = np.zeros((len(cloud.points), 2), dtype=bool)
     for name, components in held.items():
@@ -106,7 +106,7 @@ def independent_rows(columns: FloatArray) -> list[int]:
     return [int(pivot) - 1 for pivot in pivots[: columns.shape[1]]]
 
 
-def pins(points: FloatArray, free: Freedom) -> list[tuple[int, int]]:
+def pins(points: FloatArray, free: RigidBodyModes) -> list[tuple[int, int]]:
     """As many (node, component) pairs as there are free motions that together forbid them all."""
     patterns = free.patterns(points)
     if not free.components:
@@ -139,17 +139,17 @@ class FreeSystem:
         """Solutions (n, c) without mean motion for right-hand sides ``sources`` (r, c), balanced first."""
         return self._centred(self.system.solve(self._balanced(sources), tolerance))
 
-    def checked(
+    def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Solutions (n, c) without mean motion, and what the last update changed of each (c,), relatively."""
         pinned = None if start is None else self._pinned(start)
-        solution, change = self.system.checked(self._balanced(sources), pinned)
+        solution, change = self.system.solve_with_error(self._balanced(sources), pinned)
         return self._centred(solution), change
 
-    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+    def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone."""
-        return self._centred(self.system.roughly(self._balanced(sources)))
+        return self._centred(self.system.solve_unrefined(self._balanced(sources)))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
         """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
@@ -201,6 +201,6 @@ class FreeSystem:
         """The equations of the pinned body."""
         return self.system.equations(self._balanced(sources))
 
-    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+    def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """What ``solution`` (n,) has too much in each equation of the pinned body."""
-        return self.system.excess(source + self.balance @ (self.work @ source), solution)
+        return self.system.residual_vector(source + self.balance @ (self.work @ source), solution)

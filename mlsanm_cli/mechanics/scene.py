@@ -118,7 +118,7 @@ class Obstacle:
 
 
 @dataclass(frozen=True)
-class LooseBody:
+class FloatingBody:
     """A body with rigid motions that only its contacts can hold: they are unknown, and it is in equilibrium.
 
     A motion that nothing resists and no force drives is prescribed at zero.
@@ -135,7 +135,7 @@ class LooseBody:
         return (self.body,)
 
 
-Mover = Platen | Obstacle | LooseBody
+RigidConstraint = Platen | Obstacle | FloatingBody
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ class Scene:
     heatings: tuple[Heating, ...] = ()
     probes: tuple[Probe, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
-    loose: tuple[LooseBody, ...] = ()
+    loose: tuple[FloatingBody, ...] = ()
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
 
     def surface(self, body: str, name: str) -> Surface:
@@ -207,20 +207,20 @@ class Scene:
         )
 
     @property
-    def movers(self) -> tuple[Mover, ...]:
+    def rigid_constraints(self) -> tuple[RigidConstraint, ...]:
         """All that moves rigidly."""
         return (*self.platens, *self.obstacles, *self.loose)
 
     @property
-    def unknown_motions(self) -> list[tuple[Mover, RigidMotion]]:
+    def unknown_motions(self) -> list[tuple[RigidConstraint, RigidMotion]]:
         """Motions to be solved for, in the order of the unknowns q."""
-        return [(mover, m) for mover in self.movers for m in mover.motions if m.prescribed is None]
+        return [(mover, m) for mover in self.rigid_constraints for m in mover.motions if m.prescribed is None]
 
     def loose_patterns(self, body: str) -> FloatArray:
         """Displacements (2N, k) of a body under the unknown motions q that it is loose in, 0 for others."""
         nodes = self.bodies[body].model.nodes
         patterns = np.zeros((2 * len(nodes), len(self.unknown_motions)))
         for column, (mover, motion) in enumerate(self.unknown_motions):
-            if isinstance(mover, LooseBody) and mover.body == body:
+            if isinstance(mover, FloatingBody) and mover.body == body:
                 patterns[:, column] = rigid_pattern(nodes, mover.center, motion.component).ravel()
         return patterns

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
-from mlsanm_cli.cloud.sight import Sight
+from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.kernels.fits import fit_derivatives
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import neighbors_of, sound_fits
@@ -21,7 +21,7 @@ def fitted_derivatives(
     targets: FloatArray,
     settings: MlsSettings,
     field: FloatArray,
-    sight: Sight | None = None,
+    sight: VisibilityCriterion | None = None,
     known: IndexArray | None = None,
 ) -> FloatArray:
     """Value and derivatives (e, 6, c) of a nodal ``field`` (n, c) at ``targets`` (e, 2), degree 2 at least.

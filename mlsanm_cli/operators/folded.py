@@ -189,18 +189,18 @@ class Folded:
         """Solutions (n, c) for the symmetric part of ``sources`` (r, c)."""
         return self.fold.spread(self.system.solve(self.fold.sources(sources), tolerance))
 
-    def checked(
+    def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Solutions (n, c) for ``sources`` (r, c), and what the last update changed of each, or what of the
         sources was not symmetric: (c,)."""
         begun = None if start is None else self.fold.taken(start)
-        solutions, worth = self.system.checked(self.fold.sources(sources), begun)
+        solutions, worth = self.system.solve_with_error(self.fold.sources(sources), begun)
         return self.fold.spread(solutions), np.maximum(worth, self.fold.lost(sources))
 
-    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+    def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone, for the symmetric part of ``sources`` (r, c)."""
-        return self.fold.spread(self.system.roughly(self.fold.sources(sources)))
+        return self.fold.spread(self.system.solve_unrefined(self.fold.sources(sources)))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
         """A step of refinement of a ``solution`` (n, 1), and solutions for ``more`` (r, 1), (n, 2)."""
@@ -238,7 +238,7 @@ class Folded:
         """No system of several bodies has been made of halves: TypeError."""
         raise TypeError("equations of all bodies together need whole ones")
 
-    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+    def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """As :meth:`equations`: TypeError."""
         raise TypeError("equations of all bodies together need whole ones")
 

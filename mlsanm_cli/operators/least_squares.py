@@ -82,7 +82,7 @@ class LeastSquares:
         solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
         return self.conditions.met(solution, self._sums(scaled))
 
-    def checked(
+    def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Solutions (n, c) for ``sources`` (r, c), from a multiple of a ``start`` (n, 1) if one near them is
@@ -101,7 +101,7 @@ class LeastSquares:
         solution, _, progress = self._further(force, lack, solution, progress)
         return self.conditions.met(solution, wanted), relative(progress.last, solution)
 
-    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+    def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
         scaled = self.scaled(sources)
         return self._answer(scaled, self._sums(scaled))
@@ -216,7 +216,7 @@ class LeastSquares:
         caused = caused + turned @ sparse.csr_array((weighted.T @ holding.T).T)
         return Equations(sparse.csr_array(normal), sparse.csr_array(caused), definite=True)
 
-    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+    def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """The gradient (n,) of half the sum of squares, formed from the rows' own residuals, less what holds
         the conditions."""
         scaled = np.concatenate([self.weight * source[: len(self.weight)], self.strong.loads @ source])

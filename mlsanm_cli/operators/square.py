@@ -37,7 +37,7 @@ class Square:
         first = self.factor.solve(rhs)
         return refine(first, self._update(rhs), Progress.of(first, tolerance))[0]
 
-    def checked(
+    def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Solutions (n, c) for ``sources`` (r, c), from a multiple of a ``start`` (n, 1) if one near them is
@@ -52,7 +52,7 @@ class Square:
         solution, progress = refine(first, self._update(rhs), progress)
         return solution, relative(progress.last, solution)
 
-    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+    def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
         return self.factor.solve(self.scaled(sources))
 
@@ -104,7 +104,7 @@ class Square:
         """The matrix as it is."""
         return Equations(self.matrix, sparse.csr_array(self.choice @ sources), definite=False)
 
-    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+    def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """Left-hand side less right-hand side (n,)."""
         return np.asarray(self.matrix @ solution - self.choice @ source)
 

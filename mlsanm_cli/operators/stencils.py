@@ -8,7 +8,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.search import nearest
-from mlsanm_cli.cloud.sight import Sight
+from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
 from mlsanm_cli.operators.settings import MlsSettings
@@ -68,7 +68,7 @@ def build_stencils(
     targets: FloatArray,
     order: int,
     settings: MlsSettings,
-    sight: Sight | None = None,
+    sight: VisibilityCriterion | None = None,
     known: IndexArray | None = None,
 ) -> Stencils:
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
@@ -90,7 +90,7 @@ def build_gradients(
     centers: FloatArray,
     targets: FloatArray,
     settings: MlsSettings,
-    sight: Sight | None = None,
+    sight: VisibilityCriterion | None = None,
     values: bool = False,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the weights (nnz, 2 t) of d/dx and d/dy at each of their t
@@ -106,7 +106,7 @@ def _built(
     targets: FloatArray,
     orders: tuple[int, int],
     settings: MlsSettings,
-    sight: Sight | None,
+    sight: VisibilityCriterion | None,
     known: IndexArray | None,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the derivatives of the least to the highest of ``orders`` at their
@@ -216,7 +216,7 @@ def neighbors_of(
     tree: cKDTree,
     targets: FloatArray,
     size: int,
-    sight: Sight | None,
+    sight: VisibilityCriterion | None,
     known: IndexArray | None = None,
 ) -> tuple[FloatArray, IntArray]:
     """Radii (e,) and numbers (e, size) of stencils, the nearest nodes that the ``targets`` (e, 2) see.
@@ -261,7 +261,7 @@ def _distance(points: FloatArray, targets: FloatArray, numbers: IndexArray | Int
 
 
 def _seen(
-    points: FloatArray, sight: Sight, tree: cKDTree, targets: FloatArray, size: int
+    points: FloatArray, sight: VisibilityCriterion, tree: cKDTree, targets: FloatArray, size: int
 ) -> tuple[FloatArray, IntArray]:
     """Radii (e,) and numbers (e, size) of the nearest nodes on each target's own side of the slits."""
     indices = np.empty((len(targets), size), dtype=np.int64)

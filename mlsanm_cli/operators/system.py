@@ -30,7 +30,7 @@ class LinearSystem(Protocol):
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
         ...
 
-    def checked(
+    def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Solutions (n, c) for ``sources`` (r, c), and what the last update changed of each (c,), relatively:
@@ -38,7 +38,7 @@ class LinearSystem(Protocol):
         there is one near them."""
         ...
 
-    def roughly(self, sources: sparse.csc_array) -> FloatArray:
+    def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone; :meth:`residual` tells what they are worth."""
         ...
 
@@ -83,7 +83,7 @@ class LinearSystem(Protocol):
         """The equations for right-hand sides ``sources`` (r, c), to be factorised together with others."""
         ...
 
-    def excess(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+    def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """What ``solution`` (n,) has too much in each equation (n,) for a right-hand side ``source`` (r,),
         to more digits than the matrix of :meth:`equations` would tell."""
         ...

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app import scene
+from mlsanm_cli.app.scene import assemble as scene
 from mlsanm_cli.cli.settings import THREAD_VARIABLES
-from mlsanm_cli.io import figures
+from mlsanm_cli.io.plots import figures
 from tests.app.scenes import BAR, PATCH, PUNCHES, hertz, solve
 
 
@@ -37,7 +37,7 @@ def _coarse_pictures() -> Iterator[None]:
 @pytest.fixture
 def by_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
     """No contact has a grid of its own, even off all corners."""
-    monkeypatch.setattr(scene, "clear_contacts", lambda *given: {})
+    monkeypatch.setattr(scene, "contact_ranges", lambda *given: {})
 
 
 @pytest.fixture(scope="session")

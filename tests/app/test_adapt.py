@@ -9,21 +9,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import adapt, build, scene
-from mlsanm_cli.app.adapt import ROUGH
-from mlsanm_cli.app.build import Built, complete, place
-from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.app.assessment import refinement as adapt
+from mlsanm_cli.app.assessment.refinement import ROUGH
+from mlsanm_cli.app.scene import assemble as scene
+from mlsanm_cli.app.scene import build
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.build import condense_scene, place
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.contact.patches import contact_patches
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.geometry.patches import contact_patches
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.kernels.jit import Loaded
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.reference.lame import LameRing
+from mlsanm_cli.solve.condensed_scene import CondensedScene
 from tests.app.scenes import BAR, NODAL, PATCH, Quiet, assert_same_bits, solve
 
 pytestmark = pytest.mark.usefixtures("by_nodes")
@@ -239,15 +242,15 @@ def test_a_body_that_no_pass_changes_keeps_its_operators(
     assert passes > 1
     assert (made.count("block"), made.count("far")) == (passes, 1)
 
-    def placed(*given: Any) -> Prepared:
+    def placed(*given: Any) -> SceneModel:
         return place(*given[:5])
 
-    def completed(*given: Any) -> Built:
-        return complete(*given[:5])
+    def completed(*given: Any) -> CondensedScene:
+        return condense_scene(*given[:5])
 
     made.clear()
     monkeypatch.setattr(adapt, "place", placed)
-    monkeypatch.setattr(adapt, "complete", completed)
+    monkeypatch.setattr(adapt, "condense_scene", completed)
     solve(text, tmp_path / "anew", "adapt.passes=1")
     assert made.count("far") == passes
     assert_same_bits(tmp_path / "kept", tmp_path / "anew")

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.causes import strain_of
-from mlsanm_cli.app.sweep import Wishes, sweep
+from mlsanm_cli.app.scene.causes import strain_of
+from mlsanm_cli.app.sweep.run_sweep import SweepOptions, sweep
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import CaseError
 from tests.app.scenes import Quiet, hertz, solve
@@ -65,4 +65,4 @@ def test_values_that_vary_are_listed_without_brackets(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
     case.write_text(hertz())
     with pytest.raises(CaseError, match=r"--vary: solver.order: .*--vary solver\.order=10,12"):
-        sweep(case, ["solver.order=[10, 12]"], Wishes(), out=tmp_path / "all", console=Quiet())
+        sweep(case, ["solver.order=[10, 12]"], SweepOptions(), out=tmp_path / "all", console=Quiet())

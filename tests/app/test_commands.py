@@ -12,17 +12,18 @@ import meshio
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import plot as plot_module
-from mlsanm_cli.app import quality, views
+from mlsanm_cli.app.assessment import quality
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.history import pressures_at
-from mlsanm_cli.app.info import info
-from mlsanm_cli.app.plot import plot
+from mlsanm_cli.app.results import plot as plot_module
+from mlsanm_cli.app.results import views
+from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.results.info import info
+from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.warmup import warmup
 from mlsanm_cli.cli import main
 from mlsanm_cli.cloud.quality import CloudQuality
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.plot_cloud import CloudBody
+from mlsanm_cli.io.plots.cloud import CloudBody
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 

@@ -11,23 +11,23 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import measure as measure_module
-from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.compare import Wishes, compare
-from mlsanm_cli.app.differences import AMPLIFIED, Difference, other_law_limit
-from mlsanm_cli.app.methods import chosen_methods, law_of
-from mlsanm_cli.app.paths import load_path
-from mlsanm_cli.app.states import PathStep
+from mlsanm_cli.app.comparison import measure as measure_module
+from mlsanm_cli.app.comparison.compare import CompareOptions, compare
+from mlsanm_cli.app.comparison.differences import AMPLIFIED, Difference, other_law_limit
+from mlsanm_cli.app.comparison.methods import chosen_methods, law_of
 from mlsanm_cli.case import Case, Solver, load_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.paths import load_path
+from mlsanm_cli.solve.state import PathStep
 from tests.app.scenes import BAR, COARSE, PATCH, PUNCHES, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
 ONCE = "stage=[{press=1.0},{shear=1.0}]"
-QUICK = Wishes(("active-set",), levels=4, picture=False)
+QUICK = CompareOptions(("active-set",), levels=4, picture=False)
 
 
 def write(directory: Path, text: str) -> Path:
@@ -37,7 +37,7 @@ def write(directory: Path, text: str) -> Path:
 
 
 def compared(
-    directory: Path, text: str, wishes: Wishes = QUICK, *overrides: str, console: Quiet | None = None
+    directory: Path, text: str, wishes: CompareOptions = QUICK, *overrides: str, console: Quiet | None = None
 ) -> dict[str, Any]:
     case = write(directory, text)
     found = compare(
@@ -143,7 +143,7 @@ def test_friction_without_memory_has_an_exact_law_of_its_own(tmp_path: Path) -> 
 def perturbed(size: float) -> Any:
     """A path whose pressures are off by a part, of the active set only."""
 
-    def path(built: Built) -> Iterator[PathStep]:
+    def path(built: CondensedScene) -> Iterator[PathStep]:
         for step in load_path(built):
             if built.case.solver.method == "active-set":
                 saved = tuple(replace(s, pressure=(1.0 + size) * s.pressure) for s in step.saved)
@@ -171,7 +171,7 @@ def test_a_small_difference_between_equal_laws_is_found(
     assert loose["status"] == "agree"
 
 
-def failing(built: Built) -> Iterator[PathStep]:
+def failing(built: CondensedScene) -> Iterator[PathStep]:
     """A path of which the active set finds the first state only."""
     steps = load_path(built)
     yield next(steps)
@@ -219,15 +219,15 @@ def test_exit_codes_and_table(
 def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     for text, wishes, overrides, words in (
         (BAR, QUICK, (), "no [[contact]]"),
-        (hertz(), Wishes(), (), "nothing to compare"),
-        (SHEARED, Wishes(("active-set",), analytic=True), (), "--analytic"),
+        (hertz(), CompareOptions(), (), "nothing to compare"),
+        (SHEARED, CompareOptions(("active-set",), analytic=True), (), "--analytic"),
     ):
         with pytest.raises(RunError) as refused:
             compared(tmp_path, text, wishes, *overrides)
         assert words in refused.value.message
         assert refused.value.hint
     assert not (tmp_path / "out").exists()
-    only_formula = compared(tmp_path, hertz(), Wishes(analytic=True, levels=1, picture=False))
+    only_formula = compared(tmp_path, hertz(), CompareOptions(analytic=True, levels=1, picture=False))
     assert only_formula["status"] == "agree"
 
 

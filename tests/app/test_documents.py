@@ -12,13 +12,13 @@ import pytest
 from click import Context
 from pydantic import BaseModel
 
-from mlsanm_cli.app.compare import Wishes, compare
-from mlsanm_cli.app.differences import AMPLIFIED, ROUNDED_EDGE, SOFT_STICK
-from mlsanm_cli.app.judge import BALANCE_LIMIT, BALANCE_WARNING
+from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT, BALANCE_WARNING
+from mlsanm_cli.app.comparison.compare import CompareOptions, compare
+from mlsanm_cli.app.comparison.differences import AMPLIFIED, ROUNDED_EDGE, SOFT_STICK
 from mlsanm_cli.case import Body, Case, Contact, load_case, resolved_mapping
-from mlsanm_cli.case.loads import LOADS
-from mlsanm_cli.case.model import Adapt, Mls, Refine, Regularization, Solver, Support
-from mlsanm_cli.case.shapes import SHAPES
+from mlsanm_cli.case.model.case import Adapt, Mls, Refine, Regularization, Solver, Support
+from mlsanm_cli.case.model.loads import LOADS
+from mlsanm_cli.case.model.shapes import SHAPES
 from mlsanm_cli.cli import main
 from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.main import BUG, STOPPED, USAGE
@@ -180,7 +180,9 @@ def test_limits_are_documented() -> None:
 
 def test_comparisons_are_documented(tmp_path: Path) -> None:
     (tmp_path / "patch.toml").write_text(PATCH)
-    found = compare(tmp_path / "patch.toml", Wishes(analytic=True), out=tmp_path / "out", console=Quiet())
+    found = compare(
+        tmp_path / "patch.toml", CompareOptions(analytic=True), out=tmp_path / "out", console=Quiet()
+    )
     section = RUN_DIRECTORY[RUN_DIRECTORY.index("## `comparison.json`") :]
     for key in {*found, *(key for row in found["methods"] for key in row)} - {"directory"}:
         assert f"`{key}`" in section, key

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import energy
-from mlsanm_cli.app.info import info
-from mlsanm_cli.app.judge import EnergyVerdict, judge_energy, judge_estimates
+from mlsanm_cli.app.assessment import energy
+from mlsanm_cli.app.assessment.checks import EnergyVerdict, check_energy, check_estimates
+from mlsanm_cli.app.results.info import info
 from mlsanm_cli.cli import main
-from mlsanm_cli.contact.work import work_on
+from mlsanm_cli.contact.response.work import work_on
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics import pieces
@@ -217,12 +217,12 @@ def test_bodies_without_energy_do_not_count(tmp_path: Path, monkeypatch: pytest.
 def test_limits(error: float, passes: bool) -> None:
     verdict = EnergyVerdict(error, {"good": 0.001, "bad": error})
     if passes:
-        text = judge_energy(verdict)
+        text = check_energy(verdict)
         assert bool(text) == (abs(error) > 0.03)
         assert not text or "5 % below" in text
     else:
         with pytest.raises(NumericalError, match="body bad"):
-            judge_energy(verdict)
+            check_energy(verdict)
 
 
 def test_a_scene_without_loads_has_no_error(tmp_path: Path) -> None:
@@ -247,9 +247,9 @@ def test_large_estimates_are_warned_of() -> None:
     built: Any = SimpleNamespace(
         scene=SimpleNamespace(bodies={"arm": None}), condensed=SimpleNamespace(pairings=pairings)
     )
-    assert judge_estimates(built, {"pin": 0.09, "bolt": None}, 0.09) == []
-    assert judge_estimates(built, {"pin": None}, None) == []
-    texts = judge_estimates(built, {"pin": 0.12, "bolt": 0.01}, 0.37)
+    assert check_estimates(built, {"pin": 0.09, "bolt": None}, 0.09) == []
+    assert check_estimates(built, {"pin": None}, None) == []
+    texts = check_estimates(built, {"pin": 0.12, "bolt": 0.01}, 0.37)
     assert [text.partition(";")[0] for text in texts] == [
         "displacements are estimated to be off by 37 %",
         "contact pin: its pressures are estimated to be off by 12 %",

@@ -12,15 +12,18 @@ import meshio
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import certificate, judge, recording
 from mlsanm_cli.app import run as run_module
-from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.marks import Start
-from mlsanm_cli.app.paths import load_path
-from mlsanm_cli.app.states import PathStep, State
-from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.linear_map import LinearMap
+from mlsanm_cli.app.assessment import checks as judge
+from mlsanm_cli.app.output import recording
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.solve import coercivity as certificate
+from mlsanm_cli.solve.checkpoint import Start
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.fields import fields_of
+from mlsanm_cli.solve.paths import load_path
+from mlsanm_cli.solve.state import PathStep, State
 from tests.app.scenes import BAR, NODAL, PATCH, hertz, solve
 from tests.app.test_friction import EXACT, SHEARED
 
@@ -28,10 +31,10 @@ BAD = [1e3, float("nan")]
 Change = Callable[[State], State]
 
 
-def altered(change: Change, saved: bool) -> Callable[[Built, Start], Iterator[PathStep]]:
+def altered(change: Change, saved: bool) -> Callable[[CondensedScene, Start], Iterator[PathStep]]:
     """A path whose last state, or last saved state, is another."""
 
-    def path(built: Built, start: Start) -> Iterator[PathStep]:
+    def path(built: CondensedScene, start: Start) -> Iterator[PathStep]:
         end = float(len(built.case.stage))
         for step in load_path(built, start):
             if step.state.position < end:
@@ -130,7 +133,7 @@ def test_a_force_balance(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize("bad", BAD)
 @pytest.mark.parametrize("fields", ["[]", '["displacement"]'])
 def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    kept = recording.fields_of
+    kept = fields_of
 
     def found(*arguments: Any, **options: Any) -> Any:
         return [(fields, bad) for fields, _ in kept(*arguments, **options)]
@@ -154,7 +157,7 @@ def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
     summary = solve(PATCH, tmp_path / "body")
     assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
     bad.clear()
-    whole, calls = recording.fields_of, iter([float("nan")])
+    whole, calls = fields_of, iter([float("nan")])
 
     def once(*arguments: Any, **options: Any) -> Any:
         return [(fields, next(calls, 1e-12)) for fields, _ in whole(*arguments, **options)]

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.compare import Wishes, compare
-from mlsanm_cli.app.plot import plot
-from mlsanm_cli.app.probe import probe_named, probe_point
+from mlsanm_cli.app.comparison.compare import CompareOptions, compare
+from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.errors import CaseError, RunError
 from tests.app.scenes import Quiet, solve
@@ -192,7 +192,7 @@ def test_arch_snaps_through(tmp_path: Path) -> None:
 def test_series_and_newton_go_the_same_way(tmp_path: Path) -> None:
     case = tmp_path / "beam.toml"
     case.write_text(BEAM)
-    wishes = Wishes(("newton",), levels=2, picture=False)
+    wishes = CompareOptions(("newton",), levels=2, picture=False)
     result = compare(case, wishes, out=tmp_path / "out", console=Quiet())
     assert result["status"] == "agree"
     anm, newton = result["methods"]
@@ -200,7 +200,7 @@ def test_series_and_newton_go_the_same_way(tmp_path: Path) -> None:
     assert newton["difference"]["displacement"] <= 2e-3
     assert json.loads((tmp_path / "out" / "comparison.json").read_text())["status"] == "agree"
     with pytest.raises(RunError, match=r"--active-set"):
-        compare(case, Wishes(("active-set",)), out=tmp_path / "out", force=True, console=Quiet())
+        compare(case, CompareOptions(("active-set",)), out=tmp_path / "out", force=True, console=Quiet())
 
 
 def test_pressure_that_follows(tmp_path: Path) -> None:

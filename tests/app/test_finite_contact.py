@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.compare import Wishes, compare
-from mlsanm_cli.app.plot import plot
-from mlsanm_cli.app.probe import probe_contact, probe_force
+from mlsanm_cli.app.comparison.compare import CompareOptions, compare
+from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
@@ -73,7 +73,9 @@ def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
     assert (np.array(seen["pressure"]) * np.array(seen["gap"])).max() <= 1e-12
     assert {file.name for file in plot(directory)} >= {"plot_pressure_under.png", "plot_force.png"}
     with pytest.raises(RunError, match=r"one method only"):
-        compare(directory.with_suffix(".toml"), Wishes(("newton",)), out=tmp_path / "c", console=Quiet())
+        compare(
+            directory.with_suffix(".toml"), CompareOptions(("newton",)), out=tmp_path / "c", console=Quiet()
+        )
 
 
 def test_plate_makes_an_even_state(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import meshio
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.foreign import load_with_files
-from mlsanm_cli.app.plot import plot
+from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.run import run
+from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import case_hash
 from mlsanm_cli.cli import main

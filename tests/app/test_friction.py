@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.plot import plot
-from mlsanm_cli.contact.rubbing import RubbingTangent
+from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.contact.laws.regularized_friction import RubbingTangent
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json

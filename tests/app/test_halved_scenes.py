@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import adapt, scene
-from mlsanm_cli.app.build import build_scene, place
-from mlsanm_cli.app.certificate import BULK_LIMIT, HALF_LIMIT
+from mlsanm_cli.app.assessment import refinement as adapt
 from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.compare import Wishes, compare
-from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.app.comparison.compare import CompareOptions, compare
+from mlsanm_cli.app.scene import assemble as scene
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.build import build_scene, place
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.operators.folded import Folded
+from mlsanm_cli.solve.coercivity import BULK_LIMIT, HALF_LIMIT
 from tests.app.scenes import COARSE, NODAL, Quiet, solve
 
 pytestmark = pytest.mark.usefixtures("by_nodes")
@@ -160,15 +161,15 @@ def test_pressures_of_a_fit_are_symmetric(tmp_path: Path, monkeypatch: pytest.Mo
 def test_monolithic_methods_take_whole_equations(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
     case.write_text(pressed())
-    wishes = Wishes(("monolithic",), levels=1, picture=False)
+    wishes = CompareOptions(("monolithic",), levels=1, picture=False)
     found = compare(case, wishes, overrides=COARSE, out=tmp_path / "out", console=Quiet())
     assert found["status"] == "agree"
 
 
 def test_passes_keep_a_scene_symmetric(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[Prepared] = []
+    made: list[SceneModel] = []
 
-    def kept(*given: Any) -> Prepared:
+    def kept(*given: Any) -> SceneModel:
         made.append(place(*given))
         return made[-1]
 
@@ -189,7 +190,7 @@ def test_halves_of_bodies_are_of_no_use_to_a_scene_that_is_not_symmetric(
     prepared = build_scene(case, clock, Quiet())
     assert prepared.line is not None
 
-    def unlike(*given: Any) -> Prepared:
+    def unlike(*given: Any) -> SceneModel:
         monkeypatch.setattr(scene, "even_scene", whole)
         return place(*given)
 

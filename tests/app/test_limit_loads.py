@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.contact.limit_load import limit_load
+from mlsanm_cli.contact.laws.limit_load import limit_load
 from tests.app.scenes import solve
 from tests.contact.friction import half_planes
 

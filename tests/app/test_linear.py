@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app import estimate
 from mlsanm_cli.app.run import run
+from mlsanm_cli.app.scene import size_estimate as estimate
 from mlsanm_cli.case import load_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError

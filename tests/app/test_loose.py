@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.clouds import clouds
-from mlsanm_cli.app.scene import equip, prepare
-from mlsanm_cli.app.stages import stage_factors
+from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare
+from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import disk
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.active_set import solve_exact
-from mlsanm_cli.contact.condensed import condense
+from mlsanm_cli.contact.laws.active_set import solve_exact
+from mlsanm_cli.contact.response.condensed import condense
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
+from mlsanm_cli.solve.load_factors import stage_factors
 from tests.app.scenes import Quiet, solve
 
 DISK = """
@@ -126,7 +126,7 @@ def test_both_contacts_of_a_mirrored_disk_are_alike(scale: float, largest: float
     case = parse_case(text, Path("case.toml")).case
     placed = clouds(case)
     prepared = prepare(case, {"disk": mirrored(placed["disk"])}, grids=False)
-    condensed = condense(equip(case, prepared, CholeskySolver()), prepared.pairings)
+    condensed = condense(assemble_bodies(case, prepared, CholeskySolver()), prepared.pairings)
     pressure = solve_exact(condensed, stage_factors(case)[-1]).pressure
     bottom, top = (pressure[condensed.spans[name]] for name in ("bottom", "top"))
     # Both run counter-clockwise: one from left to right, the other from right to left.

@@ -7,16 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app.build import Built, build_scene, complete
 from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.friction_path import FrictionMark
-from mlsanm_cli.app.marks import Start
-from mlsanm_cli.app.paths import load_path
-from mlsanm_cli.app.rubbing_point import RubbingMark
-from mlsanm_cli.app.states import PathStep
+from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.packing import packed, unpacked
+from mlsanm_cli.solve.checkpoint import Start
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.event_driven import FrictionMark
+from mlsanm_cli.solve.paths import load_path
+from mlsanm_cli.solve.regularized_points import RubbingMark
+from mlsanm_cli.solve.state import PathStep
 from tests.app.scenes import BAR, COARSE, PATCH, Quiet, hertz
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
@@ -52,12 +53,12 @@ EVERY = {
 """Only every so many steps are tried where there are many."""
 
 
-def built_of(name: str, directory: Path, *more: str) -> Built:
+def built_of(name: str, directory: Path, *more: str) -> CondensedScene:
     text, settings = SCENES[name]
     case = directory / "case.toml"
     case.write_text(text)
     loaded, clock, console = load_case(case, (*settings, *more)), Clock(), Quiet()
-    return complete(loaded.case, build_scene(loaded, clock, console), clock, console)
+    return condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
 
 
 def bits(step: PathStep) -> bytes:
@@ -117,8 +118,8 @@ def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
 
 def forgetful(mark: FrictionMark | RubbingMark) -> FrictionMark | RubbingMark:
     if isinstance(mark, FrictionMark):
-        return replace(mark, state=replace(mark.state, anchor=0.0 * mark.state.anchor))
-    return replace(mark, anchor=0.0 * mark.anchor)
+        return replace(mark, state=replace(mark.state, stick_reference=0.0 * mark.state.stick_reference))
+    return replace(mark, stick_reference=0.0 * mark.stick_reference)
 
 
 def test_a_mark_without_memory_leads_elsewhere(tmp_path: Path) -> None:

@@ -7,18 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import scene as prepared
-from mlsanm_cli.app.build import Built, build_scene, complete
+from mlsanm_cli.app.assessment.checks import LINEAR_LIMIT
 from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.judge import LINEAR_LIMIT
-from mlsanm_cli.app.paths import path_of
-from mlsanm_cli.app.recording import fields_of
-from mlsanm_cli.app.series_path import coupling_of, regularization
-from mlsanm_cli.app.states import State
+from mlsanm_cli.app.scene import assemble as prepared
+from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
-from mlsanm_cli.contact.coupling import DenseCoupling
-from mlsanm_cli.contact.hyperbolic import HyperbolicContact
-from mlsanm_cli.contact.monolithic import SparseCoupling
+from mlsanm_cli.contact.laws.coupling import DenseCoupling
+from mlsanm_cli.contact.laws.hyperbolic import HyperbolicContact
+from mlsanm_cli.contact.monolithic.system import SparseCoupling
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.fields import fields_of
+from mlsanm_cli.solve.paths import path_of
+from mlsanm_cli.solve.series import coupling_of, regularization
+from mlsanm_cli.solve.state import State
 from tests.app.scenes import COARSE, PATCH, Quiet, hertz, solve
 from tests.contact.derivatives import tangent_times
 
@@ -76,7 +77,7 @@ def _whole_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prepared, "even_scene", lambda *given: None)
 
 
-def build(scene: str, formulation: str, directory: Path) -> Built:
+def build(scene: str, formulation: str, directory: Path) -> CondensedScene:
     """A scene without its reference, ready for its path."""
     text, overrides = SCENES[scene]
     if "\n" not in text:
@@ -85,10 +86,10 @@ def build(scene: str, formulation: str, directory: Path) -> Built:
     case.write_text(text.partition("[reference]")[0])
     clock, console = Clock(), Quiet()
     loaded = load_case(case, (*overrides, SHARP, f'solver.formulation="{formulation}"'))
-    return complete(loaded.case, build_scene(loaded, clock, console), clock, console)
+    return condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
 
 
-def saved(built: Built) -> list[State]:
+def saved(built: CondensedScene) -> list[State]:
     return [state for step in path_of(built) for state in step.saved]
 
 
@@ -133,7 +134,10 @@ def test_rows_are_the_condensed_ones_at_what_the_bodies_answer(scene: str, tmp_p
     ours, theirs = coupling_of(built, law).softened(), DenseCoupling.of(built.condensed, law)
     assert isinstance(ours, SparseCoupling)
     rng, c = np.random.default_rng(2), built.condensed
-    p, t = law.pressure * rng.uniform(0.0, 1.0, len(c.weight)), law.pressure * rng.normal(size=len(c.rubbing))
+    p, t = (
+        law.pressure * rng.uniform(0.0, 1.0, len(c.weight)),
+        law.pressure * rng.normal(size=len(c.friction_nodes)),
+    )
     f = np.asarray(rng.uniform(size=built.stages.shape[1]))
     q = law.motion * rng.normal(size=len(law.motion))
     u = [c.displacement(built.scene, name, (f, q, p, t)).ravel() for name in built.scene.bodies]

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact import grid, near_fields
+from mlsanm_cli.contact.geometry import grid
+from mlsanm_cli.contact.response import near_fields
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
 from tests.app.scenes import Quiet, solve

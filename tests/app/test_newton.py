@@ -10,15 +10,16 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.build import Built, build_scene, complete
 from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.history import pressures_at
-from mlsanm_cli.app.homotopy import lowered
-from mlsanm_cli.app.paths import path_of
-from mlsanm_cli.app.states import State
+from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.homotopy import lowered
+from mlsanm_cli.solve.paths import path_of
+from mlsanm_cli.solve.state import State
 from tests.app.scenes import NODAL, Quiet, hertz, solve
 from tests.app.test_friction import HOLONOMIC, SHEARED
 
@@ -27,12 +28,12 @@ SMOOTH = 'contact.interface.regularization.law="hyperbolic"'
 CASES = Path(__file__).parents[2] / "cases"
 
 
-def built_of(path: Path, *settings: str) -> Built:
+def built_of(path: Path, *settings: str) -> CondensedScene:
     loaded, clock, console = load_case(path, settings), Clock(), Quiet()
-    return complete(loaded.case, build_scene(loaded, clock, console), clock, console)
+    return condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
 
 
-def saved(built: Built, **solver: Any) -> list[State]:
+def saved(built: CondensedScene, **solver: Any) -> list[State]:
     """The wanted states by another method or tolerance; no step exceeds the tolerance."""
     settings = built.case.solver.model_copy(update=solver)
     steps = list(path_of(replace(built, case=built.case.model_copy(update={"solver": settings}))))

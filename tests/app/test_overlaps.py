@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.deformed import distances
+from mlsanm_cli.app.assessment.deformed import distances
 from tests.app.scenes import solve
 
 SOLID = """

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mlsanm_cli.app import overlay
-from mlsanm_cli.app import plot as plot_module
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.plot import plot
-from mlsanm_cli.app.plot_choice import Choice, told
+from mlsanm_cli.app.results import overlay
+from mlsanm_cli.app.results import plot as plot_module
+from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.plot_choice import Choice, told
 from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.plot_overlay import Curve, plot_curves
+from mlsanm_cli.io.plots.overlay import Curve, plot_curves
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 from tests.app.test_paraview import CYLINDER

@@ -8,12 +8,12 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.history import pressures_at
-from mlsanm_cli.app.judge import POLISH_WARNING, judge_polish
-from mlsanm_cli.app.states import Polish
+from mlsanm_cli.app.assessment.checks import POLISH_WARNING, check_polish
+from mlsanm_cli.app.results.history import pressures_at
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.solve.state import Polish
 from tests.app.scenes import BAR, NODAL, PATCH, Quiet, hertz, solve
 from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
 
@@ -30,8 +30,8 @@ def test_polished_levels_are_exact(text: str, levels: str, tmp_path: Path) -> No
     solve(text, tmp_path / "smooth", levels, COARSE, SMOOTH, *rough)
     polished = solve(text, tmp_path / "polished", levels, COARSE, POLISH, *rough)
     # The exact law of friction is given grids five times as fine.
-    alike = ["contact.interface.accuracy=0.1"] if "friction" in text else []
-    exact_law = solve(text, tmp_path / "exact", levels, EXACT, *alike)
+    is_translated_copy = ["contact.interface.accuracy=0.1"] if "friction" in text else []
+    exact_law = solve(text, tmp_path / "exact", levels, EXACT, *is_translated_copy)
     if "friction" in text:
         assert polished["polish"]["factorizations"] == exact_law["factorizations"]
     runs = {name: read_run(tmp_path / name) for name in ("smooth", "polished", "exact")}
@@ -83,8 +83,8 @@ def test_a_large_change_is_warned_of(tmp_path: Path) -> None:
     summary = solve(hertz(), tmp_path / "soft", eta, POLISH, console=console)
     assert summary["polish"]["pressure"] > POLISH_WARNING
     assert any("lower contact.regularization.eta" in warning for warning in console.warnings)
-    assert judge_polish([Polish(0.0, 0.0, 1, 0.9 * POLISH_WARNING)]) == judge_polish([]) == ""
-    assert judge_polish([Polish(0.0, 0.0, 1, 1.1 * POLISH_WARNING)])
+    assert check_polish([Polish(0.0, 0.0, 1, 0.9 * POLISH_WARNING)]) == check_polish([]) == ""
+    assert check_polish([Polish(0.0, 0.0, 1, 1.1 * POLISH_WARNING)])
 
 
 def test_friction_without_memory_is_polished_without_memory(tmp_path: Path) -> None:

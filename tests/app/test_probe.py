@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import probe
-from mlsanm_cli.app.levels import SERIES, level_at
+from mlsanm_cli.app.results import probe
+from mlsanm_cli.app.results.path_lookup import SERIES, level_at
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.io.run_reader import read_run
@@ -35,7 +35,7 @@ def hertz_probes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def friction_nodes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Smooth law with friction, pressed and sheared."""
     directory = tmp_path_factory.mktemp("probe") / "rubbing"
     law = 'contact.interface.regularization.law="hyperbolic"'
@@ -165,15 +165,15 @@ def test_series_lead_to_the_stored_rows(scene: str, request: pytest.FixtureReque
             )
 
 
-def test_friction_between_steps(rubbing: Path) -> None:
-    (force,) = probe.probe_force(rubbing, [1.37], "interface")
+def test_friction_between_steps(friction_nodes: Path) -> None:
+    (force,) = probe.probe_force(friction_nodes, [1.37], "interface")
     assert force["fx"] == pytest.approx(-0.37 * 30.0, rel=2e-5)
     assert force["fy"] == pytest.approx(226.566, rel=2e-5)
-    (contact,) = probe.probe_contact(rubbing, [1.37], "interface", ["traction", "pressure"])
+    (contact,) = probe.probe_contact(friction_nodes, [1.37], "interface", ["traction", "pressure"])
     assert (np.abs(contact["traction"]) <= 0.3 * np.maximum(contact["pressure"], 0.0) + 1e-6).all()
     assert set(contact) == {"position", "how", "arc_length", "x", "y", "traction", "pressure"}
-    (named,) = probe.probe_named(rubbing, [1.4], "p")
-    (field,) = probe.probe_point(rubbing, [1.4], "block", (0.02, -0.05))
+    (named,) = probe.probe_named(friction_nodes, [1.4], "p")
+    (field,) = probe.probe_point(friction_nodes, [1.4], "block", (0.02, -0.05))
     assert values(named) == pytest.approx(values(field), rel=0.01, abs=1e-6)
 
 

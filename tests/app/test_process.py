@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app.info import info
-from mlsanm_cli.app.plot import plot
+from mlsanm_cli.app.results.info import info
+from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.kernels.kept import cache_root
 from tests.app.runs import differences

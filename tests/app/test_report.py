@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from mlsanm_cli.app.report import report
+from mlsanm_cli.app.results.report import report
 from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError

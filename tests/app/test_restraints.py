@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.clouds import clouds
-from mlsanm_cli.app.restraints import free_motions
-from mlsanm_cli.app.scene import Prepared, prepare
+from mlsanm_cli.app.scene.assemble import SceneModel, prepare
+from mlsanm_cli.app.scene.clouds import clouds
+from mlsanm_cli.app.scene.free_motions import free_motions
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.errors import CaseError
 from tests.app.scenes import solve
@@ -168,7 +168,7 @@ accuracy = 0.03
 """
 
 
-def prepared(text: str) -> Prepared:
+def prepared(text: str) -> SceneModel:
     case = parse_case(text, Path("case.toml")).case
     return prepare(case, clouds(case))
 

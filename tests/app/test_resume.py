@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.info import info
+from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.app.run import run
 from mlsanm_cli.errors import CaseError, RunError

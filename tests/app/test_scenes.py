@@ -14,7 +14,7 @@ from benchmarks.scenes import bending, fits, layers
 from benchmarks.scenes.judge import Ran, judged
 from benchmarks.scenes.scene import SCENES, Figure, Refusal, Scene, Table
 from benchmarks.scenes.variants import LENGTH, STRESS, halved, variants
-from mlsanm_cli.app.foreign import load_with_files
+from mlsanm_cli.app.scene.imported import load_with_files
 
 HERE = (bending.__name__, fits.__name__, layers.__name__)
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.plot import plot
+from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.views import boundary_edges
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.views import boundary_edges
 from mlsanm_cli.cloud.sight import look
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.io.run_reader import read_run
@@ -71,10 +71,10 @@ def test_a_polygon_with_slit_hole_and_rounding_from_check_to_picture(tmp_path: P
     assert (tmp_path / "model.vtu").is_file()
     summary = run(case, out=tmp_path / "run", console=Quiet())
     assert summary["status"] == "done"
-    figures, checked = summary["quality"]["bodies"]["bracket"], found["bodies"]["bracket"]
+    figures, solve_with_error = summary["quality"]["bodies"]["bracket"], found["bodies"]["bracket"]
     assert found["nodes"] == summary["nodes"]
     assert {key: figures[key] for key in ("stencils_enlarged", "worst_ratio", "closest")} == {
-        key: checked[key] for key in ("stencils_enlarged", "worst_ratio", "closest")
+        key: solve_with_error[key] for key in ("stencils_enlarged", "worst_ratio", "closest")
     }
     assert figures["closest"] > 0.5
     assert any("sharp corner points into the material at (3, 1)" in text for text in summary["warnings"])

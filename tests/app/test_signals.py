@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app.point import Point, solve_point
 from mlsanm_cli.app.signals import Stopper
+from mlsanm_cli.app.sweep.point import Point, solve_point
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.system import STOPPING
 from tests.app.scenes import hertz

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.resume import resume
-from mlsanm_cli.app.states import PathStep, State
-from mlsanm_cli.app.stopping import turning
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.solve.state import PathStep, State
+from mlsanm_cli.solve.stop_events import turning
 from tests.app.runs import differences
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 
@@ -162,7 +162,7 @@ def cut(place: Path, steps: int | None) -> None:
     if steps is None:
         return
     case = (place.parent / f"{place.name}.toml").read_text()
-    from mlsanm_cli.app import recorder as module
+    from mlsanm_cli.app.output import recorder as module
 
     told = module.Recorder.step
     count = 0

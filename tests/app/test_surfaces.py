@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.foreign import load_with_files
-from mlsanm_cli.app.surfaces import drawn, outline_of
-from mlsanm_cli.app.usual_spacing import arc_zones, valleys
+from mlsanm_cli.app.scene.default_spacing import arc_zones, valleys
+from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.surfaces import drawn, outline_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case.chains import Smooth
-from mlsanm_cli.case.outline import OutlineShape
+from mlsanm_cli.case.model.chains import Smooth
+from mlsanm_cli.case.model.outline import OutlineShape
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.errors import CaseError

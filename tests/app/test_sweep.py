@@ -14,11 +14,11 @@ from typing import Any
 
 import pytest
 
-from mlsanm_cli.app import engines, point
-from mlsanm_cli.app.collect import collect
-from mlsanm_cli.app.point import Point
+from mlsanm_cli.app.results.collect import collect
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.sweep import Wishes, geometry, point_name, sweep
+from mlsanm_cli.app.sweep import engines, point
+from mlsanm_cli.app.sweep.point import Point
+from mlsanm_cli.app.sweep.run_sweep import SweepOptions, geometry, point_name, sweep
 from mlsanm_cli.case import load_case
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
@@ -52,7 +52,7 @@ def case(tmp_path: Path) -> Path:
 
 def swept(case: Path, out: Path, *varied: str, console: Quiet | None = None, **wishes: Any) -> Any:
     """What a sweep returns."""
-    return sweep(case, varied, Wishes(**wishes), out=out, console=console or Quiet())
+    return sweep(case, varied, SweepOptions(**wishes), out=out, console=console or Quiet())
 
 
 def assert_same_points(directory: Path, result: Mapping[str, Any]) -> None:
@@ -92,10 +92,10 @@ def test_points_are_the_runs_that_they_stand_for(tmp_path: Path, case: Path) -> 
     ],
 )
 def test_what_a_process_keeps_serves_only_what_it_was_made_from(tmp_path: Path, varied: str) -> None:
-    case, rubbing = tmp_path / "rough.toml", "contact.interface.friction=0.3,0.0"
+    case, friction_nodes = tmp_path / "rough.toml", "contact.interface.friction=0.3,0.0"
     case.write_text(ROUGH)
-    assert counts(swept(case, tmp_path / "all", varied, rubbing, cache=False)) == [4, 0, 0, 0]
-    for values in points([parse_vary(varied), parse_vary(rubbing)]):
+    assert counts(swept(case, tmp_path / "all", varied, friction_nodes, cache=False)) == [4, 0, 0, 0]
+    for values in points([parse_vary(varied), parse_vary(friction_nodes)]):
         run(case, overrides=values, out=tmp_path / "one", force=True, console=Quiet())
         assert_same_bits(tmp_path / "one", tmp_path / "all" / point_name(values))
 
@@ -239,7 +239,7 @@ def test_warnings_are_told(tmp_path: Path) -> None:
     case, console = tmp_path / "round.toml", Quiet()
     case.write_text(NODAL)
     varied = ["body.cylinder.refine.0.growth=0.08,0.31"]
-    result = sweep(case, varied, Wishes(), out=tmp_path / "all", console=console)
+    result = sweep(case, varied, SweepOptions(), out=tmp_path / "all", console=console)
     assert (result["done"], result["with_warnings"]) == (2, 1)
     assert ["done, " in note for note in console.notes] == [False, True]
     rows = collect([tmp_path / "all" / f"body.cylinder.refine.0.growth={growth}" for growth in (0.08, 0.31)])

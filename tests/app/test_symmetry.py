@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import build, scene, symmetry
+from mlsanm_cli.app.scene import assemble as scene
+from mlsanm_cli.app.scene import build, symmetry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cli import main
 from mlsanm_cli.io.run_reader import read_run

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.probe import probe_named, probe_point
+from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError

@@ -18,8 +18,8 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app import recorder
-from mlsanm_cli.app.info import info
+from mlsanm_cli.app.output import recorder
+from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.app.run import run
 from mlsanm_cli.errors import RunError

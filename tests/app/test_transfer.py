@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app import judge
+from mlsanm_cli.app.assessment import checks as judge
 from tests.app.scenes import NODAL, hertz, solve
 
 LAW = 'contact.interface.regularization.law="exact"'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mlsanm_cli.case.unsupported import PLANNED
+from mlsanm_cli.case.reading.unsupported import PLANNED
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse, problems
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.case.drift import Row, free_motions
+from mlsanm_cli.case.checks.drift import Row, free_motions
 from tests.case.scenes import HERTZ, PULL, SQUARE, only, parse
 
 ROLLER = '[[support]]\nboundary = "square.{}"\n{} = 0\n'

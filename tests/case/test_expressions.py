@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.case.expressions import FUNCTIONS, ExpressionError, compile_expression, value_at
+from mlsanm_cli.case.model.expressions import FUNCTIONS, ExpressionError, compile_expression, value_at
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ import jsonschema
 import pytest
 
 from mlsanm_cli.case import parse_case, schema
-from mlsanm_cli.case.base import UNIT
-from mlsanm_cli.case.overrides import apply_overrides
+from mlsanm_cli.case.model.base import UNIT
+from mlsanm_cli.case.reading.overrides import apply_overrides
+from mlsanm_cli.case.reading.unsupported import Planned
 from mlsanm_cli.case.starters import kinds, starter
-from mlsanm_cli.case.unsupported import Planned
 from mlsanm_cli.errors import CaseError
 from tests.case.scenes import HERTZ
 

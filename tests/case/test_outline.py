@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.surfaces import drawn
+from mlsanm_cli.app.scene.surfaces import drawn
 from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping
-from mlsanm_cli.case.outline import OutlineShape
+from mlsanm_cli.case.model.outline import OutlineShape
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.summary import toml_text
 from tests.case.scenes import only, parse, problems

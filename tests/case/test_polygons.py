@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.surfaces import drawn
+from mlsanm_cli.app.scene.surfaces import drawn
 from mlsanm_cli.case import Annulus, Polygon
-from mlsanm_cli.case.chains import Round, Side, pieces, signed_area
+from mlsanm_cli.case.model.chains import Round, Side, pieces, signed_area
 from tests.case.scenes import only, parse, problems
 
 PLATE = """format = 1

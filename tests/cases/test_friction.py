@@ -129,7 +129,7 @@ def test_dissipated_work_converges(exact: Run, tmp_path: Path) -> None:
         works.append(data.contacts["interface"].dissipated_work[-1])
     works.append(contact_of(exact).dissipated_work[row(exact, 2.0)])
     planes = half_planes(320)
-    state = planes.follow((1.0, 0.0), (1.0, 0.5))[-1]
+    state = planes.event_driven_path((1.0, 0.0), (1.0, 0.5))[-1]
     modulus = 210e3 / (2.0 * (1.0 - 0.3**2))
     exactly = modulus * planes.condensed.weight @ state.work
     errors = np.array(works) / exactly - 1.0

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.rubbing_events import Barrier
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact import sources
-from mlsanm_cli.contact.near import Near
-from mlsanm_cli.contact.rubbing import RubbingContact
+from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
+from mlsanm_cli.contact.response import load_vectors as sources
 from mlsanm_cli.mechanics import assembly, body
 from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.near_field import Kernel
@@ -25,6 +24,7 @@ from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.springs import Held
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.solve.regularized_events import EventLocator
 from tests.app.scenes import Quiet
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -136,19 +136,19 @@ def test_friction_limits_of_the_step_before(monkeypatch: pytest.MonkeyPatch, tmp
         "output.at=[3.0]",
     )
     assert outcome("block_slide", tmp_path / "sound", *changes)["status"] == "done"
-    proper, first = RubbingContact.pressed, dict[bytes, FloatArray]()
+    proper, first = RegularizedFriction.pressed, dict[bytes, FloatArray]()
 
-    def faulty(problem: RubbingContact, p: FloatArray) -> FloatArray:
+    def faulty(problem: RegularizedFriction, p: FloatArray) -> FloatArray:
         """The pressures at the start of the stage."""
         return first.setdefault(problem.start.tobytes(), proper(problem, p))
 
-    monkeypatch.setattr(RubbingContact, "pressed", faulty)
+    monkeypatch.setattr(RegularizedFriction, "pressed", faulty)
     summary = outcome("block_slide", tmp_path / "faulty", *changes)
     assert summary["status"] == "failed"
 
 
 def test_friction_limits_that_are_never_noticed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     changes = ('contact.interface.regularization.law="hyperbolic"', "stage=[{press=1.0},{push=1.0}]")
-    monkeypatch.setattr(Barrier, "__call__", lambda barrier, piece: np.inf)
+    monkeypatch.setattr(EventLocator, "__call__", lambda barrier, piece: np.inf)
     summary = outcome("block_slide", tmp_path / "run", *changes)
     assert "beyond the friction limit" in summary["stop_reason"]

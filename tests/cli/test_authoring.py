@@ -74,7 +74,7 @@ def install(monkeypatch: pytest.MonkeyPatch, **functions: Any) -> None:
 
     import mlsanm_cli.app
 
-    module = ModuleType("mlsanm_cli.app.probe")
+    module = ModuleType("mlsanm_cli.app.results.probe")
     for name, function in functions.items():
         setattr(module, name, function)
     monkeypatch.setitem(sys.modules, module.__name__, module)

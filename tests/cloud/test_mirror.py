@@ -17,7 +17,7 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-from mlsanm_cli.memo import Afresh
+from mlsanm_cli.memo import NoCache
 
 UPRIGHT, LEVEL = Line(0, 0.3), Line(1, -0.2)
 
@@ -128,7 +128,7 @@ def test_nodes_along_the_line_are_as_even_as_elsewhere(name: str, seed: int) -> 
     assert holes(cloud, spacing, fine) <= ordinary + 0.05
     assert holes(cloud, spacing, everywhere) <= ordinary + 0.1
     # Nor do nodes crowd there.
-    assert cloud.crowding.closest >= 0.5
+    assert cloud.separation.closest >= 0.5
     upon = np.sort(cloud.points[mirror.side == 0, 1 - line.axis])
     assert (np.diff(upon) >= 0.5 * spacing.finest).all()
 
@@ -170,7 +170,7 @@ def test_a_line_along_an_inner_edge_gives_an_ordinary_cloud() -> None:
     assert build_cloud(slit, Spacing(0.2), 0, line=Line(0, 0.0)).mirror is None
 
 
-class Kept(Afresh):
+class Kept(NoCache):
     """A memo that keeps everything."""
 
     def __init__(self) -> None:

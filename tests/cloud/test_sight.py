@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
-from mlsanm_cli.cloud.sight import DETOUR, Sight
+from mlsanm_cli.cloud.sight import DETOUR, VisibilityCriterion
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 
@@ -34,7 +34,7 @@ def notched(width: float, tip: float = 0.0, between: float | None = None) -> Out
     )
 
 
-def sight_of(cloud: Cloud) -> Sight:
+def sight_of(cloud: Cloud) -> VisibilityCriterion:
     assert cloud.sight is not None
     return cloud.sight
 
@@ -123,7 +123,7 @@ def test_chords_over_a_hollow_are_no_reason() -> None:
     assert sight_of(cloud).apart(inner[:4], inner[-4:]).all()
 
 
-def slow_cut(sight: Sight, target: FloatArray, node: int) -> bool:
+def slow_cut(sight: VisibilityCriterion, target: FloatArray, node: int) -> bool:
     """Crossings of one line with every edge, in order, two by two."""
     end = sight._ends[node]
     found = []

@@ -8,11 +8,11 @@ import numpy as np
 import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.coulomb import CoulombState
-from mlsanm_cli.contact.history import follow, start
-from mlsanm_cli.contact.linear_map import Columns, LinearMap
-from mlsanm_cli.contact.regularization import Regularization
+from mlsanm_cli.contact.laws.coulomb import CoulombState
+from mlsanm_cli.contact.laws.event_driven import event_driven_path, start
+from mlsanm_cli.contact.laws.regularization import Regularization
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from tests.contact.scenes import synthetic
 
 
@@ -32,12 +32,12 @@ class HalfPlanes:
         """Largest pressure of Hertz' formula."""
         return 2.0 * self.force / (np.pi * self.half)
 
-    def follow(self, *targets: tuple[float, float]) -> list[CoulombState]:
+    def event_driven_path(self, *targets: tuple[float, float]) -> list[CoulombState]:
         """The states at the ends of stages to these load factors."""
         state = start(self.condensed, np.zeros(2)).state
         found = []
         for target in targets:
-            for event in follow(self.condensed, state, np.array(target), [1.0]):
+            for event in event_driven_path(self.condensed, state, np.array(target), [1.0]):
                 state = event.state
             found.append(state)
         return found
@@ -83,7 +83,7 @@ def half_planes(m: int = 80, friction: float = 0.3, beta: float = 0.0, shift: fl
         base,
         weight=np.full(m, width),
         tangential={"contact": slice(0, m)},
-        rubbing=np.arange(m),
+        friction_nodes=np.arange(m),
         friction=np.full(m, friction),
         gap=LinearMap(gap, np.zeros((m, 2)), moves, normal, coupling),
         slip=LinearMap(np.zeros(m), np.zeros((m, 2)), slides, -coupling, normal),
@@ -95,9 +95,9 @@ def half_planes(m: int = 80, friction: float = 0.3, beta: float = 0.0, shift: fl
 
 def side_by_side(one: Condensed, other: Condensed) -> Condensed:
     """Two problems of one contact each, "one" and "other", that know nothing of each other."""
-    m, n = len(one.weight), len(one.rubbing)
+    m, n = len(one.weight), len(one.friction_nodes)
     both = {"one": slice(0, m), "other": slice(m, m + len(other.weight))}
-    rough = {"one": slice(0, n), "other": slice(n, n + len(other.rubbing))}
+    rough = {"one": slice(0, n), "other": slice(n, n + len(other.friction_nodes))}
 
     def joined(a: LinearMap, b: LinearMap) -> LinearMap:
         parts = ("load", "motion", "pressure", "traction")
@@ -109,7 +109,7 @@ def side_by_side(one: Condensed, other: Condensed) -> Condensed:
         spans=both,
         tangential=rough,
         weight=np.concatenate([one.weight, other.weight]),
-        rubbing=np.concatenate([one.rubbing, m + other.rubbing]),
+        friction_nodes=np.concatenate([one.friction_nodes, m + other.friction_nodes]),
         friction=np.concatenate([one.friction, other.friction]),
         gap=joined(one.gap, other.gap),
         slip=joined(one.slip, other.slip),
@@ -147,6 +147,6 @@ def in_units(
         force=law.force * force,
         motion=law.motion * length,
         slip=law.slip * length,
-        creep=law.creep * soft,
+        stick_compliance=law.stick_compliance * soft,
         threshold=law.threshold * stress,
     )

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from mlsanm_cli.app.clouds import clouds
-from mlsanm_cli.app.scene import equip, prepare
-from mlsanm_cli.app.stages import stage_factors
+from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare
+from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
-from mlsanm_cli.contact.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.condensed import Condensed, condense
-from mlsanm_cli.contact.linear_map import Columns, LinearMap
-from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.contact.stability import contact_stability
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.response.coercivity import contact_stability
+from mlsanm_cli.contact.response.condensed import Condensed, condense
+from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
+from mlsanm_cli.solve.load_factors import stage_factors
 
 
 def synthetic(
@@ -44,7 +44,7 @@ def synthetic(
         weight=weight,
         modulus=np.ones(m),
         tangential={},
-        rubbing=np.zeros(0, dtype=np.int64),
+        friction_nodes=np.zeros(0, dtype=np.int64),
         friction=np.zeros(0),
         gap=LinearMap(gap, load, motion, compliance, np.zeros((m, 0))),
         slip=columns.zeros(0),
@@ -216,7 +216,7 @@ def build(text: str, *overrides: str) -> Small:
     """Clouds, operators, factors and compliance of a case."""
     case = parse_case(text, Path("case.toml"), overrides).case
     prepared = prepare(case, clouds(case))
-    scene = equip(case, prepared, CholeskySolver())
+    scene = assemble_bodies(case, prepared, CholeskySolver())
     return Small(scene, condense(scene, prepared.pairings), stage_factors(case)[-1])
 
 

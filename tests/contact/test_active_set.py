@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.active_set import solve_exact
-from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.linear_map import Columns, LinearMap
-from mlsanm_cli.contact.stability import contact_stability
+from mlsanm_cli.contact.laws.active_set import solve_exact
+from mlsanm_cli.contact.response.coercivity import contact_stability
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.errors import NumericalError
 from tests.contact.scenes import synthetic
 

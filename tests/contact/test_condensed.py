@@ -8,12 +8,12 @@ import scipy.linalg as linalg
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.linear_map import Columns, LinearMap, stack
-from mlsanm_cli.contact.observers import gap_rows, reaction_rows
-from mlsanm_cli.contact.pairing import surface_fit
-from mlsanm_cli.contact.short_waves import SMOOTH
-from mlsanm_cli.contact.sources import _on_pieces
-from mlsanm_cli.contact.stability import contact_stability, relative_resistance
+from mlsanm_cli.contact.geometry.pairing import surface_fit
+from mlsanm_cli.contact.response.coercivity import contact_stability, relative_resistance
+from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows
+from mlsanm_cli.contact.response.linear_map import Columns, LinearMap, stack
+from mlsanm_cli.contact.response.load_vectors import _on_pieces
+from mlsanm_cli.contact.response.short_waves import SMOOTH
 from mlsanm_cli.mechanics.body import ElasticBody
 from tests.contact.scenes import Small, cylinder
 from tests.mechanics.bodies import build, jittered_square
@@ -58,7 +58,7 @@ def whole_solution(
             rhs += body.source(pairing.slave.name, values, held=False)
         else:
             # The opposite of what the slave's pieces receive is tested with the sources.
-            tangential = rubbed if len(small.condensed.rubbing) else np.zeros(0)
+            tangential = rubbed if len(small.condensed.friction_nodes) else np.zeros(0)
             unknowns = np.zeros(1), np.zeros(0), pressure, tangential
             rhs += small.condensed.source(name, *unknowns).toarray()[:, 0]
         fields[name] = body.system.solve(sparse.csc_array(rhs[:, None])).reshape(-1, 2)
@@ -160,7 +160,7 @@ def test_tractions_enter_the_forces(rubbed: Small) -> None:
 
 def test_certificate_with_friction_is_positive(rubbed: Small) -> None:
     assert contact_stability(rubbed.condensed, rubbed.exact().active) >= 0.2
-    assert len(rubbed.condensed.rubbing) == len(rubbed.condensed.weight)
+    assert len(rubbed.condensed.friction_nodes) == len(rubbed.condensed.weight)
 
 
 def stress_force(body: ElasticBody, surface_name: str, u: FloatArray) -> FloatArray:
@@ -268,7 +268,7 @@ def test_certificate_of_the_half_plane_itself_is_one(nodes: int) -> None:
 
 def test_gaps_of_the_wrong_sign_do_not_pass(forced: Small, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = lambda *arguments: -gap_rows(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.observation.gap_rows", wrong)
+    monkeypatch.setattr("mlsanm_cli.contact.response.observation.gap_rows", wrong)
     assert forced.again().stability < -0.5
 
 
@@ -280,7 +280,7 @@ def test_a_master_that_receives_nothing_does_not_pass(forced: Small, monkeypatch
 
     assert lack_of_block(forced) <= 0.15
     wrong = lambda *arguments: 0.0 * _on_pieces(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.sources._on_pieces", wrong)
+    monkeypatch.setattr("mlsanm_cli.contact.response.load_vectors._on_pieces", wrong)
     assert lack_of_block(forced.again()) >= 0.9
 
 

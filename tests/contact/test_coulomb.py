@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
-from mlsanm_cli.contact.dense import SingularSystemError
-from mlsanm_cli.contact.linear_map import Columns, LinearMap
-from mlsanm_cli.contact.sets import Sets, SetSystem, Values
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.dense import SingularSystemError
+from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from tests.contact.friction import half_planes
 from tests.contact.scenes import synthetic
 
@@ -32,7 +32,7 @@ def random_problem(m: int, seed: int, friction: float) -> Condensed:
     return replace(
         synthetic(whole[:m, :m], gap, load),
         tangential={"contact": slice(0, m)},
-        rubbing=np.arange(m),
+        friction_nodes=np.arange(m),
         friction=np.full(m, friction),
         gap=LinearMap(gap, load, motion, whole[:m, :m], whole[:m, m:]),
         slip=LinearMap(np.zeros(m), rng.normal(size=(m, 1)), motion, whole[m:, :m], whole[m:, m:]),
@@ -41,12 +41,12 @@ def random_problem(m: int, seed: int, friction: float) -> Condensed:
     )
 
 
-def every_state(c: Condensed, before: np.ndarray) -> list[Values]:
+def every_state(c: Condensed, before: np.ndarray) -> list[ContactState]:
     """All states that obey the law, found by trying open, sticking and slipping both ways at every node."""
     found = []
     for choice in product(range(4), repeat=len(c.weight)):
         kind = np.array(choice)
-        sets = Sets(kind > 0, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
+        sets = ContactStatus(kind > 0, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
         try:
             v = SetSystem(c, sets).state(FULL, before)
         except SingularSystemError:
@@ -54,7 +54,7 @@ def every_state(c: Condensed, before: np.ndarray) -> list[Values]:
         slipped = v.slip - before
         good = (v.pressure >= -1e-10).all() and (v.gap >= -1e-10).all()
         good &= bool((np.abs(v.traction) <= c.friction * v.pressure + 1e-10).all())
-        if good and (sets.sense * slipped <= 1e-10).all():
+        if good and (sets.slip_sign * slipped <= 1e-10).all():
             found.append(v)
     return found
 
@@ -95,22 +95,22 @@ def changed(state: CoulombState, **arrays: np.ndarray) -> CoulombState:
 
 def test_residual_sees_every_law() -> None:
     planes = half_planes(40)
-    state = planes.follow((1.0, 0.0), (1.0, 0.5))[-1]
+    state = planes.event_driven_path((1.0, 0.0), (1.0, 0.5))[-1]
     c, v = planes.condensed, state.values
     assert residual(c, state) <= 1e-12
-    slipping = np.flatnonzero(state.sets.sense)[0]
+    slipping = np.flatnonzero(state.sets.slip_sign)[0]
     beyond = v.traction.copy()
     beyond[slipping] *= 1.01
     assert residual(c, changed(state, traction=beyond)) >= 1e-5
     assert residual(c, changed(state, motion=v.motion + np.array([1e-6, 0.0]))) >= 1e-5
     assert residual(c, changed(state, motion=v.motion + np.array([0.0, 1e-6]))) >= 1e-5
     assert residual(c, changed(state, pressure=-v.pressure)) >= 0.5
-    assert residual(c, replace(state, anchor=state.anchor + 1e-6)) >= 1e-5
+    assert residual(c, replace(state, stick_reference=state.stick_reference + 1e-6)) >= 1e-5
 
 
 def test_statuses() -> None:
     closed = np.array([True, True, False, True])
-    sets = Sets(closed, np.array([True, False]), np.array([0.0, -1.0]))
+    sets = ContactStatus(closed, np.array([True, False]), np.array([0.0, -1.0]))
     # Nodes 1 and 3 have friction; node 0 is closed without it.
     assert sets.status(np.array([1, 3])).tolist() == [2, 1, 0, 2]
 

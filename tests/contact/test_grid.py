@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.grid import STEEPEST, Hats, chebyshev, lagrange
+from mlsanm_cli.contact.geometry.grid import STEEPEST, Hats, chebyshev, lagrange
 
 LOG, NONE = np.eye(2), np.zeros((2, 2))
 GRADED = Hats(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.profile import half_width
+from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.reference.hertz import HertzLine
 from tests.contact.scenes import Small, cylinder
 

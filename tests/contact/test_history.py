@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mlsanm_cli.contact import history
-from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.coulomb import CoulombState, increment, residual, unloaded
-from mlsanm_cli.contact.history import Event, follow, start
-from mlsanm_cli.contact.sets import Sets, SetSystem
-from mlsanm_cli.contact.sliding import SlidingError
+from mlsanm_cli.contact.laws import event_driven as history
+from mlsanm_cli.contact.laws.contact_status import ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
+from mlsanm_cli.contact.laws.event_driven import Event, event_driven_path, start
+from mlsanm_cli.contact.laws.sliding import SlidingError
+from mlsanm_cli.contact.response.condensed import Condensed
 from tests.contact.friction import HalfPlanes, half_planes
 
 UP, BACK, TURNED = (1.0, 0.5), (1.0, 0.0), (1.0, -0.5)
@@ -29,7 +29,7 @@ def planes() -> HalfPlanes:
 
 
 def test_shear_unload_reverse(planes: HalfPlanes) -> None:
-    pressed, sheared, unloaded_, reversed_, again = planes.follow(PRESSED, UP, BACK, TURNED, BACK)
+    pressed, sheared, unloaded_, reversed_, again = planes.event_driven_path(PRESSED, UP, BACK, TURNED, BACK)
     assert np.abs(pressed.values.traction).max() <= 1e-9 * planes.peak
     first = planes.cattaneo(0.5)
     t = [-state.values.traction for state in (sheared, unloaded_, reversed_, again)]
@@ -52,7 +52,7 @@ def test_laws_hold_at_every_event(beta: float, shift: float, friction: float) ->
     c, state = planes.condensed, start(planes.condensed, np.zeros(2)).state
     for target in (PRESSED, UP, BACK, TURNED, (0.4, -0.1), (1.0, 0.6)):
         begin, before = state.factors, state
-        for event in follow(c, state, np.array(target), [0.5, 1.0]):
+        for event in event_driven_path(c, state, np.array(target), [0.5, 1.0]):
             state = event.state
             assert not event.jumped
             assert residual(c, state) <= 1e-9
@@ -61,11 +61,11 @@ def test_laws_hold_at_every_event(beta: float, shift: float, friction: float) ->
             assert state.factors == pytest.approx(begin + event.fraction * (np.array(target) - begin))
             # Work per node never falls, and stays what it was where nothing slips.
             assert (state.work >= before.work - 1e-15 * planes.peak).all()
-            resting = state.sets.sense == 0.0
+            resting = state.sets.slip_sign == 0.0
             assert (state.work[resting] == before.work[resting]).all()
             # Friction acts against the slip of slipping nodes.
             slipped = state.values.slip - before.values.slip
-            assert (state.sets.sense * slipped <= 1e-9 * np.abs(slipped).max(initial=1e-300)).all()
+            assert (state.sets.slip_sign * slipped <= 1e-9 * np.abs(slipped).max(initial=1e-300)).all()
             before = state
         forces = planes.condensed.weight @ np.stack([state.values.pressure, state.values.traction], axis=1)
         assert forces == pytest.approx(
@@ -77,13 +77,13 @@ def test_an_event_takes_one_new_system(planes: HalfPlanes, monkeypatch: pytest.M
     made: list[bytes] = []
 
     class Counted(SetSystem):
-        def __init__(self, condensed: Condensed, sets: Sets) -> None:
+        def __init__(self, condensed: Condensed, sets: ContactStatus) -> None:
             made.append(sets.key)
             super().__init__(condensed, sets)
 
     monkeypatch.setattr(history, "SetSystem", Counted)
     c = planes.condensed
-    events = list(follow(c, start(c, np.zeros(2)).state, np.array(PRESSED), [1.0]))
+    events = list(event_driven_path(c, start(c, np.zeros(2)).state, np.array(PRESSED), [1.0]))
     assert len(events) > 40
     assert len(made) <= 1.2 * len(events)
 
@@ -95,7 +95,7 @@ def test_stops_change_nothing() -> None:
         state = start(planes.condensed, np.zeros(2)).state
         for target in (PRESSED, UP, TURNED):
             reached = []
-            for event in follow(planes.condensed, state, np.array(target), stops):
+            for event in event_driven_path(planes.condensed, state, np.array(target), stops):
                 state = event.state
                 reached.append(event.fraction)
             assert set(stops) <= set(reached)
@@ -106,7 +106,7 @@ def test_stops_change_nothing() -> None:
 def test_small_increments_tend_to_it() -> None:
     planes = half_planes(40, 0.3, 0.2, 0.0003)
     targets = (PRESSED, UP, TURNED)
-    exact = planes.follow(*targets)[-1].values.traction
+    exact = planes.event_driven_path(*targets)[-1].values.traction
     errors = []
     for count in (5, 20, 80):
         state: CoulombState = unloaded(planes.condensed, np.zeros(2))
@@ -121,10 +121,10 @@ def test_small_increments_tend_to_it() -> None:
 
 def test_sliding_as_a_whole_is_named() -> None:
     planes = half_planes(60)
-    state = planes.follow(PRESSED)[0]
+    state = planes.event_driven_path(PRESSED)[0]
     events: list[Event] = []
     with pytest.raises(SlidingError) as caught:
-        events.extend(follow(planes.condensed, state, np.array([1.0, 1.25]), [1.0]))
+        events.extend(event_driven_path(planes.condensed, state, np.array([1.0, 1.25]), [1.0]))
     # The load factor of the shear force is relative to mu P.
     assert caught.value.fraction * 1.25 == pytest.approx(1.0, abs=1e-9)
     assert events[-1].fraction == caught.value.fraction
@@ -132,7 +132,7 @@ def test_sliding_as_a_whole_is_named() -> None:
 
 def test_a_stuck_contact_dissipates_nothing() -> None:
     planes = half_planes(60, 5.0)
-    state = planes.follow(PRESSED, (1.0, 0.01), (1.0, -0.01))[-1]
+    state = planes.event_driven_path(PRESSED, (1.0, 0.01), (1.0, -0.01))[-1]
     assert state.sets.stuck.sum() >= state.sets.closed.sum() - 2
     assert np.abs(planes.condensed.weight @ state.work) <= 1e-6 * planes.force * planes.half
 
@@ -141,7 +141,7 @@ def test_loop_area_converges() -> None:
     areas = []
     for m in (40, 80, 160):
         planes = half_planes(m)
-        states = planes.follow(PRESSED, UP, TURNED, UP)
+        states = planes.event_driven_path(PRESSED, UP, TURNED, UP)
         work = [planes.condensed.weight @ state.work for state in states]
         areas.append(work[3] - work[1])
         # What the platen puts in over a closed loop is what friction takes out.

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.coupling import DenseCoupling
-from mlsanm_cli.contact.holonomic import HolonomicContact
-from mlsanm_cli.contact.homotopy import carried
+from mlsanm_cli.contact.laws.coupling import DenseCoupling
+from mlsanm_cli.contact.laws.holonomic import HolonomicContact
+from mlsanm_cli.contact.laws.homotopy import carried
 from tests.contact.derivatives import highest_terms, tangent_times
 from tests.contact.friction import in_units
 from tests.contact.test_rubbing import random_problem as random_rubbing
@@ -77,7 +77,7 @@ def test_traction_is_the_laws() -> None:
     x = state(problem, 2)
     p, h, q, t, _ = problem.split(x)
     law, c, s = problem.law, problem.condensed, problem.slip(x, 0.4)
-    t[:] = -c.friction * (p + law.eta)[c.rubbing] * s / np.hypot(s, problem.small)
+    t[:] = -c.friction * (p + law.eta)[c.friction_nodes] * s / np.hypot(s, problem.small)
     bare = np.concatenate([p, h, q, t])
     assert bare == pytest.approx(x[: len(bare)])
     # The traction changes the slip in turn: only the auxiliary unknown must go with it.
@@ -85,7 +85,7 @@ def test_traction_is_the_laws() -> None:
     s = problem.slip(whole, 0.4)
     *_, four, five = problem.split(problem.residual(whole, 0.4))
     assert five == pytest.approx(np.zeros(problem.n), abs=1e-12)
-    expected = t * np.hypot(s, problem.small) + c.friction * (p + law.eta)[c.rubbing] * s
+    expected = t * np.hypot(s, problem.small) + c.friction * (p + law.eta)[c.friction_nodes] * s
     assert four * problem.work == pytest.approx(expected)
     assert problem.admissible(whole, 0.4)
     whole[-1] = -whole[-1]
@@ -106,7 +106,7 @@ def test_carried_to_another_eta(m: int, k: int, seed: int, ratio: float) -> None
     assert other.admissible(found, 0.3)
     assert np.abs(other.residual(found, 0.3)[:m]).max() <= 1e-12
     used = [
-        one.split(y)[3] / (one.split(y)[0] + one.law.eta)[one.condensed.rubbing]
+        one.split(y)[3] / (one.split(y)[0] + one.law.eta)[one.condensed.friction_nodes]
         for one, y in ((problem, x), (other, found))
     ]
     assert used[1] == pytest.approx(used[0], rel=1e-10)

@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.active_set import solve_exact
-from mlsanm_cli.contact.coupling import DenseCoupling
-from mlsanm_cli.contact.hyperbolic import DenseHyperbolicTangent, HyperbolicContact
-from mlsanm_cli.contact.linear_map import Columns
-from mlsanm_cli.contact.regularization import Regularization
-from mlsanm_cli.contact.scales import WIDEST, regularize
+from mlsanm_cli.contact.laws.active_set import solve_exact
+from mlsanm_cli.contact.laws.coupling import DenseCoupling
+from mlsanm_cli.contact.laws.hyperbolic import DenseHyperbolicTangent, HyperbolicContact
+from mlsanm_cli.contact.laws.regularization import Regularization
+from mlsanm_cli.contact.laws.scales import WIDEST, regularize
+from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.errors import NumericalError
 from tests.contact.derivatives import highest_terms, lack_of_orders, tangent_times
 from tests.contact.scenes import Small, cylinder, synthetic

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing
-from mlsanm_cli.contact.obstacles import Chain, Plane, Round
-from mlsanm_cli.contact.pairing import pair_obstacle
+from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round
+from mlsanm_cli.contact.geometry.pairing import pair_obstacle
 
 NUMBER = st.floats(-3.0, 3.0)
 DOWN = np.array([[0.0, -1.0]])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.contact.active_set import ExactState
-from mlsanm_cli.contact.observers import gap_rows
-from mlsanm_cli.contact.pairing import transfer
-from mlsanm_cli.contact.stability import contact_stability
+from mlsanm_cli.contact.geometry.pairing import transfer
+from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.response.coercivity import contact_stability
+from mlsanm_cli.contact.response.functionals import gap_rows
 from tests.contact.scenes import BLOCKS, Small, blocks, build, mirrored
 
 RATIOS = [0.5, 0.73, 1.37, 2.0]
@@ -87,12 +87,12 @@ def test_compression_is_that_of_two_columns() -> None:
 
 def test_pressures_carried_over_wrongly_break_the_patch(monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = lambda *arguments: 1.01 * transfer(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.sources.transfer", wrong)
+    monkeypatch.setattr("mlsanm_cli.contact.response.load_vectors.transfer", wrong)
     small = blocks(1.37)
     assert stress_error(small, small.exact()) >= 1e-3
 
 
 def test_gaps_of_the_wrong_sign_break_the_patch(monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = lambda *arguments: -gap_rows(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.observation.gap_rows", wrong)
+    monkeypatch.setattr("mlsanm_cli.contact.response.observation.gap_rows", wrong)
     assert blocks(1.37).stability < 0.0

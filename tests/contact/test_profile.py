@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.contact.profile import THRESHOLD, half_width
+from mlsanm_cli.contact.geometry.profile import THRESHOLD, half_width
 
 
 def test_a_triangle_is_exact() -> None:

@@ -10,18 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.coupling import DenseCoupling
-from mlsanm_cli.contact.dense import SingularSystemError
-from mlsanm_cli.contact.linear_map import Columns
-from mlsanm_cli.contact.regularization import Regularization
-from mlsanm_cli.contact.rubbing import RubbingContact, RubbingTangent
-from mlsanm_cli.contact.sets import Sets
+from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.laws.coupling import DenseCoupling
+from mlsanm_cli.contact.laws.regularization import Regularization
+from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction, RubbingTangent
+from mlsanm_cli.contact.response.dense import SingularSystemError
+from mlsanm_cli.contact.response.linear_map import Columns
 from tests.contact.derivatives import highest_terms, lack_of_orders, tangent_times
 from tests.contact.friction import in_units
 from tests.contact.scenes import synthetic
 
 
-def random_problem(m: int, k: int, seed: int) -> RubbingContact:
+def random_problem(m: int, k: int, seed: int) -> RegularizedFriction:
     """A made-up problem; the first node has no friction, of the others some stick, slip or are open."""
     rng = np.random.default_rng(seed)
     n = m - 1
@@ -33,7 +33,7 @@ def random_problem(m: int, k: int, seed: int) -> RubbingContact:
     base = synthetic(whole[:m, :m], rng.normal(size=m))
     condensed = replace(
         base,
-        rubbing=np.arange(1, m),
+        friction_nodes=np.arange(1, m),
         friction=rng.uniform(0.1, 1.0, n),
         gap=replace(gap, pressure=whole[:m, :m], traction=whole[:m, m:]),
         slip=replace(slip, pressure=whole[m:, :m], traction=whole[m:, m:]),
@@ -47,18 +47,18 @@ def random_problem(m: int, k: int, seed: int) -> RubbingContact:
         force=rng.uniform(0.5, 2.0, k),
         motion=np.ones(k),
         slip=0.7,
-        creep=rng.uniform(0.1, 0.3, n),
+        stick_compliance=rng.uniform(0.1, 0.3, n),
         threshold=rng.uniform(0.0, 0.1, n),
     )
     kind = rng.integers(0, 4, n)
     closed = np.zeros(m, dtype=bool)
     closed[1:] = kind > 0
-    sets = Sets(closed, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
-    start, end, anchor = rng.normal(size=2), rng.normal(size=2), rng.normal(size=n)
-    return RubbingContact(DenseCoupling.of(condensed, law).softened(), start, end, sets, anchor)
+    sets = ContactStatus(closed, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
+    start, end, stick_reference = rng.normal(size=2), rng.normal(size=2), rng.normal(size=n)
+    return RegularizedFriction(DenseCoupling.of(condensed, law).softened(), start, end, sets, stick_reference)
 
 
-def state(problem: RubbingContact, seed: int) -> FloatArray:
+def state(problem: RegularizedFriction, seed: int) -> FloatArray:
     """An admissible state."""
     rng = np.random.default_rng(seed + 1)
     m = problem.m
@@ -111,28 +111,28 @@ def test_residual_is_the_laws_the_gap_and_the_balance() -> None:
     assert one * law.pressure * law.gap == pytest.approx((p + law.eta) * h - law.eta * law.delta)
     assert two * law.gap == pytest.approx(h - c.gap(f, q, p, t))
     assert three * law.force == pytest.approx(c.balance(f, q, p, t))
-    sticking, slipping = problem.sets.stuck, problem.sets.sense != 0.0
+    sticking, slipping = problem.sets.stuck, problem.sets.slip_sign != 0.0
     assert sticking.any()
     assert slipping.any()
-    held = c.slip(f, q, p, t) + law.creep * t - problem.anchor
+    held = c.slip(f, q, p, t) + law.stick_compliance * t - problem.stick_reference
     assert (four * law.slip)[sticking] == pytest.approx(held[sticking])
-    pulled = t - problem.sets.sense * c.friction * (p[1:] - law.threshold)
+    pulled = t - problem.sets.slip_sign * c.friction * (p[1:] - law.threshold)
     assert (four * problem.limit)[~sticking] == pytest.approx(np.where(slipping, pulled, t)[~sticking])
-    assert problem.yielded(x, 0.25) == pytest.approx(held + problem.anchor)
+    assert problem.stick_coordinate(x, 0.25) == pytest.approx(held + problem.stick_reference)
 
 
 def test_rates_are_the_slope_of_the_path() -> None:
     problem = random_problem(6, 1, 4)
     x = state(problem, 4)
     slope = -problem.tangent(x, 0.0).solve(problem.load_derivative(x, 0.0))
-    rates, yielded = problem.rates(x, 0.0)
+    rates, stick_coordinate = problem.rates(x, 0.0)
     p, _, _, t = problem.split(slope)
     assert rates.pressure == pytest.approx(np.where(problem.sets.closed, p, 0.0))
     assert rates.traction == pytest.approx(t)
     # A node that is open closes if its pressure grows.
     assert (np.sign(rates.gap) == np.where(problem.sets.closed, 0.0, -np.sign(p))).all()
-    ahead = problem.yielded(x + 1e-3 * slope, 1e-3) - problem.yielded(x, 0.0)
-    assert yielded == pytest.approx(1e3 * ahead, abs=1e-9)
+    ahead = problem.stick_coordinate(x + 1e-3 * slope, 1e-3) - problem.stick_coordinate(x, 0.0)
+    assert stick_coordinate == pytest.approx(1e3 * ahead, abs=1e-9)
 
 
 def test_nothing_resists_is_told() -> None:
@@ -141,8 +141,12 @@ def test_nothing_resists_is_told() -> None:
     assert isinstance(base, DenseCoupling)
     matrix = base.matrix.copy()
     matrix[:, -1] = 0.0
-    free = RubbingContact(
-        replace(base, matrix=matrix), problem.start, problem.start + 1.0, problem.sets, problem.anchor
+    free = RegularizedFriction(
+        replace(base, matrix=matrix),
+        problem.start,
+        problem.start + 1.0,
+        problem.sets,
+        problem.stick_reference,
     )
     with pytest.raises((SingularSystemError, np.linalg.LinAlgError)):
         free.rates(state(free, 8), 0.0)
@@ -154,7 +158,7 @@ def test_units_change_no_digit(m: int, k: int, seed: int) -> None:
     length, stress = 2.0**-20, 2.0**40
     base = DenseCoupling.of(*in_units(problem.condensed, problem.law, length, stress)).softened()
     end = problem.start + problem.change
-    other = RubbingContact(base, problem.start, end, problem.sets, problem.anchor * length)
+    other = RegularizedFriction(base, problem.start, end, problem.sets, problem.stick_reference * length)
     x, rhs = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
     unit = other.scale / problem.scale
     assert (other.residual(x * unit, 0.3) == problem.residual(x, 0.3)).all()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.contact.active_set import ExactState
-from mlsanm_cli.contact.scales import LEAST, PRESSED, regularize
+from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.scales import LEAST, PRESSED, regularize
 from tests.contact.friction import half_planes, side_by_side
 
 
@@ -22,7 +22,7 @@ def test_every_contact_is_regularised_by_itself() -> None:
     assert law.eta == pytest.approx(np.where(np.arange(m) < 20, 0.1, 4e-5))
     assert law.threshold == pytest.approx(PRESSED * law.eta)
     # An asperity at its limit gives by the same part of what friction does in its own contact.
-    limit = law.creep * c.friction * pressed
+    limit = law.stick_compliance * c.friction * pressed
     slips = np.abs(c.slip.traction @ (c.friction * pressed))
     assert limit[:20] == pytest.approx(1e-3 * slips[:20].max())
     assert limit[20:] == pytest.approx(1e-3 * slips[20:].max())
@@ -36,4 +36,4 @@ def test_a_contact_without_pressure_takes_its_scales_from_the_scene() -> None:
     state = ExactState(np.zeros(4), pressed, nothing, np.zeros(4), nothing, closed, ~closed, 0, 0.0)
     law = regularize(c, [state], 1e-3, 1e-3)
     assert law.eta == pytest.approx(np.repeat([0.1, LEAST * 0.1], 20))
-    assert (law.creep > 0.0).all()
+    assert (law.stick_compliance > 0.0).all()

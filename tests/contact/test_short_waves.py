@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact import condensed
-from mlsanm_cli.contact.coulomb import increment, unloaded
-from mlsanm_cli.contact.linear_map import LinearMap
-from mlsanm_cli.contact.pairing import surface_fit
-from mlsanm_cli.contact.short_waves import SMOOTH, resolved
-from mlsanm_cli.contact.stability import contact_stability
+from mlsanm_cli.contact.geometry.pairing import surface_fit
+from mlsanm_cli.contact.laws.coulomb import increment, unloaded
+from mlsanm_cli.contact.response import condensed
+from mlsanm_cli.contact.response.coercivity import contact_stability
+from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.contact.response.short_waves import SMOOTH, resolved
 from tests.contact.scenes import Small, build, cylinder
 
 FIT = """
@@ -170,9 +170,9 @@ def test_materials_answer_along_their_own_directions() -> None:
     one = cylinder(0.02, f"material.steel={wood}", "contact.interface.friction=0.3")
     pairing, material = one.pairing, one.scene.bodies["block"].model.material
     # Both bodies are of the same wood, whose grain runs along the surface.
-    expected = 0.5 / material.softness(pairing.normal[pairing.candidate])
+    expected = 0.5 / material.contact_compliance(pairing.normal[pairing.candidate])
     np.testing.assert_allclose(one.condensed.modulus, expected, rtol=1e-12)
-    assert material.softness(np.eye(2))[1] > 3.0 * material.softness(np.eye(2))[0]
+    assert material.contact_compliance(np.eye(2))[1] > 3.0 * material.contact_compliance(np.eye(2))[0]
 
 
 def test_a_fit_sticks_alike_whichever_way_it_is_pushed() -> None:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.condensed import Condensed
-from mlsanm_cli.contact.history import follow, start
-from mlsanm_cli.contact.linear_map import LinearMap
-from mlsanm_cli.contact.set_search import Watch, find_sets
-from mlsanm_cli.contact.sets import Sets, SetSystem, Values
-from mlsanm_cli.contact.sliding import SlidingError, slides_freely
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.event_driven import event_driven_path, start
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, primal_dual_active_set
+from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.friction import half_planes, side_by_side
 
 
@@ -27,10 +27,10 @@ def turned(condensed: Condensed, angle: float) -> Condensed:
     return replace(condensed, gap=of(condensed.gap), slip=of(condensed.slip))
 
 
-def all_slip(condensed: Condensed, but: tuple[int, ...] = ()) -> Sets:
-    sense = np.ones(len(condensed.rubbing))
-    sense[list(but)] = 0.0
-    return Sets(np.ones(len(condensed.weight), dtype=bool), sense == 0.0, sense)
+def all_slip(condensed: Condensed, but: tuple[int, ...] = ()) -> ContactStatus:
+    slip_sign = np.ones(len(condensed.friction_nodes))
+    slip_sign[list(but)] = 0.0
+    return ContactStatus(np.ones(len(condensed.weight), dtype=bool), slip_sign == 0.0, slip_sign)
 
 
 @pytest.mark.parametrize("angle", np.radians([0.0, 37.0, 90.0, 180.0, 233.0]).tolist())
@@ -39,7 +39,7 @@ def test_axes_mean_nothing(angle: float) -> None:
     assert slides_freely(c, all_slip(c))
     assert not slides_freely(c, all_slip(c, (3,)))
     nothing = np.zeros(20)
-    assert not slides_freely(c, Sets(nothing > 0.0, nothing > 0.0, nothing))
+    assert not slides_freely(c, ContactStatus(nothing > 0.0, nothing > 0.0, nothing))
 
 
 def test_a_surface_that_rises_holds() -> None:
@@ -67,24 +67,24 @@ def test_one_of_two_contacts_that_slides_is_named() -> None:
     one = half_planes(20)
     c = side_by_side(one.condensed, one.condensed)
     state = start(c, np.zeros(4)).state
-    for event in follow(c, state, np.array([1.0, 0.0, 1.0, 0.0]), [1.0]):
+    for event in event_driven_path(c, state, np.array([1.0, 0.0, 1.0, 0.0]), [1.0]):
         state = event.state
     with pytest.raises(SlidingError) as caught:
-        list(follow(c, state, np.array([1.0, 0.4, 1.0, 1.25]), [1.0]))
+        list(event_driven_path(c, state, np.array([1.0, 0.4, 1.0, 1.25]), [1.0]))
     assert caught.value.fraction == pytest.approx(0.8, abs=1e-9)
 
 
 def test_a_body_that_slips_both_ways_rests_somewhere() -> None:
     # A clamped strip spreads both ways; when its last sticking node gives way another one comes to rest.
     c = half_planes(20, beta=0.5).condensed
-    sense, never = np.where(np.arange(20) < 9, 1.0, -1.0), np.zeros(20, dtype=bool)
-    watch = Watch(never, never, ~never, sense.copy())
+    slip_sign, never = np.where(np.arange(20) < 9, 1.0, -1.0), np.zeros(20, dtype=bool)
+    watch = AdmissibleChanges(never, never, ~never, slip_sign.copy())
 
-    def solve(sets: Sets) -> tuple[SetSystem, Values, FloatArray]:
+    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
         system = SetSystem(c, sets)
         rates = system.rate(np.array([1.0, 0.0]))
         return system, rates, rates.slip
 
-    sets, *_ = find_sets(c, Sets(~never, never, sense), watch, solve)
+    sets, *_ = primal_dual_active_set(c, ContactStatus(~never, never, slip_sign), watch, solve)
     assert sets.stuck.any()
     assert not slides_freely(c, sets)

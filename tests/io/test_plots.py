@@ -15,9 +15,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io import figures, plot_cloud, plots
-from mlsanm_cli.io.plot_cloud import CloudBody
-from mlsanm_cli.io.plots import ReferenceCurve, plot_path, plot_pressure
+from mlsanm_cli.io.plots import cloud as plot_cloud
+from mlsanm_cli.io.plots import figures, plots
+from mlsanm_cli.io.plots.cloud import CloudBody
+from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
 from mlsanm_cli.io.run_dir import PICTURE_MARK
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def test_pictures_need_no_display_and_no_pyplot(tmp_path: Path) -> None:
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from pathlib import Path\n"
         "import numpy as np\n"
-        "from mlsanm_cli.io.plots import plot_path\n"
+        "from mlsanm_cli.io.plots.plots import plot_path\n"
         "plot_path(Path(sys.argv[2]), np.arange(3.), {'a': np.arange(3.)}, 'x', 'y')\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )

@@ -222,8 +222,8 @@ def test_reader_cuts_ragged_rows_and_close_drops_them(tmp_path: Path) -> None:
     run = start_run(tmp_path / "run.h5")
     write_steps(run, range(3))
     columns = run._history._columns
-    columns["position"].write(3, columns["position"].checked(9.0))
-    columns["contacts/interface/gap"].write(3, columns["contacts/interface/gap"].checked(np.ones(M)))
+    columns["position"].write(3, columns["position"].solve_with_error(9.0))
+    columns["contacts/interface/gap"].write(3, columns["contacts/interface/gap"].solve_with_error(np.ones(M)))
     run._file.flush()
     data = read_run(tmp_path)
     assert data.path.rows == 3

@@ -151,7 +151,7 @@ def test_importing_the_layer_loads_neither_meshio_nor_matplotlib() -> None:
     code = (
         "import sys\n"
         "import mlsanm_cli.io.vtu, mlsanm_cli.io.run_file, mlsanm_cli.io.run_reader, mlsanm_cli.io.run_dir\n"
-        "import mlsanm_cli.io.summary, mlsanm_cli.io.plots, mlsanm_cli.io.plot_cloud\n"
+        "import mlsanm_cli.io.summary, mlsanm_cli.io.plots.plots, mlsanm_cli.io.plots.cloud\n"
         "print({'meshio', 'matplotlib', 'scipy', 'rich'} & set(sys.modules))"
     )
     command = [sys.executable, "-c", code]

@@ -38,7 +38,7 @@ def test_stress_out_of_the_plane(poisson: float) -> None:
     whole = np.linalg.inv(compliance(2.0, poisson))
     e = np.array([0.3, -0.7, 0.0, 0.2])
     s = whole @ e
-    assert strain.across_stress(s[None, [0, 1, 3]])[0] == pytest.approx(s[2], abs=1e-11)
+    assert strain.out_of_plane_stress(s[None, [0, 1, 3]])[0] == pytest.approx(s[2], abs=1e-11)
     assert not isotropic(2.0, poisson, "stress").across.any()
 
 
@@ -48,8 +48,8 @@ def test_hand_values_of_steel() -> None:
     assert stress.stiffness[0] == pytest.approx([230769.2, 69230.77, 0.0], rel=1e-6)
     assert strain.stiffness[2, 2] == stress.stiffness[2, 2] == pytest.approx(80769.23, rel=1e-6)
     oblique = np.array([[0.6, 0.8]])
-    assert 1.0 / strain.softness(oblique)[0] == pytest.approx(230769.2, rel=1e-6)
-    assert 1.0 / stress.softness(oblique)[0] == pytest.approx(210e3, rel=1e-12)
+    assert 1.0 / strain.contact_compliance(oblique)[0] == pytest.approx(230769.2, rel=1e-6)
+    assert 1.0 / stress.contact_compliance(oblique)[0] == pytest.approx(210e3, rel=1e-12)
 
 
 def test_another_plane_is_refused() -> None:
@@ -101,7 +101,7 @@ def test_a_turned_orthotropic_material_obeys_hookes_law(plane: str) -> None:
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     tensor = np.array([[found[0], found[2]], [found[2], found[1]]])
     own, bent = turn @ tensor @ turn.T, turn @ strain @ turn.T
-    zz = float(wood.across_stress(found[None], 1.0)[0])
+    zz = float(wood.out_of_plane_stress(found[None], 1.0)[0])
     assert bent[0, 0] == pytest.approx(own[0, 0] / 12 - 0.3 / 12 * own[1, 1] - 0.25 / 12 * zz + 0.1)
     assert bent[1, 1] == pytest.approx(-0.3 / 12 * own[0, 0] + own[1, 1] / 3 - 0.4 / 3 * zz + 0.3)
     assert bent[0, 1] == pytest.approx(0.5 * own[0, 1] / shear)
@@ -130,5 +130,5 @@ def test_stiff_fibres_and_soft_shear_do_not_lock() -> None:
 
 def test_a_plane_stiffness_does_not_tell_the_stress_across() -> None:
     stress = np.array([[1.0, 2.0, 3.0]])
-    assert np.isnan(anisotropic(np.eye(3), "strain").across_stress(stress)).all()
-    assert (anisotropic(np.eye(3), "stress").across_stress(stress) == 0.0).all()
+    assert np.isnan(anisotropic(np.eye(3), "strain").out_of_plane_stress(stress)).all()
+    assert (anisotropic(np.eye(3), "stress").out_of_plane_stress(stress) == 0.0).all()

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.clouds import clouds
-from mlsanm_cli.app.scene import equip, prepare
+from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare
+from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
@@ -395,7 +395,7 @@ class Recorder(CholeskySolver):
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_published_cases_are_solved_as_well_as_by_superlu(path: Path) -> None:
     case, recorder = load_case(path).case, Recorder()
-    scene = equip(case, prepare(case, clouds(case)), recorder)
+    scene = assemble_bodies(case, prepare(case, clouds(case)), recorder)
     systems = {id(body.system) for body in scene.bodies.values()}
     assert len(recorder.kept) == (len(systems) if case.mls.scheme == "least-squares" else 0)
     for matrix, points, factor in recorder.kept:

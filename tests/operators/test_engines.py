@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sparse
 
-from mlsanm_cli.app.clouds import clouds
-from mlsanm_cli.app.scene import equip, prepare
+from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare
+from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
@@ -239,7 +239,7 @@ class Recorder:
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_published_cases_are_solved_as_well_as_by_superlu(make: Engine, path: Path) -> None:
     case, recorder = load_case(path).case, Recorder(make())
-    scene = equip(case, prepare(case, clouds(case)), recorder)  # type: ignore[arg-type]
+    scene = assemble_bodies(case, prepare(case, clouds(case)), recorder)  # type: ignore[arg-type]
     systems = {id(body.system) for body in scene.bodies.values()}
     assert len(recorder.kept) == (len(systems) if case.mls.scheme == "least-squares" else 0)
     for matrix, points, factor in recorder.kept:

@@ -217,14 +217,14 @@ def test_what_is_not_symmetric_is_told(name: str) -> None:
     system = setting.half.system
     assert isinstance(system, Folded)
     even, odd = setting.load(1.0), setting.load(-1.0, seed=1)
-    solution, worth = system.checked(even)
+    solution, worth = system.solve_with_error(even)
     assert worth.max() <= WORTH
     assert system.residual(even, solution).max() <= 1e-9
     for part in (1e-4, 0.1, 1.0):
         mixed = sparse.csc_array(even + part * odd)
         nodes = system.fold.rows
         share = part * sparse.linalg.norm(odd[:nodes]) / sparse.linalg.norm(mixed[:nodes])
-        for found in (system.checked(mixed)[1], system.residual(mixed, solution)):
+        for found in (system.solve_with_error(mixed)[1], system.residual(mixed, solution)):
             assert found == pytest.approx([share], rel=1e-6)
     assert system.residual(odd, solution)[0] >= 1.0 - 1e-9
 
@@ -242,7 +242,7 @@ def test_one_entry_is_half_symmetric_beside_the_line_and_all_or_nothing_on_it(na
         (on, 1 - across, 0.0),
     ):
         entry = sparse.csc_array(([1.0], ([component * count + node], [0])), shape=(rows, 1))
-        assert system.checked(entry)[1] == pytest.approx([expected], abs=1e-9)
+        assert system.solve_with_error(entry)[1] == pytest.approx([expected], abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -262,11 +262,11 @@ def test_all_else_is_as_the_whole_system_has_it(name: str) -> None:
     for mixed in (None, mixture):
         one, other = (system.functionals(observed, both, mixed) for system in (half, whole))
         assert apart(one, other) <= 1e-9
-    assert apart(half.roughly(even), expected) <= 2e-5
+    assert apart(half.solve_unrefined(even), expected) <= 2e-5
     rough = expected * (1.0 + 1e-3)
     assert apart(half.step(even, rough, more)[:, 0], whole.step(even, rough, more)[:, 0]) <= 1e-4
     assert apart(half.step(even, rough, more)[:, 1], whole.solve(more)[:, 0]) <= 2e-5
-    assert apart(half.checked(even, rough)[0], expected) <= SAME
+    assert apart(half.solve_with_error(even, rough)[0], expected) <= SAME
     assert half.residual(even, rough) == pytest.approx(whole.residual(even, rough), rel=1e-4)
     vector = rng.normal(size=(len(expected) // 2, 2))
     vector += vector[mirror.image] * mirror.line.signs
@@ -283,7 +283,7 @@ def test_no_equations_of_all_bodies_together() -> None:
     with pytest.raises(TypeError, match="whole"):
         system.equations(source)
     with pytest.raises(TypeError, match="whole"):
-        system.excess(source.toarray()[:, 0], np.zeros(system.solve(source).shape[0]))
+        system.residual_vector(source.toarray()[:, 0], np.zeros(system.solve(source).shape[0]))
 
 
 def test_a_body_that_nothing_holds() -> None:
@@ -293,10 +293,10 @@ def test_a_body_that_nothing_holds() -> None:
     assert (setting.half.free.components, setting.whole.free.components) == ((1,), (0, 1, 2))
     expected = setting.whole.system.solve(whole)
     assert apart(setting.half.system.solve(half), expected) <= SAME
-    assert setting.half.system.checked(half)[1].max() <= WORTH
+    assert setting.half.system.solve_with_error(half)[1].max() <= WORTH
     odd = setting.load(-1.0, halved=True)
     assert np.abs(setting.half.system.solve(odd)).max() <= 1e-9 * np.abs(expected).max()
-    assert setting.half.system.checked(odd)[1].max() >= 0.5
+    assert setting.half.system.solve_with_error(odd)[1].max() >= 0.5
 
 
 def test_bodies_of_both_kinds_are_told_apart() -> None:

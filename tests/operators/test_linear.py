@@ -193,7 +193,7 @@ def test_residual_tells_the_size_of_a_step(kind: str) -> None:
         off = best + 1e-4 * np.linalg.norm(best) * shape[:, None] / np.linalg.norm(shape)
         assert system.residual(b, off) == pytest.approx(1e-4, rel=1e-3)
         # From there, one update leads back, and a second one tells that it did.
-        found, change = system.checked(b, off)
+        found, change = system.solve_with_error(b, off)
         assert change <= 1e-7
         np.testing.assert_allclose(found, best, rtol=0.0, atol=1e-12 * np.abs(best).max())
 
@@ -206,7 +206,7 @@ def test_checked_solutions_tell_what_the_last_update_changed(kind: str) -> None:
     expected = system.solve(b)
     size = np.linalg.norm(expected, axis=0)
     for start in (None, expected[:, :1] * (1.0 + 1e-5), rng.normal(size=(120, 1))):
-        found, change = system.checked(b, start)
+        found, change = system.solve_with_error(b, start)
         assert (change <= 1e-7).all()
         assert (np.linalg.norm(found - expected, axis=0) <= 1e-9 * size).all()
 
@@ -256,7 +256,9 @@ def test_strong_rows_against_numpy(seed: int) -> None:
     )
     expected = np.linalg.lstsq(whole, scale @ b, rcond=None)[0]
     assert np.abs(system.solve(sparse.csc_array(b)) - expected).max() <= 1e-10 * np.abs(expected).max()
-    assert np.abs(system.roughly(sparse.csc_array(b)) - expected).max() <= 1e-7 * np.abs(expected).max()
+    assert (
+        np.abs(system.solve_unrefined(sparse.csc_array(b)) - expected).max() <= 1e-7 * np.abs(expected).max()
+    )
     vectors = np.random.default_rng(seed + 2).normal(size=(120, 2))
     found, wanted = system.inverse_normal(vectors), np.linalg.solve(whole.T @ whole, vectors)
     assert np.abs(found - wanted).max() <= 1e-7 * np.abs(wanted).max()
@@ -271,7 +273,7 @@ def test_written_out_equations_are_those_that_are_solved() -> None:
     np.testing.assert_allclose(out.matrix.toarray(), whole.T @ whole, rtol=1e-12, atol=1e-8)
     np.testing.assert_allclose(out.sources.toarray(), whole.T @ (scale @ b), rtol=1e-12, atol=1e-6)
     np.testing.assert_allclose(
-        system.excess(b[:, 0], u), whole.T @ (whole @ u - scale @ b[:, 0]), rtol=1e-10, atol=1e-6
+        system.residual_vector(b[:, 0], u), whole.T @ (whole @ u - scale @ b[:, 0]), rtol=1e-10, atol=1e-6
     )
 
 
@@ -299,9 +301,9 @@ def test_sums_of_strong_rows_hold_exactly(seed: int) -> None:
     off = expected[:, :1] + 1e-3 * rng.normal(size=(120, 1))
     found = {
         "solve": (system.solve(b), 1e-10),
-        "checked": (system.checked(b)[0], 1e-10),
-        "from a start": (system.checked(b, expected[:, :1])[0], 1e-10),
-        "roughly": (system.roughly(b), 1e-6),
+        "checked": (system.solve_with_error(b)[0], 1e-10),
+        "from a start": (system.solve_with_error(b, expected[:, :1])[0], 1e-10),
+        "roughly": (system.solve_unrefined(b), 1e-6),
         "step": (off + system.step(column, off, sparse.csc_array(more[:, [0]]))[:, :1], 1e-6),
     }
     for name, (solution, bar) in found.items():
@@ -327,7 +329,7 @@ def test_sums_of_strong_rows_hold_exactly(seed: int) -> None:
         np.abs(np.linalg.solve(out.matrix.toarray(), out.sources.toarray()) - expected).max() <= 1e-7 * size
     )
     b0, u = b.toarray()[:, 0], rng.normal(size=120)
-    assert system.excess(b0, u) == pytest.approx(
+    assert system.residual_vector(b0, u) == pytest.approx(
         out.matrix @ u - out.sources.toarray()[:, 0], rel=1e-8, abs=1e-4
     )
 
@@ -363,7 +365,7 @@ def test_a_step_comes_with_the_solution_for_more() -> None:
     assert found.shape == (120, 2)
     np.testing.assert_allclose(found[:, :1], -away, atol=1e-8)
     assert np.abs(found[:, 1:] - expected).max() <= 1e-8 * np.abs(expected).max()
-    assert np.abs(system.roughly(more) - expected).max() <= 1e-8 * np.abs(expected).max()
+    assert np.abs(system.solve_unrefined(more) - expected).max() <= 1e-8 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("strong", [False, True])

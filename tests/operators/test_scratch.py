@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mlsanm_cli.operators.linear import scratch
-from mlsanm_cli.operators.linear.scratch import Scratch
+from mlsanm_cli.operators.linear.scratch import MappedArray
 
 SIZE = 2**20
 
@@ -24,8 +24,8 @@ def all_large(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scratch, "LARGE", 0)
 
 
-def filled(number: float) -> Scratch:
-    array = Scratch(SIZE)
+def filled(number: float) -> MappedArray:
+    array = MappedArray(SIZE)
     array.values[:] = number
     return array
 

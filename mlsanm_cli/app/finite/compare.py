@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.build import build_scene
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.foreign import load_with_files
-from mlsanm_cli.app.provenance import attributes
+from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.scene.build import build_scene
+from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io import run_dir

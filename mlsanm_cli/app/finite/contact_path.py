@@ -6,15 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mlsanm_cli.app.certificate import CONTACT_LIMIT
 from mlsanm_cli.app.finite.path import RENEW, FiniteState, FiniteStep, most_stretched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.verdict import judge
-from mlsanm_cli.app.stages import factors_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed, Pressing
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.mechanics.finite.projector import Projector
+from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
+from mlsanm_cli.solve.load_factors import factors_at
 
 FIRST = 0.25
 """First increment, as a part of a stage."""

@@ -11,8 +11,8 @@ from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
-from mlsanm_cli.contact.profile import half_width
-from mlsanm_cli.contact.sets import OPEN, SLIP
+from mlsanm_cli.contact.geometry.profile import half_width
+from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces

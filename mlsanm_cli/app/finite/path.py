@@ -9,12 +9,12 @@ import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.verdict import judge, told_why
-from mlsanm_cli.app.stages import factors_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, follow
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
+from mlsanm_cli.solve.load_factors import factors_at
 from mlsanm_cli.values import dataclass
 
 RENEW = 1.25

@@ -22,7 +22,7 @@ from mlsanm_cli.app.finite.fields import (
 )
 from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.recording import boundary_tags
+from mlsanm_cli.app.output.recording import boundary_tags
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir

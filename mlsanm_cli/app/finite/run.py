@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.certificate import CONTACT_LIMIT
+from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT
+from mlsanm_cli.app.assessment.quality import Quality, assess, case_warnings
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.finite.contact_path import contact_path
@@ -17,20 +18,19 @@ from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.verdict import FEW_WAVES
-from mlsanm_cli.app.judge import BALANCE_LIMIT
-from mlsanm_cli.app.quality import Quality, assess, case_warnings
-from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.app.output.summary import Ending
+from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.signals import Stopper
-from mlsanm_cli.app.summary import Ending
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.forces import Forces
+from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.system import peak_memory_mb
 
 
 def run_finite(
     loaded: LoadedCase,
-    prepared: Prepared,
+    prepared: SceneModel,
     directory: Path,
     provenance: Mapping[str, str | int | float],
     stopper: Stopper,

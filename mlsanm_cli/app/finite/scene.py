@@ -6,18 +6,16 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.app.contacts import shape_of
-from mlsanm_cli.app.linear import direct_solver
-from mlsanm_cli.app.scene import Prepared
-from mlsanm_cli.app.stages import stage_factors
-from mlsanm_cli.app.surfaces import surfaces_at
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.contact_pairs import shape_of
+from mlsanm_cli.app.scene.direct_solver import direct_solver
+from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.finite.loads import with_contacts
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -27,6 +25,7 @@ from mlsanm_cli.mechanics.finite.loads import Loads, Pressing
 from mlsanm_cli.mechanics.finite.projector import Projector, Weights
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import DirectSolver
+from mlsanm_cli.solve.load_factors import stage_factors
 from mlsanm_cli.values import dataclass
 
 
@@ -62,22 +61,7 @@ class FiniteScene:
         return Projector.at(self.body, self.weights, displacement, factors, self.solver)
 
 
-def refuse_unsupported(prepared: Prepared) -> None:
-    """Raise CaseError for what clouds and pairs show that finite strain cannot do yet: bodies that can move
-    freely, sides in contact of several pieces."""
-    for mover in prepared.movers:
-        if isinstance(mover, mechanics.LooseBody):
-            message = f"body {mover.body} can move freely, which finite strain does not support yet"
-            problem = CaseProblem(f"body.{mover.body}", message, hint="hold it with a [[support]]")
-            raise CaseError((problem,))
-    for pairing in prepared.pairings:
-        if pairing.slave.parts:
-            message = "a side of several pieces with finite strain is not supported yet"
-            problem = CaseProblem(f"contact.{pairing.name}.slave", message, hint="one smooth side")
-            raise CaseError((problem,))
-
-
-def finite_scene(case: Case, prepared: Prepared) -> FiniteScene:
+def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     """Take over clouds, conditions and loads of a scene that :func:`refuse_unsupported` has let pass."""
     name, model = next(iter(prepared.models.items()))
     solver = direct_solver(case)
@@ -89,13 +73,13 @@ def finite_scene(case: Case, prepared: Prepared) -> FiniteScene:
     return FiniteScene(case, name, body, stage_factors(case), supports, prepared.probes, solver, contacts)
 
 
-def _contact(case: Case, prepared: Prepared, pairing: Pairing) -> RigidContact:
+def _contact(case: Case, prepared: SceneModel, pairing: Pairing) -> RigidContact:
     """A side of the body against a rigid obstacle."""
     slave = pairing.slave
     found = next(one for one in case.contact if one.name == pairing.name)
     assert found.obstacle is not None
     motion = np.zeros((2, len(case.moved)))
-    for mover in prepared.movers:
+    for mover in prepared.rigid_constraints:
         if isinstance(mover, mechanics.Obstacle) and mover.contact == pairing.name:
             for one in mover.motions:
                 assert one.prescribed is not None
@@ -122,7 +106,7 @@ def _supports(case: Case) -> dict[str, tuple[str, ...]]:
     return found | {load.name: surfaces_at(case, load.place) for load in held}
 
 
-def _loads(case: Case, prepared: Prepared, body: ElasticBody) -> Loads:
+def _loads(case: Case, prepared: SceneModel, body: ElasticBody) -> Loads:
     """All that acts, by load number."""
     count = len(case.moved)
     sources = np.zeros((body.rows, count))
@@ -141,7 +125,7 @@ def _loads(case: Case, prepared: Prepared, body: ElasticBody) -> Loads:
         if load.between is not None:
             shape = (*load.between.shape, count)
             tractions.setdefault(load.surface, np.zeros(shape))[:, :, load.number] += load.between
-    for mover in prepared.movers:
+    for mover in prepared.rigid_constraints:
         if isinstance(mover, mechanics.Platen):
             _move(mover, body, sources)
     force = _force(prepared, len(body.model.cloud.points), count)
@@ -160,7 +144,7 @@ def _move(platen: mechanics.Platen, body: ElasticBody, sources: FloatArray) -> N
             sources += np.outer(body.source(name, pattern, held=True), motion.prescribed)
 
 
-def _force(prepared: Prepared, nodes: int, count: int) -> FloatArray | None:
+def _force(prepared: SceneModel, nodes: int, count: int) -> FloatArray | None:
     """The body force (n, 2, L), if there is any."""
     if not prepared.acting.body_forces:
         return None

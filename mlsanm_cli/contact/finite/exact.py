@@ -14,7 +14,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.stability import relative_resistance
+from mlsanm_cli.contact.response.coercivity import relative_resistance
 from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
@@ -112,7 +112,7 @@ class Pressing:
         factorised = self.projector.factorised(u, whole, columns @ self._turning(p, normal, bent))
         along = columns @ _directions(normal)
         z = -factorised.solve(self.projector.scaled(series.rows(0)))
-        many = -factorised.roughly(self.projector.scaled_columns(along))
+        many = -factorised.solve_unrefined(self.projector.scaled_columns(along))
         compliance = self._seen(normal, many)
         free = gap + self._seen(normal, z[:, None])[:, 0]
         first = p > self.stiffness * gap if active is None else active
@@ -127,7 +127,7 @@ class Pressing:
             own = closed[first : first + one.count]
             inner = own[1:-1] & own[:-2] & own[2:]
             chosen = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
-            modulus = 1.0 / material.softness(one.outward[chosen])
+            modulus = 1.0 / material.contact_compliance(one.outward[chosen])
             place = first + chosen
             part = compliance[np.ix_(place, place)]
             least = min(least, relative_resistance(one.weight[chosen], modulus, part))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.obstacles import Round, Shape
+from mlsanm_cli.contact.geometry.obstacles import Round, Shape
 from mlsanm_cli.values import dataclass
 
 

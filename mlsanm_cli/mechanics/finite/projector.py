@@ -159,14 +159,14 @@ class Factorised:
     def solve(self, scaled: FloatArray) -> FloatArray:
         """The displacement (2N,) whose rows in this state are the ``scaled`` (r,), as far as the equations
         see, with one step of refinement on the rows themselves."""
-        solution = self.roughly(scaled)
-        return solution + self.roughly(scaled - self.image(solution))
+        solution = self.solve_unrefined(scaled)
+        return solution + self.solve_unrefined(scaled - self.image(solution))
 
     def image(self, displacement: FloatArray) -> FloatArray:
         """The weighted rows (r,) of a ``displacement`` (2N,) in this state."""
         return np.concatenate([self.rows @ displacement, self.strong @ displacement])
 
-    def roughly(self, scaled: FloatArray) -> FloatArray:
+    def solve_unrefined(self, scaled: FloatArray) -> FloatArray:
         """The same by the factor alone, of one (r,) or several (r, c)."""
         projector = self.projector
         count = len(projector.weights.nodes)

@@ -13,10 +13,10 @@ from mlsanm_cli.kernels.domains import count_links, domains, fill_links
 from mlsanm_cli.kernels.multifrontal import BLOCK, borders, factorise
 from mlsanm_cli.kernels.substitution import Links, Tree, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
-from mlsanm_cli.operators.linear.fallback import believed
+from mlsanm_cli.operators.linear.fallback import verified_or_superlu
 from mlsanm_cli.operators.linear.interface import Factor, Matrix
 from mlsanm_cli.operators.linear.progress import watched
-from mlsanm_cli.operators.linear.scratch import Scratch
+from mlsanm_cli.operators.linear.scratch import MappedArray
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.operators.structure import structure
 from mlsanm_cli.values import dataclass
@@ -102,7 +102,7 @@ class CholeskyFactor:
 
     fronts: Fronts
     order: IntArray
-    panels: Scratch
+    panels: MappedArray
     links: Links
     note: str = ""
 
@@ -153,7 +153,7 @@ class CholeskySolver(SuperLUSolver):
         """
         blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
         fronts = Fronts.of(points, blocks, negative)
-        panels = Scratch(int(fronts.panel[-1]))
+        panels = MappedArray(int(fronts.panel[-1]))
         pivots = 2 * np.diff(fronts.start)
         with watched(pivots, pivots + 2 * np.diff(fronts.begin)) as done:
             failed = factorise(
@@ -165,4 +165,4 @@ class CholeskySolver(SuperLUSolver):
         if failed < 0:
             order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()
             factor = CholeskyFactor(fronts, order, panels, fronts.links(blocks))
-        return believed(factor, matrix, points)
+        return verified_or_superlu(factor, matrix, points)

@@ -15,7 +15,7 @@ SOUND = 1e-11
 """Largest backward error of a factor that is believed; what is expected is round-off."""
 
 
-def believed(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
+def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
     """The ``factor`` of a ``matrix`` (2n, 2n) if there is one and it solves, else SuperLU's, with a note.
 
     Raises NumericalError where that does not solve either.

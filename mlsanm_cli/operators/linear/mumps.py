@@ -18,7 +18,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.engine import MissingEngineError, installed, upper_triangle
-from mlsanm_cli.operators.linear.fallback import believed
+from mlsanm_cli.operators.linear.fallback import verified_or_superlu
 from mlsanm_cli.operators.linear.interface import BLOCK, Factor, Matrix, products_of_solutions
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.values import dataclass
@@ -85,7 +85,7 @@ class MumpsSolver(SuperLUSolver):
         """
         if matrix.shape[0] != 2 * len(points):
             raise ValueError(f"a graph of {matrix.shape[0] // 2} vertices for {len(points)} points")
-        return believed(_factor(matrix, 2 * negative), matrix, points)
+        return verified_or_superlu(_factor(matrix, 2 * negative), matrix, points)
 
 
 def _factor(matrix: Matrix, negative: int) -> MumpsFactor | None:

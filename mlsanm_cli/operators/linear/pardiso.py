@@ -17,7 +17,7 @@ from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.linear.engine import MissingEngineError, installed, upper_triangle
-from mlsanm_cli.operators.linear.fallback import believed
+from mlsanm_cli.operators.linear.fallback import verified_or_superlu
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, products_of_solutions
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.values import dataclass
@@ -150,7 +150,7 @@ class PardisoSolver(SuperLUSolver):
         failed = handle.call(FACTORISE)
         if failed != NOT_DEFINITE:
             _refuse(failed)
-        return believed(None if failed else PardisoFactor(handle), matrix, points)
+        return verified_or_superlu(None if failed else PardisoFactor(handle), matrix, points)
 
 
 def _refuse(error: int) -> None:

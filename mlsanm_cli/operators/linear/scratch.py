@@ -23,7 +23,7 @@ DISK = "/var/tmp"
 """Where files go unless TMPDIR says it: what is under /tmp often is in memory itself."""
 
 
-class Scratch:
+class MappedArray:
     """An array of ``size`` numbers, at first anything, in a file without a name if it is large.
 
     It is in memory where the system cannot give files' memory away or the disk has no room for it.
@@ -51,7 +51,7 @@ class Scratch:
         self._mapped.madvise(mmap.MADV_DONTNEED)
 
 
-_last: list[weakref.ref[Scratch]] = []
+_last: list[weakref.ref[MappedArray]] = []
 """The one used last, if any."""
 
 

@@ -1,0 +1,89 @@
+"""Where a state is worst: what a failed run leaves for the person who has to find out why."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.functionals import slave_points
+from mlsanm_cli.solve.state import State
+from mlsanm_cli.values import dataclass
+
+WORST = 10
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Of every contact node (m,) of one state: pressure, gap, traction over its limit (nan without friction),
+    and ``residual``, how far it is from the exact laws, relative to the peak pressure and the elastic gap."""
+
+    pressure: FloatArray
+    gap: FloatArray
+    cone_ratio: FloatArray
+    residual: FloatArray
+
+    @property
+    def worst(self) -> list[int]:
+        """The nodes with the largest residuals, worst first; nan is worse than any number."""
+        order = np.argsort(-np.nan_to_num(self.residual, nan=np.inf), kind="stable")
+        return [int(node) for node in order[:WORST]]
+
+
+def diagnose(built: CondensedScene, state: State) -> Diagnosis:
+    """The contact nodes of one state."""
+    c, pressure, gap = built.condensed, state.pressure, state.gap
+    peak = _largest(pressure)
+    elastic = _largest(c.gap.pressure @ pressure)
+    limit = c.friction * np.maximum(pressure[c.friction_nodes], 0.0)
+    traction = np.abs(state.traction)
+    ratio, beyond = np.full(len(pressure), np.nan), np.zeros(len(pressure))
+    ratio[c.friction_nodes] = np.divide(traction, limit, out=np.full(len(limit), np.nan), where=limit > 0.0)
+    beyond[c.friction_nodes] = np.maximum(traction - limit, 0.0)
+    parts = (
+        np.abs(c.gap(*state.unknowns) - gap) / elastic,
+        np.maximum(-gap, 0.0) / elastic,
+        np.maximum(-pressure, 0.0) / peak,
+        beyond / peak,
+        np.minimum(np.abs(pressure) / peak, np.abs(gap) / elastic),
+    )
+    return Diagnosis(pressure, gap, ratio, np.max(parts, axis=0) if len(pressure) else pressure)
+
+
+def worst_nodes(built: CondensedScene, found: Diagnosis) -> list[dict[str, Any]]:
+    """The worst nodes with contact, place and figures."""
+    rows = []
+    for node in found.worst:
+        pairing = next(p for p in built.condensed.pairings if node < built.condensed.spans[p.name].stop)
+        x, y = slave_points(built, pairing)[node - built.condensed.spans[pairing.name].start]
+        figures = ("residual", "pressure", "gap", "cone_ratio")
+        values = {name: float(getattr(found, name)[node]) for name in figures}
+        rows.append({"contact": pairing.name, "x": float(x), "y": float(y), **values})
+    return rows
+
+
+def node_fields(built: CondensedScene, found: Diagnosis) -> dict[str, dict[str, FloatArray]]:
+    """Per body and figure an array (n,), nan off the slave surfaces; ``worst`` counts from 1, 0 elsewhere."""
+    names = ("residual", "pressure", "gap", "cone_ratio")
+    rank = np.zeros(len(found.residual))
+    rank[found.worst] = 1.0 + np.arange(len(found.worst))
+    fields: dict[str, dict[str, FloatArray]] = {}
+    for body, elastic in built.scene.bodies.items():
+        count = len(elastic.model.cloud.points)
+        fields[body] = {name: np.full(count, np.nan) for name in names} | {"worst": np.zeros(count)}
+        for pairing in built.condensed.pairings:
+            if pairing.slave_body != body or pairing.near is not None:
+                continue
+            nodes, span = pairing.node[pairing.candidate], built.condensed.spans[pairing.name]
+            # A node of several contacts shows the one that it is worse in.
+            worse = ~(found.residual[span] <= fields[body]["residual"][nodes])
+            for name in names:
+                fields[body][name][nodes[worse]] = getattr(found, name)[span][worse]
+            fields[body]["worst"][nodes[worse]] = rank[span][worse]
+    return fields
+
+
+def _largest(values: FloatArray) -> float:
+    return float(np.abs(values).max(initial=0.0)) or 1.0

@@ -1,0 +1,101 @@
+"""Whether twice the strain energy of every body is the work of all that acts on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mlsanm_cli.app.assessment.checks import EnergyVerdict, largest_force
+from mlsanm_cli.app.scene.assemble import single_nodes
+from mlsanm_cli.app.scene.causes import strain_of
+from mlsanm_cli.contact.response.work import work_on
+from mlsanm_cli.mechanics.energy import twice_strain_energy
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.fields import Fields, fields_of
+from mlsanm_cli.solve.state import State
+
+SMALL = 1e-3
+"""A body with less than this part of all energy counts the less, the less it has."""
+UNSTRAINED = 1e-6
+"""Strains below this part of displacement over size are not judged: elastic systems pass that are solved to
+no more."""
+HEATED = 0.1
+"""Nor are energies below this part of what would block all expansion of a heated body: free expansion has
+none, and what a held end has beside its corners is little, and known poorly, where all else is right."""
+UNLOADED = 1e-3
+"""Nor are forces below this part of those before, in a scene that is unloaded again: smooth contact laws
+leave as much, on a few nodes, and contacts are solved to a tolerance relative to what was before."""
+
+
+def energy_error(
+    built: CondensedScene, state: State, known: tuple[State, Mapping[str, Fields]] | None = None
+) -> EnergyVerdict:
+    """Compare the strain energy of every body with the work on it in one state.
+
+    Where the fields with stresses that are ``known`` are those of another state, bodies are solved for.
+    """
+    if known is not None and known[0] is state:
+        fields = known[1]
+    else:
+        fields, _ = fields_of(built, [state], stress=True)[0]
+    energies, works, least, strains = {}, {}, {}, {}
+    near = _near_work(built, state)
+    for name, body in built.scene.bodies.items():
+        cloud, material, found = body.model.cloud, body.model.material, fields[name]
+        single = single_nodes(built.case, name, cloud)
+        moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns, cloud.points)
+        rest = found.displacement - moved, found.stress - stressed
+        strains[name] = strain_of(cloud.points, found.displacement, found.von_mises, material.modulus)
+        energies[name] = twice_strain_energy(cloud, material, rest[1])
+        works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
+        strain = UNSTRAINED * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
+        degrees, free = built.scene.degrees(name, state.factors), material.expansion
+        blocked = float(cloud.areas @ degrees**2) * float(free @ material.stiffness @ free)
+        least[name] = near[name] + cloud.areas.sum() * material.modulus * strain**2 + HEATED * blocked
+    # A body whose energy is no number must not hide which one it is.
+    total = float(np.nansum([energies[name] + abs(works[name]) for name in works]))
+    least_of_all = total * max(SMALL, _faded(built, state))
+    errors = {}
+    for name, work in works.items():
+        # Unlike max of Python, that of numpy loses no nan.
+        scale = float(np.max([abs(work), least_of_all, least[name]]))
+        errors[name] = 0.0 if scale == 0.0 else float((energies[name] - work) / scale)
+    worst = max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))
+    return EnergyVerdict(errors[worst], errors, strains)
+
+
+def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
+    """What contacts on grids of their own work on every body, as far as its softness has a part in them: with
+    little of it in the rest, that rest need not be known well."""
+    condensed = built.condensed
+    gap = condensed.gap.pressure @ state.pressure + condensed.gap.traction @ state.traction
+    slip = condensed.slip.pressure @ state.pressure + condensed.slip.traction @ state.traction
+    found = dict.fromkeys(built.scene.bodies, 0.0)
+    for pairing in condensed.pairings:
+        if pairing.near is None:
+            continue
+        span = condensed.spans[pairing.name]
+        work = float(condensed.weight[span] @ (state.pressure[span] * gap[span]))
+        if pairing.name in condensed.tangential:
+            own = condensed.tangential[pairing.name]
+            work += float(condensed.weight[span] @ (state.traction[own] * slip[own]))
+        chosen = pairing.normal[pairing.candidate]
+        contact_compliance = [
+            float(built.scene.bodies[body].model.material.contact_compliance(chosen).mean())
+            for body in pairing.bodies
+        ]
+        for body, part in zip(pairing.bodies, contact_compliance, strict=True):
+            found[body] += abs(work) * part / sum(contact_compliance)
+    return found
+
+
+def _faded(built: CondensedScene, state: State) -> float:
+    """How many times a state's energy goes into one that counts, beside those at the ends of the stages."""
+    now = max(largest_force(built, name, state.unknowns) for name in built.scene.bodies)
+    before = [
+        largest_force(built, name, (end.factors, end.motion, end.pressure, end.traction))
+        for name in built.scene.bodies
+        for end in built.ends
+    ]
+    return (UNLOADED * max(before, default=0.0) / now) ** 2 if now > 0.0 else 0.0

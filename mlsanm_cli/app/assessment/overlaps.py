@@ -1,0 +1,329 @@
+"""Boundaries that lie inside another body or a rigid obstacle though no contact keeps them out.
+
+Bodies are looked at as they are deformed, along their exact curves. Surfaces of one contact are left to its
+law. Displacements are small but not nothing: what a body turns by or is strained, times how far it moves, is
+the error of the place of a boundary, and no overlap below that means anything; nor does one next to a corner
+of a surface in contact, which slides along the other surface a little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import permutations
+
+import numpy as np
+
+from mlsanm_cli.app.assessment.deformed import ROUND_OFF, Outline, distances, outline_of
+from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.scene import Obstacle
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.state import State
+from mlsanm_cli.values import dataclass
+
+SHARP = 0.1
+"""Surfaces that meet under a larger angle (radian) do so in a corner."""
+FLAT = 0.05
+"""A boundary that turns inwards by less between two chords (radian) does not meet itself."""
+ASIDE = 4.0
+"""Within so many times what surfaces move along each other, corners in contact may fold over."""
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """A boundary that lies inside another body, or an obstacle, by ``depth``, deepest at ``place``."""
+
+    depth: float
+    place: tuple[float, float]
+    boundary: str
+    other: str
+
+    @property
+    def owners(self) -> set[str]:
+        """Both bodies, or the body and the obstacle."""
+        other = self.other if self.other.startswith("the ") else self.other.partition(".")[0]
+        return {self.boundary.partition(".")[0], other}
+
+
+def check_overlaps(
+    built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
+) -> None:
+    """NumericalError where a boundary lies inside another body or an obstacle in a state with the
+    ``displacements`` (n, 2) of all bodies at the points of ``clouds``."""
+    outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
+    pairings, given = built.condensed.reported, _given_gaps(built)
+    found = [
+        overlap
+        for one, other in permutations(outlines, 2)
+        for overlap in _of_bodies(one, other, outlines, pairings, max(given[one], given[other]))
+    ]
+    found += list(_with_obstacles(built, state, outlines, given))
+    if not found:
+        return
+    worst = max(found, key=lambda overlap: overlap.depth)
+    x, y = worst.place
+    raise NumericalError(
+        f"{worst.boundary} lies inside {worst.other} by {worst.depth:.3g} near ({x:.6g}, {y:.6g}) at "
+        f"position {state.position:.6g}, and no contact keeps it out",
+        _hint(built, worst, found),
+    )
+
+
+def _given_gaps(built: CondensedScene) -> dict[str, float]:
+    """How far from where they are drawn the surfaces of every body may lie, by the gaps that a case gives."""
+    found = dict.fromkeys(built.scene.bodies, 0.0)
+    profiles = {contact.name: profile_of(contact) for contact in built.case.contact}
+    for pairing in built.condensed.pairings:
+        profile = profiles[pairing.name]
+        for body in pairing.bodies if profile is not None else ():
+            assert profile is not None
+            largest = float(np.abs(profile.at(pairing.points)).max())
+            found[body] = max(found[body], largest)
+    return found
+
+
+def within_themselves(
+    clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
+) -> dict[str, tuple[float, float]]:
+    """Bodies of whose boundary parts lie inside the body itself, as slits that close too far, and where."""
+    found = {}
+    for name, values in displacements.items():
+        own = outline_of(clouds[name], values)
+        if _is_convex(own):
+            continue
+        step = (own.tolerance + own.slack)[:, None] * own.normal
+        inside = np.flatnonzero(inside_polygon(own.edges, own.points + step))
+        # Next to a corner that points inwards the way out leads through the other side.
+        corners = own.points[own.ends.ravel()]
+        apart = np.hypot(*(own.points[inside][:, None] - corners).transpose(2, 0, 1)).min(
+            axis=1, initial=np.inf
+        )
+        inside = inside[apart > ASIDE * np.hypot(*step[inside].T)]
+        if not len(inside):
+            continue
+        before = np.hstack([own.drawn[own.chords[:, 0]], own.drawn[own.chords[:, 1]]])
+        inside = inside[~inside_polygon(before, (own.drawn + step)[inside])]
+        if len(inside):
+            depth, _ = distances(own.points[inside] + step[inside], own.edges)
+            x, y = own.points[inside[int(np.argmax(depth))]].tolist()
+            found[name] = (x, y)
+    return found
+
+
+def _is_convex(outline: Outline) -> bool:
+    """Whether no boundary of a body can come to lie inside it."""
+    way = np.diff(outline.points[outline.chords], axis=1)[:, 0]
+    corner = np.roll(way, -1, axis=0)
+    turns = way[:, 0] * corner[:, 1] - way[:, 1] * corner[:, 0]
+    long = np.hypot(*way.T)
+    return bool((turns >= -FLAT * long * np.roll(long, -1)).all())
+
+
+def _of_bodies(
+    one: str, other: str, outlines: Mapping[str, Outline], pairings: Sequence[Pairing], given: float
+) -> Iterator[Overlap]:
+    """Where boundaries of ``one`` body lie inside the ``other`` beside their contacts, by more than a
+    ``given`` gap."""
+    own, there = outlines[one], outlines[other]
+    low, high = there.points.min(axis=0), there.points.max(axis=0)
+    near = np.flatnonzero(((own.points > low) & (own.points < high)).all(axis=1))
+    if not len(near):
+        return
+    near = near[inside_polygon(there.edges, own.points[near])]
+    if not len(near):
+        return
+    depth, chord = distances(own.points[near], there.edges)
+    facing = there.chords[chord, 0]
+    least = given + own.tolerance + there.tolerance + own.slack[near] + there.slack[facing]
+    deep = depth > least
+    for pairing in pairings:
+        if {one, other} == set(pairing.bodies):
+            mine, theirs = _members(pairing, one, own), _members(pairing, other, there)
+            deep &= ~(mine[own.surface[near]] & theirs[there.surface[facing]])
+            along = np.hypot(*(own.moved[near] - there.moved[facing]).T)
+            for outline, chosen in ((own, mine), (there, theirs)):
+                deep &= ~_at_corners(own.points[near], along, outline, chosen)
+    yield from _deepest(
+        own,
+        near[deep],
+        depth[deep],
+        one,
+        [f"{other}.{_label(there.names[number])}" for number in there.surface[facing[deep]]],
+    )
+
+
+def _with_obstacles(
+    built: CondensedScene, state: State, outlines: Mapping[str, Outline], given: Mapping[str, float]
+) -> Iterator[Overlap]:
+    """Where boundaries lie inside the rigid obstacles of contacts, by more than the gaps ``given``.
+
+    Bodies that have no such contact may be drawn inside: then the obstacle is not meant for them.
+    """
+    shifts = _obstacle_shifts(built, state)
+    pairings = {pairing.name: pairing for pairing in built.condensed.reported}
+    for contact in built.case.contact:
+        if contact.obstacle is None:
+            continue
+        shape, shift = shape_of(contact.obstacle), shifts.get(contact.name, np.zeros(2))
+        pairing = pairings[contact.name]
+        for body, own in outlines.items():
+            partner, normal = shape.closest(own.points - shift, own.normal)
+            away = own.points - shift - partner
+            depth = -(away * normal).sum(axis=1)
+            beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+            deep = (depth > given[body] + own.tolerance + own.slack) & (
+                beside <= ROUND_OFF * own.size + 1e-3 * depth
+            )
+            deep &= ~_other_contacts(built, pairings, contact.name, body, own, partner + shift, depth, shifts)
+            if not deep.any():
+                continue
+            if body == pairing.slave_body:
+                mine = _members(pairing, body, own)
+                deep &= ~mine[own.surface]
+                along = np.hypot(*(own.moved - shift).T)
+                deep &= ~_at_corners(own.points, along, own, mine)
+            else:
+                closest, outward = shape.closest(own.drawn, own.normal)
+                if (((own.drawn - closest) * outward).sum(axis=1) < -ROUND_OFF * own.size).any():
+                    continue
+            at = np.flatnonzero(deep)
+            yield from _deepest(own, at, depth[at], body, [_obstacle(contact.name)] * len(at))
+
+
+def _other_contacts(
+    built: CondensedScene,
+    pairings: Mapping[str, Pairing],
+    contact: str,
+    body: str,
+    own: Outline,
+    partner: FloatArray,
+    depth: FloatArray,
+    shifts: Mapping[str, FloatArray],
+) -> BoolArray:
+    """Which points (n,) of a body lie on surfaces that meet the same obstacle, whose closest points are
+    ``partner`` (n, 2), in another contact: one plane may be the obstacle of several."""
+    found = np.zeros(len(depth), dtype=bool)
+    for other in built.case.contact:
+        pairing = pairings[other.name]
+        if other.obstacle is None or other.name == contact or pairing.slave_body != body:
+            continue
+        shift = shifts.get(other.name, np.zeros(2))
+        there = shape_of(other.obstacle).closest(own.points - shift, own.normal)[0] + shift
+        same = np.hypot(*(there - partner).T) <= depth
+        found |= same & _members(pairing, body, own)[own.surface]
+    return found
+
+
+def _obstacle_shifts(built: CondensedScene, state: State) -> dict[str, FloatArray]:
+    """Displacements (2,) of the obstacles that move."""
+    shifts, unknown = {}, 0
+    for mover in built.scene.rigid_constraints:
+        shift = np.zeros(2)
+        for motion in mover.motions:
+            if motion.prescribed is None:
+                value = float(state.motion[unknown])
+                unknown += 1
+            else:
+                value = float(motion.prescribed @ state.factors)
+            if motion.component < 2:
+                shift[motion.component] = value
+        if isinstance(mover, Obstacle):
+            shifts[mover.contact] = shift
+    return shifts
+
+
+def _members(pairing: Pairing, body: str, outline: Outline) -> BoolArray:
+    """Which surfaces (s,) of one of its bodies a contact has."""
+    surfaces = [pairing.slave] if body == pairing.slave_body else []
+    if body == pairing.master_body and pairing.master is not None:
+        surfaces.append(pairing.master)
+    names = {part.name for surface in surfaces for part, _ in surface.members}
+    return np.array([name in names for name in outline.names])
+
+
+def _at_corners(points: FloatArray, along: FloatArray, outline: Outline, chosen: BoolArray) -> BoolArray:
+    """Which ``points`` (e, 2) are as near to corners at the ends of the ``chosen`` surfaces (s,) of a body as
+    bodies move ``along`` (e,) each other there."""
+    found = np.zeros(len(points), dtype=bool)
+    for number in np.flatnonzero(chosen):
+        for end in outline.ends[number]:
+            same = np.flatnonzero((outline.drawn[outline.ends] == outline.drawn[end]).all(axis=2).any(axis=1))
+            here = [
+                outline.normal[place]
+                for other in same
+                for place in outline.ends[other]
+                if (outline.drawn[place] == outline.drawn[end]).all() and other != number
+            ]
+            if any(float(normal @ outline.normal[end]) < np.cos(SHARP) for normal in here):
+                found |= np.hypot(*(points - outline.points[end]).T) <= ASIDE * along
+    return found
+
+
+def _deepest(
+    own: Outline, at: IntArray, depth: FloatArray, body: str, others: Sequence[str]
+) -> Iterator[Overlap]:
+    """The deepest of the points with the numbers ``at`` (e,), of each pair of boundaries."""
+    boundaries = [f"{body}.{_label(own.names[number])}" for number in own.surface[at]]
+    told = set()
+    for worst in np.argsort(-depth, kind="stable"):
+        pair = boundaries[worst], others[worst]
+        if pair not in told:
+            told.add(pair)
+            x, y = own.points[at[worst]].tolist()
+            yield Overlap(float(depth[worst]), (x, y), *pair)
+
+
+def _label(name: str) -> str:
+    """What a case calls the boundary of a surface."""
+    return name.partition("/")[0]
+
+
+def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> str:
+    """The keys to change: contacts of the two bodies that take the boundaries in, or a new contact."""
+    changes, meant = [], False
+    for contact in built.case.contact:
+        pair = [side.body for side in contact.sides]
+        pair += [_obstacle(contact.name)] if contact.obstacle is not None else []
+        between = [one for one in found if one.owners == set(pair)]
+        for role, side in zip(("slave", "master"), contact.sides, strict=False):
+            more = [name for one in between for name in _outside(one, side.boundaries, built)]
+            if more:
+                listed = ", ".join(f'"{name}"' for name in dict.fromkeys((*side.boundaries, *more)))
+                changes.append(f"contact.{contact.name}.{role} = [{listed}]")
+                meant |= any(name in more for name in (worst.boundary, worst.other))
+    if meant:
+        return f"take it into the contact, as in {' and '.join(changes)}, or draw it further apart"
+    whom = "that obstacle" if worst.other.startswith("the ") else f'master = "{worst.other}"'
+    return (
+        f'give it a [[contact]] of its own with slave = "{worst.boundary}" and {whom}, '
+        f"or draw it further apart"
+    )
+
+
+def _outside(overlap: Overlap, boundaries: Sequence[str], built: CondensedScene) -> list[str]:
+    """Which of an overlap's boundaries go on where some ``boundaries`` of a contact end."""
+    return [
+        name
+        for name in (overlap.boundary, overlap.other)
+        if name not in boundaries and _joins(built, name, boundaries)
+    ]
+
+
+def _joins(built: CondensedScene, boundary: str, others: Sequence[str]) -> bool:
+    """Whether a boundary goes on where one of the others ends."""
+    body = boundary.partition(".")[0]
+    if body != others[0].partition(".")[0]:
+        return False
+    ends: dict[str, set[int]] = {}
+    for name, surface in built.scene.bodies[body].model.cloud.surfaces.items():
+        if not surface.curve.closed:
+            ends.setdefault(f"{body}.{_label(name)}", set()).update(surface.index[[0, -1]].tolist())
+    return any(ends.get(boundary, set()) & ends.get(other, set()) for other in others)
+
+
+def _obstacle(contact: str) -> str:
+    return f"the obstacle of contact {contact}"

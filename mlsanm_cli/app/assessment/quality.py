@@ -1,0 +1,179 @@
+"""Judgement of the node clouds: what makes a result worse, and the key to change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.causes import distance_warnings
+from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.quality import CloudQuality, measure
+from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
+from mlsanm_cli.contact.response.coercivity import stiffness_ratio
+from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.corners import inward_corners
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.values import dataclass
+
+CLOSEST = 0.5
+"""Nodes closer than this part of the local spacing make stencils ill-conditioned."""
+HOLE = 1.6
+"""An empty circle with a radius of more spacings leaves stencils lopsided; sound clouds stay near 1.1."""
+GROWTH = 0.3
+"""A spacing that grows faster than this per unit length mixes coarse and fine nodes in one stencil."""
+GROWTH_BROUGHT = 0.6
+"""Distances in meshes scatter: sound ones of triangles and quads had figures up to 0.5, without harm."""
+RATIO = 2.0
+"""Facing spacings that differ by more can cost the contact compliance its stability."""
+STIFFER = 3.0
+"""A slave stiffer than its master by more leaves its oscillations of pressure without resistance."""
+ROUND_OFF = 1e-6
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Figures per body, ratio of facing spacings per contact, and warnings where they are poor.
+
+    ``enlarged`` counts the stencils of a body that took more nodes than asked for, ``worst_ratio`` is the
+    smallest ratio of QR diagonals among its stencils.
+    """
+
+    bodies: Mapping[str, CloudQuality]
+    enlarged: Mapping[str, int]
+    worst_ratio: Mapping[str, float]
+    spacing_ratio: Mapping[str, float]
+    warnings: tuple[str, ...]
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The figures as plain values."""
+        return {
+            "bodies": {
+                name: asdict(cloud)
+                | {"stencils_enlarged": self.enlarged[name], "worst_ratio": self.worst_ratio[name]}
+                for name, cloud in self.bodies.items()
+            },
+            "spacing_ratio": dict(self.spacing_ratio),
+        }
+
+
+def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
+    """Measure the clouds of all bodies and the spacings that face each other in every contact."""
+    brought = {body.name for body in case.body if body.has_nodes}
+    bodies = {
+        name: memo.value("quality", model.cloud.content, partial(measure, model.cloud))
+        for name, model in prepared.models.items()
+    }
+    clouds = {name: model.cloud for name, model in prepared.models.items()}
+    ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
+    nodal = [
+        pairing for pairing in prepared.pairings if pairing.name not in prepared.clear and not pairing.bonded
+    ]
+    warnings = [
+        text for name, cloud in bodies.items() for text in _cloud_warnings(name, cloud, name in brought)
+    ]
+    warnings += [
+        ratio_message(pairing, ratios[pairing.name])
+        for pairing in nodal
+        if ratios[pairing.name] > RATIO * (1.0 + ROUND_OFF)
+    ]
+    warnings += [text for pairing in nodal for text in _stiffness_warnings(prepared, pairing)]
+    if any(model.settings.degree == 1 for model in prepared.models.values()):
+        warnings.append(
+            "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"
+        )
+    warnings += distance_warnings(prepared.pairings, clouds)
+    warnings += prepared.weak
+    warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
+    return Quality(
+        bodies,
+        {name: model.stencils.enlarged for name, model in prepared.models.items()},
+        {name: model.stencils.worst_ratio for name, model in prepared.models.items()},
+        ratios,
+        tuple(warnings),
+    )
+
+
+def ratio_message(pairing: Pairing, ratio: float) -> str:
+    """What to do about unequal facing spacings."""
+    return (
+        f"contact {pairing.name}: spacings that face each other differ by a factor of {ratio:.3g}; "
+        f"bring the spacings of {' and '.join(pairing.names)} closer together "
+        f"({', '.join(f'body.{body}.spacing' for body in pairing.bodies)}, or their refinements)"
+    )
+
+
+def _stiffness_warnings(prepared: SceneModel, pairing: Pairing) -> Iterator[str]:
+    ratio = stiffness_ratio(pairing, prepared.models)
+    if ratio > STIFFER:
+        yield (
+            f"contact {pairing.name}: the slave is {ratio:.3g} times stiffer than the master; "
+            f"swap them, the softer body gives the better pressures as slave"
+        )
+
+
+def _corner_warnings(name: str, model: BodyModel) -> Iterator[str]:
+    corners = inward_corners(model.cloud)
+    if len(corners):
+        x, y = model.cloud.points[corners[0]]
+        more = f" and {len(corners) - 1} more" if len(corners) > 1 else ""
+        yield (
+            f"body {name}: a sharp corner points into the material at ({x:.6g}, {y:.6g}){more}; the stress "
+            f"there has no bound, and stiffness converges slowly: give it a radius in "
+            f"body.{name}.shape.rounding"
+        )
+
+
+def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool) -> Iterator[str]:
+    grade = f"body.{name}.refine growth"
+    found = []
+    if cloud.closest < CLOSEST:
+        message = f"two nodes are only {cloud.closest:.2g} of the local spacing apart"
+        found.append((message, f"lower {grade}, or try another body.{name}.seed"))
+    if cloud.hole > HOLE:
+        message = f"a hole among the nodes has a radius of {cloud.hole:.3g} spacings"
+        found.append((message, f"lower {grade}, or make body.{name}.spacing smaller"))
+    if cloud.growth > (GROWTH_BROUGHT if brought else GROWTH) * (1.0 + ROUND_OFF):
+        message = f"the spacing grows by {cloud.growth:.3g} per unit length"
+        found.append((message, f"lower {grade} to {GROWTH:g} or less"))
+    for message, hint in found:
+        remedy = f"make the nodes in body.{name}.shape.file more even" if brought else hint
+        yield f"body {name}: {message}; {remedy}"
+
+
+def factor_warnings(scene: Scene) -> Iterator[str]:
+    """How bodies were factorised otherwise than meant, of those whose factors were needed."""
+    for name, body in scene.bodies.items():
+        if body.equations.note:
+            yield f"body {name}: {body.equations.note}"
+
+
+def case_warnings(case: Case) -> Iterator[str]:
+    """What the contact laws of a case cannot do with its loads, and its materials do not tell."""
+    for name, material in case.material.items():
+        if case.model.plane == "strain" and material.form == "stiffness":
+            yield (
+                f"material {name}: a plane stiffness does not tell the stress across the plane, so that von "
+                f"Mises stresses are nan; give E1, E2, G12, nu12 and those of the third axis for them"
+            )
+    turning = [load.name for load in case.load if _turns(case, load.name)]
+    for contact in case.touching:
+        if contact.friction and contact.regularization.friction_law == "holonomic" and turning:
+            yield (
+                f"contact {contact.name}: the holonomic friction law has no memory, but load "
+                f'{turning[0]} turns back; use friction_law = "memory"'
+            )
+
+
+def _turns(case: Case, load: str) -> bool:
+    """Whether a load's factor both grows and falls along the stages."""
+    factors = [0.0]
+    for stage in case.stage:
+        factors.append(stage.get(load, factors[-1]))
+    changes = [after - before for before, after in pairwise(factors)]
+    return max(changes) > 0.0 > min(changes)

@@ -1,0 +1,181 @@
+"""The closed formula a case names, with its parameters taken from the case and the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mlsanm_cli.app.scene.materials import materials
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import (
+    Case,
+    Chained,
+    Contact,
+    DiskObstacle,
+    DrawnShape,
+    LoadedCase,
+    Mesh,
+    Points,
+    split_boundary,
+)
+from mlsanm_cli.case.model.chains import Round, Smooth
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.reference.hertz import HertzLine
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.functionals import slave_points
+from mlsanm_cli.solve.state import State
+from mlsanm_cli.values import dataclass
+
+SAMPLES = 4001
+
+
+@dataclass(frozen=True)
+class ReferenceProfile:
+    """A known pressure along a contact.
+
+    ``coordinate`` (m,) of the nodes along the surface, from the middle of the contact; ``curve`` the pressure
+    there as a function of that coordinate; ``error_l2`` the L2 norm of the difference to the nodal pressures,
+    joined linearly, over the reference's norm.
+    """
+
+    label: str
+    coordinate: FloatArray
+    curve: Callable[[FloatArray], FloatArray]
+    peak: float
+    half_width: float
+    error_l2: float
+
+
+def check_reference(loaded: LoadedCase) -> None:
+    """Raise CaseError when the named solution does not fit the scene."""
+    case = loaded.case
+    if case.reference is None:
+        return
+    solution = case.reference.solution
+    problems = [] if case.contact else ["needs a [[contact]]"]
+    for contact in case.contact:
+        unknown = [b for b in contact.boundaries if _without_radius(case, b)]
+        if unknown:
+            problems.append(f"needs radii that the case states, as it does not of {unknown[0]}")
+            continue
+        curved = _relative(case, contact) > 0.0
+        if curved != (solution == "hertz-line"):
+            problems.append(
+                f"does not fit contact {contact.name}: its surfaces are {'' if curved else 'not '}curved"
+            )
+    if problems:
+        raise loaded.located(
+            CaseError(tuple(CaseProblem("reference.solution", f'"{solution}" {text}') for text in problems))
+        )
+
+
+def reference_profile(built: CondensedScene, pairing: Pairing, state: State) -> ReferenceProfile | None:
+    """The reference pressure of a contact in one state; None where none is named or nothing is pressed."""
+    case = built.case
+    force = float(np.hypot(*built.condensed.contact_forces[pairing.name](*state.unknowns)))
+    if case.reference is None or force == 0.0:
+        return None
+    contact = next(c for c in case.contact if c.name == pairing.name)
+    return profile_on(
+        case,
+        contact,
+        slave_points(built, pairing),
+        pairing.normal[pairing.candidate],
+        built.condensed.contact_values(pairing, state.unknowns)[0],
+        force,
+    )
+
+
+def profile_on(
+    case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray, force: float
+) -> ReferenceProfile:
+    """The reference for nodes ``points`` (m, 2), ``normal`` (m, 2) of the master and ``pressure`` (m,)."""
+    middle, axis = _middle(case, contact, points, normal, pressure)
+    coordinate = (points - middle) @ np.array([axis[1], -axis[0]])
+    if coordinate[-1] < coordinate[0]:
+        coordinate = -coordinate
+    if _relative(case, contact) > 0.0:
+        hertz = HertzLine(force, 1.0 / _relative(case, contact), _modulus(case, contact, axis))
+        label, curve, peak, width = "Hertz", hertz.pressure, hertz.peak_pressure, hertz.half_width
+    else:
+        even = force / float(np.ptp(coordinate))
+        label, peak, width = "uniform", even, 0.5 * float(np.ptp(coordinate))
+
+        def curve(x: FloatArray) -> FloatArray:
+            return np.full(len(x), even)
+
+    x = np.linspace(coordinate[0], coordinate[-1], SAMPLES)
+    expected = curve(x)
+    difference = np.interp(x, coordinate, pressure) - expected
+    error = float(np.sqrt((difference**2).sum() / (expected**2).sum()))
+    return ReferenceProfile(label, coordinate, curve, peak, width, error)
+
+
+def _middle(
+    case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Where the contact's middle lies, and the normal there: on the line of centres of curved surfaces, else
+    along the resultant of the pressures."""
+    centers = [
+        np.array(_center(case, boundary)) for boundary in contact.boundaries if _curvature(case, boundary)
+    ]
+    if isinstance(contact.obstacle, DiskObstacle):
+        centers.append(np.array(contact.obstacle.center))
+    apart = np.hypot(*np.diff(points, axis=0).T)
+    length = 0.5 * (np.append(apart, 0.0) + np.append(0.0, apart))
+    mean = (length * pressure) @ normal
+    axis = mean / np.hypot(*mean)
+    if len(centers) == 2:
+        line = centers[0] - centers[1]
+        axis = line / np.hypot(*line)
+    return (centers[0] if centers else 0.5 * (points[0] + points[-1])), axis
+
+
+def _without_radius(case: Case, boundary: str) -> bool:
+    body, edge = split_boundary(boundary)
+    shape = next(b.shape for b in case.body if b.name == body)
+    if isinstance(shape, Chained):
+        # Of curves and of boundaries of several pieces the case states none either.
+        piece = shape.piece(edge)
+        return piece is None or isinstance(piece, Smooth)
+    return isinstance(shape, Mesh | Points)
+
+
+def _shape(case: Case, boundary: str) -> DrawnShape:
+    body, _ = split_boundary(boundary)
+    shape = next(b.shape for b in case.body if b.name == body)
+    assert not isinstance(shape, Mesh | Points)
+    return shape
+
+
+def _center(case: Case, boundary: str) -> tuple[float, float]:
+    """Centre of a curved boundary."""
+    shape = _shape(case, boundary)
+    if isinstance(shape, Chained):
+        piece = shape.piece(split_boundary(boundary)[1])
+        assert isinstance(piece, Round)
+        return piece.center
+    return shape.centre
+
+
+def _curvature(case: Case, boundary: str) -> float:
+    return _shape(case, boundary).curvature(split_boundary(boundary)[1])
+
+
+def _relative(case: Case, contact: Contact) -> float:
+    """Sum of the curvatures of both sides."""
+    obstacle = contact.obstacle.curvature if contact.obstacle is not None else 0.0
+    return obstacle + sum(_curvature(case, boundary) for boundary in contact.boundaries)
+
+
+def _modulus(case: Case, contact: Contact, axis: FloatArray) -> float:
+    """E* for pressures along ``axis`` (2,)."""
+    stiffness = materials(case)
+    contact_compliance = 0.0
+    for boundary in contact.boundaries:
+        body, _ = split_boundary(boundary)
+        material = next(b.material for b in case.body if b.name == body)
+        contact_compliance += float(stiffness[material].contact_compliance(axis[None, :])[0])
+    return 1.0 / contact_compliance

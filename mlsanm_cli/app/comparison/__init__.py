@@ -1,0 +1,1 @@
+"""Comparing the methods of solution on the same operators."""

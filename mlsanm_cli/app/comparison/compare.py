@@ -1,0 +1,270 @@
+"""``mlsanm compare``: one scene, one set of operators, several methods.
+
+The rules that make it fair are in docs/methods-compared.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from mlsanm_cli.app.assessment.checks import check_balance, check_energy, check_spacing, force_balance
+from mlsanm_cli.app.assessment.energy import energy_error
+from mlsanm_cli.app.assessment.quality import assess, case_warnings, factor_warnings
+from mlsanm_cli.app.assessment.references import check_reference, reference_profile
+from mlsanm_cli.app.assessment.refinement import adapt
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.comparison.differences import Difference, difference, other_law_limit, same_law_limit
+from mlsanm_cli.app.comparison.measure import Measured, measure
+from mlsanm_cli.app.comparison.methods import Method, chosen_methods
+from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.run import RESULTS
+from mlsanm_cli.app.scene.build import build_scene, condense_scene
+from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.case import Case, LoadedCase
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.summary import write_json_atomic
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.values import dataclass
+
+SHARED = ("cloud", "operators")
+CONDENSED = ("factorization", "condensation")
+"""Phases of the set-up that all methods need, and those that only condensed ones do."""
+WHOLE = 'solver.formulation="monolithic"'
+
+
+@dataclass(frozen=True)
+class CompareOptions:
+    """What the command line asks for.
+
+    ``methods`` beside ANM; ``analytic`` errors against the case's reference; ``levels`` per stage at which
+    states are compared; the largest difference between equal laws (None: from solver.tolerance); how often
+    each path is followed for its time; whether to draw the picture.
+    """
+
+    methods: tuple[str, ...] = ()
+    analytic: bool = False
+    levels: int = 10
+    tolerance: float | None = None
+    repeat: int = 1
+    picture: bool = True
+
+
+def compare(
+    case_path: Path,
+    wishes: CompareOptions,
+    *,
+    overrides: tuple[str, ...] = (),
+    out: Path | None = None,
+    force: bool = False,
+    threads: int = 1,
+    console: Console,
+    argv: tuple[str, ...] = (),
+) -> Mapping[str, Any]:
+    """Solve a case by several methods and write comparison.json and a picture.
+
+    Returns the mapping of comparison.json with the ``directory`` added; its ``status`` is "agree", "disagree"
+    (or a method beside ANM failed) or "failed" (ANM did). Raises CaseError or RunError, with nothing written,
+    for a case or a method that does not fit it, NumericalError for a scene that cannot be set up.
+    """
+    clock = Clock()
+    loaded = load_with_files(case_path, overrides)
+    if loaded.case.model.strain == "finite":
+        from mlsanm_cli.app.finite.compare import compare_finite, refuse
+
+        refuse(bool(loaded.case.contact), wishes.methods, wishes.analytic)
+        return compare_finite(
+            loaded,
+            case_path,
+            _levels(loaded.case, wishes.levels),
+            overrides=overrides,
+            tolerance=wishes.tolerance,
+            repeat=wishes.repeat,
+            directory=out or RESULTS / case_path.stem,
+            force=force,
+            threads=threads,
+            console=console,
+            argv=argv,
+        )
+    check_reference(loaded)
+    methods = chosen_methods(loaded.case, wishes.methods)
+    _refuse(loaded.case, wishes, methods)
+    levels = f"output.at={_levels(loaded.case, wishes.levels)!r}"
+
+    def case_of(method: Method) -> Case:
+        return load_with_files(case_path, (*overrides, levels, *method.changes)).case
+
+    cases = [case_of(method) for method in methods]
+    directory = out or RESULTS / case_path.stem
+    run_dir.check_comparison(directory, force)
+    if any(method.is_monolithic for method in methods):
+        # Equations of all bodies together need whole bodies, and all methods the same ones.
+        whole = load_with_files(case_path, (*overrides, WHOLE))
+        built, warnings = _set_up(whole, clock, console)
+        built = replace(built, case=loaded.case)
+    else:
+        # Contact grids are as fine as the states need that are compared.
+        built, warnings = _set_up(load_with_files(case_path, (*overrides, levels)), clock, console)
+        built = replace(built, case=loaded.case)
+    rows = []
+    for method, case in zip(methods, cases, strict=True):
+        console.phase(f"following the path: {method.name}")
+        rows.append(measure(built, method, case, wishes.repeat))
+    warnings += [*factor_warnings(built.scene), *_judged(built, rows[0])]
+    result = _result(built, loaded, rows, wishes, clock) | {
+        "provenance": attributes(loaded, argv, threads),
+        "warnings": warnings,
+    }
+    curves = None
+    if wishes.picture and rows[0].done:
+        console.phase("following the paths at larger eta, for the picture")
+        curves = precision_curves(built, rows, case_of)
+        result["precision"] = curves.figures
+        if not curves.smooth:
+            warnings.append("no picture: the exact law has no state at some level")
+    for warning in warnings:
+        console.warning(warning)
+    run_dir.prepare_comparison(directory, force)
+    if curves is not None and curves.smooth:
+        draw_precision(directory, curves)
+    write_json_atomic(directory / run_dir.COMPARISON_FILE, result)
+    return {**result, "directory": str(directory)}
+
+
+def _refuse(case: Case, wishes: CompareOptions, methods: Sequence[Method]) -> None:
+    """Raise RunError where there is nothing to compare."""
+    if not case.touching:
+        raise RunError(
+            "the case has no [[contact]] that may open: it is one linear solve, by any method",
+            "mlsanm run solves it",
+        )
+    if wishes.analytic and case.reference is None:
+        raise RunError("--analytic: the case names no reference", "add [reference] with its solution")
+    if len(methods) == 1 and not wishes.analytic:
+        raise RunError(
+            "nothing to compare ANM with", "add --newton, --active-set, --monolithic or --analytic"
+        )
+
+
+def _levels(case: Case, count: int) -> list[float]:
+    """Ends of stages, positions of the case, and ``count`` levels evenly over every stage."""
+    stages = range(len(case.stage))
+    # Rounded, so that a level that the case names too is the same number.
+    even = {round(stage + i / count, 12) for stage in stages for i in range(1, count + 1)}
+    return sorted(even | {position for position in case.output.at if position > 0.0})
+
+
+def _set_up(loaded: LoadedCase, clock: Clock, console: Console) -> tuple[CondensedScene, list[str]]:
+    """The scene that all methods share, and what to warn of."""
+    prepared = build_scene(loaded, clock, console)
+    with clock.phase("cloud"):
+        warnings = [*assess(loaded.case, prepared).warnings, *case_warnings(loaded.case)]
+    for note in prepared.notes:
+        console.note(note)
+    if loaded.case.adapt.passes:
+        adapted = adapt(loaded.case, prepared, clock, console)
+        return adapted.built, [*warnings, *adapted.warnings]
+    return condense_scene(loaded.case, prepared, clock, console), warnings
+
+
+def _judged(built: CondensedScene, base: Measured) -> list[str]:
+    """Warnings of ANM's last state; NumericalError where it cannot be believed."""
+    if not base.done:
+        return []
+    last = base.states[max(base.states)]
+    check_spacing(built, last)
+    texts = [check_balance(force_balance(built, last)), check_energy(energy_error(built, last))]
+    return [text for text in texts if text]
+
+
+def _result(
+    built: CondensedScene, loaded: LoadedCase, rows: Sequence[Measured], wishes: CompareOptions, clock: Clock
+) -> dict[str, Any]:
+    case = loaded.case
+    limits = {
+        "same_law": same_law_limit(case) if wishes.tolerance is None else wishes.tolerance,
+        "other_law": other_law_limit(case),
+    }
+    table = [_figures(built, row, rows, limits, clock, wishes.analytic) for row in rows]
+    return {
+        "status": _status(table),
+        "case": str(loaded.path),
+        "title": case.title,
+        "overrides": list(loaded.overrides),
+        "levels": sorted(rows[0].states),
+        "limits": limits,
+        "nodes": sum(len(body.model.cloud.points) for body in built.scene.bodies.values()),
+        "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
+        "eta": {contact.name: contact.regularization.eta for contact in case.contact},
+        "methods": table,
+        "seconds": clock.seconds,
+    }
+
+
+def _figures(
+    built: CondensedScene,
+    row: Measured,
+    rows: Sequence[Measured],
+    limits: Mapping[str, float],
+    clock: Clock,
+    analytic: bool,
+) -> dict[str, Any]:
+    """One method as comparison.json tells it."""
+    phases = SHARED if row.method.is_monolithic else (*SHARED, *CONDENSED)
+    sparse = row.method.is_monolithic
+    found: dict[str, Any] = {
+        "method": row.method.name,
+        "law": row.law,
+        "status": "done" if row.done else "failed",
+        "steps": row.steps,
+        "iterations": row.iterations,
+        "dense_factorizations": 0 if sparse else row.factorizations,
+        "sparse_factorizations": row.factorizations if sparse else len(built.scene.bodies),
+        "dense_solves": 0 if sparse else row.solves,
+        "sparse_solves": row.solves if sparse else built.condensed.solves,
+        "seconds_setup": sum(clock.seconds[phase] for phase in phases),
+        "seconds_path": row.seconds,
+    }
+    if not row.done:
+        return found | {"reason": row.failure, "hint": row.hint}
+    if analytic:
+        found["reference_error"] = _reference_error(built, row)
+    against = _against(row, rows)
+    if against is not None:
+        limit = limits["same_law" if against.law == row.law else "other_law"]
+        apart: Difference = difference(built, row.states, against.states)
+        found |= {
+            "against": against.method.name,
+            "difference": asdict(apart),
+            "limit": limit,
+            "agrees": apart.within(limit),
+        }
+    return found
+
+
+def _against(row: Measured, rows: Sequence[Measured]) -> Measured | None:
+    """The first other method with the same law if one stands before it, else the first: ANM."""
+    before = [one for one in rows[: rows.index(row)] if one.done]
+    same = [one for one in before if one.law == row.law]
+    return next(iter([*same, *before]), None)
+
+
+def _reference_error(built: CondensedScene, row: Measured) -> dict[str, float | None]:
+    """L2 error of every contact's pressure at the end of the path against the closed formula."""
+    profiles = {
+        pairing.name: reference_profile(built, pairing, row.states[max(row.states)])
+        for pairing in built.condensed.pairings
+    }
+    return {name: None if profile is None else profile.error_l2 for name, profile in profiles.items()}
+
+
+def _status(table: Sequence[Mapping[str, Any]]) -> str:
+    if table[0]["status"] == "failed":
+        return "failed"
+    agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)
+    return "agree" if agree else "disagree"

@@ -1,0 +1,110 @@
+"""Work and precision of the methods: what a distance to the exact law costs each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mlsanm_cli.app.comparison.differences import pressure_error
+from mlsanm_cli.app.comparison.measure import Measured, measure
+from mlsanm_cli.app.comparison.methods import ACTIVE_SET, POLISHED, Method, method_of
+from mlsanm_cli.case import Case
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.plots.precision import WorkCurve, plot_precision
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.state import State
+from mlsanm_cli.values import dataclass
+
+FACTORS = (100.0, 10.0)
+"""The smooth methods are measured with eta so many times the case's too, for curves."""
+LARGEST = 0.1
+"""Beyond this eta the smooth law has hardly to do with contact."""
+
+
+@dataclass(frozen=True)
+class Curves:
+    """``smooth`` methods by name: their points by eta; the ``exact`` method where it was measured itself."""
+
+    smooth: Mapping[str, list[dict[str, float]]]
+    exact: Mapping[str, float] | None
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """As comparison.json tells them."""
+        return {"smooth": dict(self.smooth), "exact": self.exact}
+
+
+def precision_curves(
+    built: CondensedScene, rows: Sequence[Measured], case_of: Callable[[Method], Case]
+) -> Curves:
+    """Error of the pressure against the exact law, CPU seconds and factorisations, by method and eta.
+
+    ``case_of`` makes the case that a method asks for. A method that fails at some eta has no point there, and
+    none has any where the exact law has no state.
+    """
+    case = built.case
+    exact = next((row for row in rows if row.done and row.law.startswith("exact")), None)
+    states = exact.states if exact is not None else _exact_states(built, case_of)
+    if not states:
+        return Curves({}, None)
+    eta = max(contact.regularization.eta for contact in case.touching)
+    smooth = {}
+    for row in rows:
+        if row.law.startswith("exact"):
+            continue
+        factors = () if row.method.is_monolithic else FACTORS
+        points = [
+            (f * eta, measure(built, *_with_eta(built, row, f, case_of)))
+            for f in factors
+            if f * eta <= LARGEST
+        ]
+        points.append((eta, row))
+        smooth[row.method.name] = [_point(built, states, value, one) for value, one in points if one.done]
+    own = exact if exact is not None and exact.method.name == ACTIVE_SET else None
+    return Curves(
+        smooth, None if own is None else {"seconds": own.seconds, "factorizations": own.factorizations}
+    )
+
+
+def _with_eta(
+    built: CondensedScene, row: Measured, factor: float, case_of: Callable[[Method], Case]
+) -> tuple[Method, Case]:
+    method = method_of(built.case, row.method.name, factor)
+    return method, case_of(method)
+
+
+def _exact_states(built: CondensedScene, case_of: Callable[[Method], Case]) -> Mapping[float, State]:
+    """The exact law's states, which polishing knows for every law; none where it fails."""
+    method = method_of(built.case, POLISHED)
+    found = measure(built, method, case_of(method))
+    return found.states if found.done else {}
+
+
+def _point(
+    built: CondensedScene, exact: Mapping[float, State], eta: float, row: Measured
+) -> dict[str, float]:
+    return {
+        "eta": eta,
+        "error": pressure_error(built, row.states, exact),
+        "seconds": row.seconds,
+        "factorizations": row.factorizations,
+    }
+
+
+def draw_precision(directory: Path, curves: Curves) -> None:
+    """The picture beside comparison.json."""
+    plot_precision(
+        directory / run_dir.picture_name("comparison", "png"),
+        [
+            WorkCurve(
+                name,
+                [point["error"] for point in points],
+                [point["seconds"] for point in points],
+                [point["factorizations"] for point in points],
+                [f"eta {point['eta']:.2g}" for point in points],
+            )
+            for name, points in curves.smooth.items()
+        ],
+        None if curves.exact is None else (curves.exact["seconds"], curves.exact["factorizations"]),
+    )

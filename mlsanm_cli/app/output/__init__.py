@@ -1,0 +1,1 @@
+"""What a run writes: rows of run.h5, fields, summary, VTU."""

@@ -1,0 +1,93 @@
+"""Where fields are written: at the nodes, or under contacts on grids of their own at points as fine as these.
+
+Bodies know their fields between the nodes too: a smooth remainder and a closed form. What is largest lies a
+part of the contact's width below the surface, where the cloud may have no node at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.app.scene.clouds import spacing_of
+from mlsanm_cli.app.scene.surfaces import outline_of
+from mlsanm_cli.arrays import BoolArray
+from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.probes import probe_rows
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.values import dataclass
+
+ACROSS = 12.0
+"""Points over the half-width of a patch of contact."""
+REACH, GROWTH = 1.5, 0.25
+"""Within so many half-widths points are even, beyond their distances grow."""
+MOST = 12
+"""Patches of one contact that are looked at closely, the widest first."""
+FINER = 0.7
+"""Zones that are hardly finer than the cloud are left out."""
+
+
+@dataclass(frozen=True)
+class View:
+    """The points of a ``cloud`` at which the fields of a body of a ``model`` are written."""
+
+    model: BodyModel
+    cloud: Cloud
+
+    @cached_property
+    def rows(self) -> sparse.csr_array:
+        """Displacement x and y and stresses xx, yy, xy at the points (5e, 2N), quantity by quantity."""
+        return probe_rows(self.model, self.cloud.points)
+
+
+def fine_views(
+    case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState]
+) -> Mapping[str, View]:
+    """Views of the bodies whose clouds are coarser than what a contact does to them; the ends of the stages
+    tell where that is."""
+    views = {}
+    for body in case.body:
+        if body.has_nodes:
+            continue
+        model = scene.bodies[body.name].model
+        zones = tuple(_zones(condensed, ends, model))
+        if zones:
+            spacing = spacing_of(case, body).with_zones(zones)
+            views[body.name] = View(model, build_cloud(outline_of(case, body), spacing, body.seed))
+    return views
+
+
+def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -> Iterator[Zone]:
+    for pairing in condensed.pairings:
+        if pairing.near is None:
+            continue
+        span = condensed.spans[pairing.name]
+        closed = np.any([state.active[span] for state in ends], axis=0)
+        patches = sorted(_patches(pairing.near, closed), key=lambda patch: patch[0] - patch[1])[:MOST]
+        for body, slave, _ in pairing.sides:
+            if body != model.name:
+                continue
+            for first, last in patches:
+                half = 0.5 * (last - first)
+                place = pairing.near.facing.side(np.array([0.5 * (first + last)]), slave)[0][0]
+                nearest = model.tree.query([place.real, place.imag])[1]
+                if half / ACROSS < FINER * model.cloud.spacing[min(nearest, len(model.cloud.points) - 1)]:
+                    point = (float(place.real), float(place.imag))
+                    yield Zone.around(point, half / ACROSS, REACH * half, GROWTH)
+
+
+def _patches(near: Near, closed: BoolArray) -> list[tuple[float, float]]:
+    """Where stretches of ``closed`` places (m,) begin and end."""
+    steps = np.diff(np.concatenate([[False], closed, [False]]).astype(np.int64))
+    firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) + 1
+    nodes = near.hats.nodes
+    return [(float(nodes[a]), float(nodes[b])) for a, b in zip(firsts, lasts, strict=True)]

@@ -1,0 +1,136 @@
+"""Surfaces in contact and obstacles as lines, for files and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.app.output import recording
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, PlaneObstacle
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.io.vtu_lines import Lines
+from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.fields import Fields
+from mlsanm_cli.solve.functionals import platen_displacements, slave_arc, slave_points
+from mlsanm_cli.solve.state import State
+
+APART = 3.0
+"""Places of a contact further apart than so many times what they stand for are no neighbours."""
+CIRCLE = 181
+"""Points of a circle."""
+BEYOND = 0.75
+"""A plane is drawn so many diameters of the scene to both sides."""
+NEAREST = 8
+
+
+def contact_lines(built: CondensedScene, state: State, shown: Mapping[str, Fields]) -> dict[str, Lines]:
+    """The slave surfaces of all contacts in one state, moved as the bodies are ``shown``."""
+    return {pairing.name: _contact(built, pairing, state, shown) for pairing in built.condensed.pairings}
+
+
+def obstacle_lines(built: CondensedScene, state: State) -> dict[str, Lines]:
+    """The rigid obstacles in one state, by the contact that they belong to."""
+    moved = platen_displacements(built, state)
+    points = np.concatenate([body.model.cloud.points for body in built.scene.bodies.values()])
+    lines = {}
+    for name, (places, edges) in obstacles(built.case, points.min(axis=0), points.max(axis=0)).items():
+        shift = obstacle_shift(built.case, name, moved)
+        lines[name] = Lines(places, edges, np.tile(shift, (len(places), 1)), {}, {})
+    return lines
+
+
+def obstacles(case: Case, low: FloatArray, high: FloatArray) -> dict[str, tuple[FloatArray, IntArray]]:
+    """Points (k, 2) and pairs of neighbours (e, 2) of every contact's obstacle before loading.
+
+    Planes, which have no end, are as long as a scene in the box from ``low`` (2,) to ``high`` (2,) is wide.
+    """
+    return {
+        contact.name: _drawn(contact.obstacle, low, high)
+        for contact in case.contact
+        if contact.obstacle is not None
+    }
+
+
+def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) -> FloatArray:
+    """How far (2,) an obstacle has moved, from what its loads have ``moved`` it; all tell the same."""
+    names = [load.name for load in case.load if isinstance(load, ObstacleMotion) and load.obstacle == contact]
+    return next((moved[name] for name in names if name in moved), np.zeros(2))
+
+
+def _contact(built: CondensedScene, pairing: Pairing, state: State, shown: Mapping[str, Fields]) -> Lines:
+    record = recording.contact_record(built, pairing, state)
+    chosen = pairing.candidate
+    points = slave_points(built, pairing)
+    normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
+    scalars: dict[str, NDArray[Any]] = {
+        "pressure": record.pressure,
+        "traction": record.traction,
+        "gap": record.gap,
+        "status": record.status.astype(np.int32),
+        "arc_length": slave_arc(pairing),
+    }
+    if pairing.name in built.condensed.tangential:
+        # Without friction it is not computed, and no viewer knows what to do with nan.
+        scalars["slip"] = record.slip
+    load = record.pressure[:, None] * normal + record.traction[:, None] * tangent
+    cloud = built.shown(pairing.slave_body)
+    moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
+    return Lines(points, _neighbours(pairing), moved, scalars, {"normal": normal, "contact_stress": load})
+
+
+def _neighbours(pairing: Pairing) -> IntArray:
+    """Pairs (e, 2) of the candidates of a contact that follow each other along the surface."""
+    chosen = pairing.candidate
+    arc, weight, points = pairing.arc[chosen], pairing.weight[chosen], pairing.points[chosen]
+    numbers = np.arange(len(arc), dtype=np.int64)
+    pairs = np.stack([numbers[:-1], numbers[1:]], axis=1)
+    together = np.diff(arc) <= APART * 0.5 * (weight[1:] + weight[:-1])
+    pairs = pairs[together]
+    if pairing.slave.curve.closed and len(arc) > 2:
+        across = float(np.hypot(*(points[0] - points[-1])))
+        if across <= APART * 0.5 * (weight[0] + weight[-1]):
+            pairs = np.concatenate([pairs, [[numbers[-1], 0]]])
+    return pairs
+
+
+def along_boundary(cloud: Cloud, values: FloatArray, points: FloatArray) -> FloatArray:
+    """Nodal ``values`` (n, c) at ``points`` (m, 2) on a cloud's boundary, linear between its nodes.
+
+    So lines lie on the surface that the cloud's triangles have.
+    """
+    first, last = cloud.edges.T
+    start, along = cloud.points[first], cloud.points[last] - cloud.points[first]
+    count = min(NEAREST, len(start))
+    near = cKDTree(start + 0.5 * along).query(points, k=count)[1].reshape(len(points), count)
+    offset = points[:, None] - start[near]
+    share = (offset * along[near]).sum(axis=2) / (along[near] ** 2).sum(axis=2)
+    share = np.clip(share, 0.0, 1.0)
+    away = offset - share[..., None] * along[near]
+    best = (away**2).sum(axis=2).argmin(axis=1)
+    rows = np.arange(len(points))
+    edge, part = near[rows, best], share[rows, best][:, None]
+    result: FloatArray = (1.0 - part) * values[first[edge]] + part * values[last[edge]]
+    return result
+
+
+def _drawn(obstacle: AnyObstacle, low: FloatArray, high: FloatArray) -> tuple[FloatArray, IntArray]:
+    if isinstance(obstacle, PlaneObstacle):
+        normal = np.array(obstacle.normal) / np.hypot(*obstacle.normal)
+        middle = 0.5 * (low + high)
+        foot = middle - ((middle - np.array(obstacle.point)) @ normal) * normal
+        reach = BEYOND * float(np.hypot(*(high - low))) * np.array([normal[1], -normal[0]])
+        points = np.array([foot - reach, foot + reach])
+    elif isinstance(obstacle, DiskObstacle):
+        angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE)
+        ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        points = np.array(obstacle.center) + obstacle.radius * ring
+    else:
+        points = np.array(obstacle.points)
+    numbers = np.arange(len(points), dtype=np.int64)
+    return points, np.stack([numbers[:-1], numbers[1:]], axis=1)

@@ -1,0 +1,250 @@
+"""Turns states of the path into what is stored: rows of run.h5, fields, tables, figures of the summary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.output.fine_views import View
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.geometry.profile import half_width
+from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
+from mlsanm_cli.io.records import ContactRecord, StepRecord
+from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.vtu import BodyState, ModelBody
+from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.probes import stress_of_expansion
+from mlsanm_cli.memo import digest
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.fields import Fields
+from mlsanm_cli.solve.functionals import platen_displacements, probe_record, slave_arc, slave_points
+from mlsanm_cli.solve.state import PathStep, State
+
+PRESSED = 1e-9
+"""Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
+
+
+def write_model(file: RunFile, built: CondensedScene) -> None:
+    """Bodies and contacts as they are before loading."""
+    for name in built.scene.bodies:
+        cloud = built.shown(name)
+        surfaces = cloud.surfaces.values()
+        file.write_body(
+            name,
+            cloud.points,
+            np.concatenate([surface.index for surface in surfaces]),
+            np.concatenate([surface.normal for surface in surfaces]),
+            [surface.name for surface in surfaces for _ in surface.index],
+        )
+    for pairing in built.condensed.reported:
+        chosen = pairing.candidate
+        file.write_contact(
+            pairing.name,
+            slave_points(built, pairing),
+            pairing.normal[chosen],
+            slave_arc(pairing),
+            pairing.weight[chosen],
+        )
+    condensed = built.condensed
+    bonds = condensed.bonds
+    if bonds.pairings:
+        parts = {
+            name: (bonds.pressure.take(own), bonds.traction.take(own)) for name, own in bonds.spans.items()
+        }
+        both = {name: np.concatenate([one.matrix for one in pair]) for name, pair in parts.items()}
+        file.write_maps("bonds", both)
+    moved = tuple(platen_displacements(built))
+    file.start_path(built.scene.loads, tuple(condensed.forces), moved, tuple(condensed.probes))
+
+
+def operators_digest(built: CondensedScene) -> str:
+    """A digest of all that the path of a scene follows from beside its loads: equal for equal operators."""
+    condensed = built.condensed
+    maps = (condensed.gap, condensed.slip, condensed.watched, condensed.balance)
+    return digest([one.matrix for one in maps], condensed.weight)
+
+
+def write_maps(file: RunFile, built: CondensedScene) -> None:
+    """What else follows from the unknowns that series hold: forces, slips, what probes observe."""
+    condensed = built.condensed
+    slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
+    for kind, maps in (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes)):
+        if maps:
+            file.write_maps(kind, {name: one.matrix for name, one in maps.items()})
+
+
+def contact_record(built: CondensedScene, pairing: Pairing, state: State) -> ContactRecord:
+    """One contact in one state. Without friction there is no traction, and slip is not computed (nan)."""
+    if pairing.bonded:
+        return _bond_record(built, pairing, state)
+    span = built.condensed.spans[pairing.name]
+    count = span.stop - span.start
+    traction, slip, work = np.zeros(count), np.full(count, np.nan), 0.0
+    if pairing.name in built.condensed.tangential:
+        own = built.condensed.tangential[pairing.name]
+        traction, slip = state.traction[own], state.slip[own]
+        work = float(built.condensed.weight[span] @ state.work[own])
+    return ContactRecord(
+        pressure=state.pressure[span],
+        traction=traction,
+        gap=state.gap[span],
+        slip=slip,
+        status=state.status[span],
+        dissipated_work=work,
+    )
+
+
+def _bond_record(built: CondensedScene, pairing: Pairing, state: State) -> ContactRecord:
+    """The same of bonded surfaces: they stick, whatever they carry."""
+    pressure, traction = built.condensed.contact_values(pairing, state.unknowns)
+    nothing = np.zeros(len(pressure))
+    sticking = np.full(len(pressure), STICK, dtype=np.int8)
+    return ContactRecord(pressure, traction, nothing, nothing, sticking, 0.0)
+
+
+def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
+    """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
+    span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
+    pressure = state.pressure[span]
+    pressed = state.closed[span] & (pressure > PRESSED * pressure.max(initial=0.0))
+    limit = built.condensed.friction[own][pressed] * pressure[pressed]
+    return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
+
+
+def step_record(built: CondensedScene, step: PathStep, seconds: float) -> StepRecord:
+    """One row of the path."""
+    state = step.state
+    return StepRecord(
+        position=state.position,
+        step_length=step.length,
+        residual=state.residual,
+        order=step.order,
+        factorizations=step.factorizations,
+        solves=step.solves,
+        seconds=seconds,
+        factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
+        resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
+        displacements=platen_displacements(built, state),
+        contacts={p.name: contact_record(built, p, state) for p in built.condensed.reported},
+        probes={name: probe_record(built, name, state) for name in built.condensed.probes},
+    )
+
+
+def interface_columns(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
+    """Columns of a contact's CSV."""
+    record = contact_record(built, pairing, state)
+    points = slave_points(built, pairing)
+    return {
+        "x": points[:, 0],
+        "y": points[:, 1],
+        "arc_length": slave_arc(pairing),
+        "gap": record.gap,
+        "pressure": record.pressure,
+        "traction": record.traction,
+        "slip": record.slip,
+        "status": record.status,
+    }
+
+
+def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
+    """The engineer's figures of a contact."""
+    record = contact_record(built, pairing, state)
+    force = built.condensed.contact_forces[pairing.name](*state.unknowns)
+    if pairing.bonded:
+        return {
+            "peak_pressure": float(record.pressure.max(initial=0.0)),
+            "peak_tension": float(-record.pressure.min(initial=0.0)),
+            "peak_traction": float(np.abs(record.traction).max(initial=0.0)),
+            "force": force.tolist(),
+            "closed_nodes": len(record.pressure),
+            "stick_nodes": len(record.pressure),
+        }
+    return {
+        "peak_pressure": float(record.pressure.max(initial=0.0)),
+        "half_width": half_width(slave_arc(pairing), record.pressure),
+        "force": force.tolist(),
+        "closed_nodes": int((record.status != OPEN).sum()),
+        "stick_nodes": int((record.status == STICK).sum()),
+        "slip_nodes": int((record.status == SLIP).sum()),
+        "min_gap": float(record.gap.min()),
+        "dissipated_work": None if np.isnan(record.dissipated_work) else record.dissipated_work,
+    }
+
+
+def shown_fields(
+    built: CondensedScene, state: State, fields: Mapping[str, Fields], stress: bool
+) -> dict[str, Fields]:
+    """The fields at the points where they are written, stresses only if asked for."""
+    return {
+        name: _shown(built, built.views[name], state, values, stress) if name in built.views else values
+        for name, values in fields.items()
+    }
+
+
+def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stress: bool) -> Fields:
+    name, material = view.model.name, view.model.material
+    moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns, view.cloud.points)
+    seen = (view.rows @ fields.rest.ravel()).reshape(5, -1).T
+    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    if stress:
+        degrees = built.scene.degrees(name, state.factors, view.cloud.points)
+        sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
+    across = material.out_of_plane_stress(sigma, degrees)
+    strain = material.strain(sigma, degrees)
+    return Fields(seen[:, :2] + moved, sigma, across, von_mises(sigma, across), strain, fields.rest)
+
+
+def stored_fields(fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, dict[str, FloatArray]]:
+    """The fields asked for, by body and name."""
+    return {body: {name: getattr(values, name) for name in wanted} for body, values in fields.items()}
+
+
+def vtu_states(
+    clouds: Mapping[str, Cloud], fields: Mapping[str, Fields], wanted: tuple[str, ...]
+) -> dict[str, BodyState]:
+    """The fields asked for at the points of ``clouds``, as VTU files take them."""
+    states = {}
+    for name, values in fields.items():
+        cloud = clouds[name]
+        states[name] = BodyState(
+            points=cloud.points,
+            boundary_tag=boundary_tags(cloud),
+            displacement=values.displacement if "displacement" in wanted else None,
+            stress=values.stress if "stress" in wanted else None,
+            von_mises=values.von_mises if "von_mises" in wanted else None,
+            stress_zz=values.stress_zz if "stress" in wanted else None,
+            strain=values.strain if "strain" in wanted else None,
+            triangles=cloud.triangles,
+        )
+    return states
+
+
+def boundary_tags(cloud: Cloud) -> IntArray:
+    """0 inside, k on the k-th boundary, whose pieces have one number; a corner node counts to the later
+    one."""
+    tags = np.zeros(len(cloud.points), dtype=np.int64)
+    numbers: dict[str, int] = {}
+    for surface in cloud.surfaces.values():
+        tags[surface.index] = numbers.setdefault(surface.name.partition("/")[0], len(numbers) + 1)
+    return tags
+
+
+def model_bodies(prepared: SceneModel) -> dict[str, ModelBody]:
+    """Clouds with tags, outward normals and, for contact candidates, the way to their virtual nodes."""
+    bodies = {}
+    for name, model in prepared.models.items():
+        cloud = model.cloud
+        normal, partner = np.zeros_like(cloud.points), np.zeros_like(cloud.points)
+        for surface in cloud.surfaces.values():
+            normal[surface.index] = surface.normal
+        for pairing in prepared.pairings:
+            if pairing.slave_body == name:
+                node = pairing.node[pairing.candidate]
+                partner[node] = pairing.partner[pairing.candidate] - cloud.points[node]
+        bodies[name] = ModelBody(cloud.points, boundary_tags(cloud), cloud.spacing, normal, partner)
+    return bodies

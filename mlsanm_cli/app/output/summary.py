@@ -1,0 +1,167 @@
+"""summary.json: what a run says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mlsanm_cli.app.assessment.checks import (
+    BALANCE_LIMIT,
+    ENERGY_LIMIT,
+    LARGE_ERROR,
+    LINEAR_LIMIT,
+    TRANSFER_LIMIT,
+    force_balance,
+    force_mismatch,
+)
+from mlsanm_cli.app.assessment.quality import Quality
+from mlsanm_cli.app.assessment.references import reference_profile
+from mlsanm_cli.app.assessment.refinement import Adapted
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.output import recording
+from mlsanm_cli.app.output.recorder import Recorder
+from mlsanm_cli.case import Case
+from mlsanm_cli.solve.coercivity import stability_limit
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.functionals import plates_turned, probe_record
+from mlsanm_cli.solve.state import Polish, State
+from mlsanm_cli.system import peak_memory_mb
+from mlsanm_cli.values import dataclass
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended: "done", "failed" or "stopped", why, what to change, a failed certificate's value, and
+    the ``[[stop]]`` that ended it, in words."""
+
+    status: str
+    reason: str
+    hint: str = ""
+    stability: float | None = None
+    stopped_by: str = ""
+
+
+def summarise(
+    case: Case, ending: Ending, adapted: Adapted | None, quality: Quality, recorder: Recorder, clock: Clock
+) -> dict[str, Any]:
+    """The content of summary.json, as far as the run came."""
+    built = adapted.built if adapted is not None else None
+    state = recorder.last
+    summary: dict[str, Any] = {
+        "status": ending.status,
+        "stop_reason": ending.reason,
+        "position": state.position if state else None,
+        "steps": recorder.steps,
+        "iterations": recorder.iterations,
+        "factorizations": recorder.factorizations,
+        "solves": recorder.solves,
+    }
+    if ending.stopped_by and state is not None:
+        factors = zip(case.moved, state.factors.tolist(), strict=True)
+        summary |= {"stopped_at": state.position, "stopped_by": ending.stopped_by, "factors": dict(factors)}
+    if ending.hint:
+        summary["hint"] = ending.hint
+    if recorder.failed_at:
+        summary["failure"] = recorder.failed_at
+    if built is not None:
+        bodies = built.scene.bodies
+        nodes = sum(len(body.model.cloud.points) for body in bodies.values())
+        summary |= {
+            "nodes": nodes,
+            "unknowns": 2 * nodes,
+            "symmetry": _symmetry(built),
+            "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
+            "elastic_factorizations": len({id(body.system) for body in bodies.values()}),
+            "condensation_solves": built.condensed.solves,
+            "enlarged_stencils": sum(body.model.stencils.enlarged for body in bodies.values()),
+        }
+    summary["contacts"] = {}
+    summary["residual"] = recorder.residual
+    summary["linear_residual"] = recorder.linear_residual
+    if built is not None and adapted is not None and state is not None:
+        verdict = force_balance(built, state)
+        lost = force_mismatch(built, state)
+        summary["contacts"] = {
+            p.name: _contact(built, p.name, state, recorder.cone.get(p.name))
+            | {"force_mismatch": lost.get(p.name)}
+            for p in built.condensed.reported
+        }
+        summary["error_estimate"] = adapted.accuracy.figures(built, state)
+        summary["forces"] = {name: f(*state.unknowns).tolist() for name, f in built.condensed.forces.items()}
+        if built.condensed.moments:
+            summary["plates"] = plates_turned(built, state)
+        if built.condensed.probes:
+            summary["probes"] = {name: _probe(built, name, state) for name in built.condensed.probes}
+        summary["force_balance"] = verdict.force_balance
+        summary["force_balance_bodies"] = dict(verdict.bodies)
+        energies = recorder.energies
+        summary["energy_error"] = energies.energy_error if energies else None
+        summary["energy_error_bodies"] = dict(energies.bodies) if energies else {}
+    if recorder.polished:
+        summary["polish"] = polish_figures(recorder.polished)
+    summary["stability"] = built.stability if built is not None else ending.stability
+    summary["quality"] = quality.figures
+    if adapted is not None and adapted.refined:
+        summary["adapt"] = adapted.figures
+    summary["limits"] = limits(case, built)
+    summary["seconds"] = clock.seconds
+    summary["wall_seconds"] = clock.wall_seconds
+    summary["peak_memory_mb"] = peak_memory_mb()
+    summary["warnings"] = recorder.warnings
+    return summary
+
+
+def limits(case: Case, built: CondensedScene | None) -> dict[str, float]:
+    """Beyond which figures a run fails; ``stability`` fails below, ``error_estimate`` only warns."""
+    found = {
+        "residual": case.solver.tolerance,
+        "linear_residual": LINEAR_LIMIT,
+        "force_balance": BALANCE_LIMIT,
+        "force_mismatch": TRANSFER_LIMIT,
+        "energy_error": ENERGY_LIMIT,
+        "error_estimate": LARGE_ERROR,
+    }
+    return found if built is None else found | {"stability": stability_limit(built.scene, built.ends)}
+
+
+def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:
+    """What polishing changed over all levels, and its cost."""
+    return {
+        "levels": len(levels),
+        "pressure": max(level.pressure for level in levels),
+        "traction": max(level.traction for level in levels),
+        "factorizations": sum(level.factorizations for level in levels),
+    }
+
+
+def _probe(built: CondensedScene, name: str, state: State) -> dict[str, Any]:
+    record = probe_record(built, name, state)
+    return {
+        "displacement": record.displacement.tolist(),
+        "stress": record.stress.tolist(),
+        "von_mises": record.von_mises,
+    }
+
+
+def _contact(built: CondensedScene, name: str, state: State, cone: float | None) -> dict[str, Any]:
+    """A contact's figures, with the reference's beside them where the case names one."""
+    pairing = next(p for p in built.condensed.reported if p.name == name)
+    figures = recording.contact_summary(built, pairing, state) | {"max_cone_ratio": cone}
+    profile = reference_profile(built, pairing, state)
+    if profile is not None:
+        figures["reference"] = {
+            "solution": built.case.reference.solution if built.case.reference else None,
+            "peak_pressure": profile.peak,
+            "half_width": profile.half_width,
+            "pressure_error_l2": profile.error_l2,
+        }
+    return figures
+
+
+def _symmetry(built: CondensedScene) -> str | None:
+    """The line about which half of the scene is solved, if it is."""
+    for body in built.scene.bodies.values():
+        mirror = body.model.cloud.mirror
+        if body.halved and mirror is not None:
+            return str(mirror.line)
+    return None

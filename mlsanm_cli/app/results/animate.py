@@ -1,0 +1,77 @@
+"""``mlsanm plot --animate``: a run along its path, as GIF files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.results.plot_choice import Choice, told
+from mlsanm_cli.app.results.views import automatic_scale, field_of, triangles_of
+from mlsanm_cli.case import Case
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.plots.animation import animate_bodies, animate_pressure
+from mlsanm_cli.io.plots.cloud import CloudBody
+from mlsanm_cli.io.run_reader import RunData
+
+FRAMES = 40
+FEWEST = 2
+
+
+def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
+    """The files: pressures of contacts along the path, from its series, or the bodies at saved positions.
+
+    Raises RunError where there is nothing that moves.
+    """
+    if "bodies" in choice.what or choice.field is not None or not run.contacts:
+        return [_bodies(run, case, choice)]
+    names = [choice.contact] if choice.contact is not None else list(run.contacts)
+    if choice.out is not None and len(names) > 1:
+        raise RunError("-o is of one picture, and there are several contacts", "add --contact")
+    return [_pressure(run, case, name, choice) for name in names]
+
+
+def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
+    stored = np.asarray(run.path.position)
+    even = np.linspace(float(stored[0]), float(stored[-1]), FRAMES)
+    # Without series a position between stored states is not known.
+    places = even if run.path.order.any() else np.unique(stored)
+    if len(places) < FEWEST:
+        raise RunError("the run has one state only", "there is nothing that moves")
+    levels = [float(place) for place in places]
+    pressure = np.stack([pressures_at(run, level)[name] for level in levels])
+    file = choice.out or run.directory / run_dir.picture_name("pressure", "gif", name)
+    animate_pressure(
+        file,
+        name,
+        run.contacts[name].arc_length,
+        pressure,
+        [told(run, case, level) or f"position {level:.3f}" for level in levels],
+        case.units.label("arc length", "length"),
+        case.units.label("pressure", "stress"),
+    )
+    return file
+
+
+def _bodies(run: RunData, case: Case, choice: Choice) -> Path:
+    if len(run.states) < FEWEST:
+        raise RunError(
+            "fields are saved at one position only, which does not move",
+            "name several in output.at and run again",
+        )
+    states, label = [], ""
+    for state in run.states:
+        bodies = []
+        for name, body in run.bodies.items():
+            fields = state.bodies[name]
+            displacement = fields.get("displacement", np.zeros_like(body.points))
+            scalar, label = field_of(case, name, fields, displacement, choice.field)
+            bodies.append(CloudBody(body.points, displacement, scalar, triangles_of(body)))
+        states.append(bodies)
+    scale = min(automatic_scale(run, bodies) for bodies in states)
+    file = choice.out or run.directory / run_dir.picture_name("bodies", "gif")
+    titles = [f"position {state.position:.4g}, {told(run, case, state.position)}" for state in run.states]
+    animate_bodies(file, states, label, titles, scale)
+    return file

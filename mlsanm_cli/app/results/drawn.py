@@ -1,0 +1,133 @@
+"""Where supports hold and loads act, for pictures: from a case and the boundaries of its bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from mlsanm_cli.app.output.lines import obstacle_shift, obstacles
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import (
+    BodyForce,
+    Case,
+    Displacement,
+    ObstacleMotion,
+    Place,
+    Platen,
+    Pressure,
+    Temperature,
+    Traction,
+)
+from mlsanm_cli.io.plots.marks import Marks
+from mlsanm_cli.io.run_reader import BodyData
+
+TICKS, ARROWS = 40, 7
+"""Ticks along a held boundary, and arrows along one that a pressure acts on, at most."""
+Arrow = tuple[FloatArray, FloatArray, FloatArray, str]
+
+
+def marks_of(
+    case: Case,
+    bodies: Mapping[str, BodyData],
+    touching: Mapping[str, FloatArray],
+    moved: Mapping[str, FloatArray],
+    scale: float = 1.0,
+) -> Marks:
+    """The signs of a case's supports, loads and obstacles.
+
+    ``touching`` are points (m, 2) of the contacts, where the loads of obstacles are drawn; ``moved`` how far
+    (2,) loads have moved platens and obstacles, which are drawn ``scale`` times as far.
+    """
+    points = np.concatenate([body.points for body in bodies.values()])
+    lines = obstacles(case, points.min(axis=0), points.max(axis=0))
+    held, nodes = [], []
+    for support in case.support:
+        if support.place is not None:
+            held.append(_along(bodies[support.place.body], support.place, TICKS))
+        elif support.body is not None and support.near is not None:
+            near = bodies[support.body].points
+            nodes.append(near[np.hypot(*(near - np.array(support.near)).T).argmin()])
+    return Marks(
+        held=tuple(held),
+        nodes=tuple(nodes),
+        arrows=tuple(_arrows(case, bodies, touching)),
+        obstacles=tuple(
+            line + scale * obstacle_shift(case, name, moved) for name, (line, _) in lines.items()
+        ),
+    )
+
+
+def boundary_nodes(body: BodyData, place: Place) -> tuple[IntArray, FloatArray]:
+    """Node numbers (k,) and outward normals (k, 2) along the boundaries of a place, in their order."""
+    # Pieces of a boundary are numbered behind a stroke.
+    owner = np.array([name.partition("/")[0] for name in body.boundary_name])
+    chosen = np.concatenate([np.flatnonzero(owner == edge) for edge in place.edges])
+    return body.boundary_index[chosen], body.boundary_normal[chosen]
+
+
+def _along(body: BodyData, place: Place, most: int) -> tuple[FloatArray, FloatArray]:
+    """Points (k, 2) and normals (k, 2) evenly among the nodes of a place, on the part of it that counts."""
+    index, normal = boundary_nodes(body, place)
+    points = body.points[index]
+    if place.ends is not None:
+        first, last = (int(np.hypot(*(points - np.array(end)).T).argmin()) for end in place.ends)
+        part = np.arange(min(first, last), max(first, last) + 1)
+        points, normal = points[part], normal[part]
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    chosen = np.unique(np.searchsorted(length, np.linspace(0.0, length[-1], most)).clip(0, len(points) - 1))
+    return points[chosen], normal[chosen]
+
+
+def _arrows(
+    case: Case, bodies: Mapping[str, BodyData], touching: Mapping[str, FloatArray]
+) -> Iterator[Arrow]:
+    for load in case.load:
+        if isinstance(load, Temperature):
+            continue
+        if isinstance(load, BodyForce):
+            middle = bodies[load.owner].points.mean(axis=0)
+            yield from _one(middle, _numbers(load.body_force), np.zeros(2), load.name)
+            continue
+        if isinstance(load, ObstacleMotion):
+            if load.obstacle in touching:
+                place = touching[load.obstacle].mean(axis=0)
+                # An obstacle pushes: its arrow ends where it touches.
+                yield from _one(place, _control(load), -_control(load), load.name)
+            continue
+        body = bodies[load.place.body]
+        if isinstance(load, Platen):
+            points, normals = _along(body, load.place, 3)
+            half = len(points) // 2
+            yield from _one(points[half], _control(load), normals[half], load.name)
+            continue
+        points, normals = _along(body, load.place, ARROWS)
+        for point, normal in zip(points, normals, strict=True):
+            yield from _one(point, _vector(load, normal), normal, load.name)
+
+
+def _one(point: FloatArray, vector: FloatArray, normal: FloatArray, name: str) -> Iterator[Arrow]:
+    size = float(np.hypot(*vector))
+    if size > 0.0:
+        yield point, vector / size, normal, name
+
+
+def _control(load: Platen | ObstacleMotion) -> FloatArray:
+    return np.array([load.control[axis][1] if axis in load.control else 0.0 for axis in ("x", "y")])
+
+
+def _vector(load: Traction | Pressure | Displacement, normal: FloatArray) -> FloatArray:
+    """The direction of a load along a boundary, at a place with an outward ``normal`` (2,)."""
+    if isinstance(load, Pressure):
+        pulls = isinstance(load.pressure, float) and load.pressure < 0.0
+        return normal if pulls else -normal
+    if isinstance(load, Displacement):
+        return _numbers(load.components)
+    if load.traction is not None:
+        return _numbers(load.traction)
+    return np.asarray(np.array(load.table)[:, 1:].mean(axis=0), dtype=np.float64)
+
+
+def _numbers(given: tuple[float | str | None, float | str | None]) -> FloatArray:
+    """Two numbers; expressions are drawn as if they were 1."""
+    return np.array([1.0 if isinstance(part, str) else part or 0.0 for part in given])

@@ -1,0 +1,78 @@
+"""``mlsanm info``: what a run directory says about its run, finished or not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mlsanm_cli.contact.geometry.profile import half_width
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.lock import holder
+from mlsanm_cli.io.run_reader import RunData, read_run
+from mlsanm_cli.io.summary import read_json
+
+PROVENANCE = (
+    "mlsanm_version",
+    "git",
+    "versions",
+    "argv",
+    "host",
+    "cpu",
+    "threads",
+    "resumed",
+    "case_path",
+    "case_hash",
+    "cache_hash",
+)
+
+
+def info(rundir: Path) -> Mapping[str, Any]:
+    """The summary of a run and its provenance.
+
+    A run without summary.json is still going on or was killed; the finished steps in run.h5 tell, and whether
+    a process holds the directory. Raises RunError for a directory that holds no readable run.
+    """
+    run = read_run(rundir)
+    summary_file = run.directory / run_dir.SUMMARY_FILE
+    summary = read_json(summary_file) if summary_file.is_file() else _unfinished(run)
+    provenance = {key: run.attributes[key] for key in PROVENANCE if run.attributes.get(key) not in (None, "")}
+    return {"directory": str(run.directory), **summary, "provenance": provenance}
+
+
+def _unfinished(run: RunData) -> dict[str, Any]:
+    """What run.h5 holds of a run that did not write its summary."""
+    age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
+    writer = holder(run.directory)
+    if writer is not None:
+        told = {"stop_reason": f"no summary: still going on, {writer}; last written {age:.0f} s ago"}
+    else:
+        told = {
+            "stop_reason": f"killed or out of disk space: ended without a summary {age:.0f} s ago",
+            "hint": f"go on with: mlsanm resume {run.directory}",
+        }
+    path = run.path
+    known: dict[str, Any] = {
+        "status": run.status,
+        **told,
+        "steps": max(path.rows - 1, 0),
+        "nodes": int(run.attributes.get("nodes", 0)),
+    }
+    if not path.rows:
+        return known
+    known |= {
+        "position": float(path.position[-1]),
+        "factorizations": int(path.factorizations.sum()),
+        "solves": int(path.solves.sum()),
+        "residual": float(path.residual.max()),
+        "contacts": {
+            name: {
+                "peak_pressure": float(contact.pressure[-1].max(initial=0.0)),
+                "half_width": half_width(contact.arc_length, contact.pressure[-1]),
+                "min_gap": float(contact.gap[-1].min()),
+            }
+            for name, contact in run.contacts.items()
+        },
+    }
+    return known

@@ -1,0 +1,46 @@
+"""A picture of a scene before it is solved: nodes, spacings, supports, loads, obstacles and contacts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mlsanm_cli.app.results.drawn import marks_of
+from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.plots.cloud import CloudBody, plot_cloud
+from mlsanm_cli.io.plots.figures import SUFFIXES
+from mlsanm_cli.io.run_reader import BodyData
+
+
+def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
+    """Draw the bodies coloured by their spacing, with what acts on them.
+
+    Raises RunError for endings that are none of a picture's, and if the file cannot be written.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise RunError(f"{path}: pictures end in {', '.join(SUFFIXES)}", "the ending decides the format")
+    clouds = {name: model.cloud for name, model in prepared.models.items()}
+    bodies = [
+        CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)
+        for cloud in clouds.values()
+    ]
+    touching = {pairing.name: pairing.points[pairing.candidate] for pairing in prepared.pairings}
+    marks = marks_of(case, {name: stored(cloud) for name, cloud in clouds.items()}, touching, {})
+    nodes = sum(len(cloud.points) for cloud in clouds.values())
+    title = f"{case.title}, {nodes} nodes" if case.title else f"{nodes} nodes"
+    plot_cloud(path, bodies, case.units.label("spacing", "length"), title, marks=marks)
+
+
+def stored(cloud: Cloud) -> BodyData:
+    """A body's nodes and boundaries as a run keeps them."""
+    surfaces = cloud.surfaces.values()
+    return BodyData(
+        cloud.points,
+        np.concatenate([surface.index for surface in surfaces]),
+        np.concatenate([surface.normal for surface in surfaces]),
+        tuple(surface.name for surface in surfaces for _ in surface.index),
+    )

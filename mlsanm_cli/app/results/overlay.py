@@ -1,0 +1,174 @@
+"""Curves of one or several runs in one picture, and fields along lines and boundaries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mlsanm_cli.app.results.drawn import boundary_nodes
+from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.results.path_lookup import level_at
+from mlsanm_cli.app.results.plot_choice import FIELDS, Choice
+from mlsanm_cli.app.results.probe import seen_at
+from mlsanm_cli.app.results.views import chosen_state, field_of
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Place
+from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.plots.overlay import Curve, plot_curves
+from mlsanm_cli.io.run_reader import ContactData, RunData
+
+POINTS, FEWEST = 301, 2
+"""Points of a line, and those that have to lie in a body it runs through."""
+COLUMNS = ("ux", "uy", "xx", "yy", "xy", "von_mises")
+
+
+def draw_together(path: Path, runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> None:
+    """One picture of several runs. Raises RunError for kinds that are not drawn so."""
+    kind = "line" if choice.along is not None else choice.what[0] if len(choice.what) == 1 else ""
+    if kind == "line":
+        draw_line(path, runs, cases, choice)
+        return
+    if kind not in ("pressure", "force", "peak", "loop", "hysteresis"):
+        raise RunError(
+            "several runs need one kind of picture",
+            "add --what pressure, force, peak, loop or hysteresis, or --along",
+        )
+    units = cases[0].units
+    curves = [
+        curve
+        for run, name in zip(runs, _names(runs), strict=True)
+        for curve in _of_run(run, name, kind, choice)
+    ]
+    if not curves:
+        raise RunError(f"the runs have nothing for {kind}", "kinds of contacts need contacts, loops friction")
+    position = "position on the load path (stages)"
+    words = {
+        "pressure": (
+            units.label("arc length", "length"),
+            units.label("pressure", "stress"),
+            "Contact pressure",
+        ),
+        "force": (position, units.label("contact force per unit thickness", "force"), "Contact force"),
+        "peak": (position, units.label("peak pressure", "stress"), "Peak contact pressure"),
+    }
+    slip = units.label("mean slip of the surfaces", "length")
+    tangential = units.label("tangential force on the master, per unit thickness", "force")
+    plot_curves(path, curves, *words.get(kind, (slip, tangential, "Tangential force")))
+
+
+def draw_line(path: Path, runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> None:
+    """A field along a boundary, as ``block.top``, or along the straight line ``X,Y:X,Y``, at saved positions.
+
+    Raises RunError for lines that are none, or that meet no body.
+    """
+    assert choice.along is not None
+    field = choice.field or "von_mises"
+    label, kind = FIELDS[field]
+    curves = []
+    for run, case, name in zip(runs, cases, _names(runs), strict=True):
+        for position in choice.at or (chosen_state(run, None).position,):
+            words = [name] if len(runs) > 1 else []
+            words += [f"position {position:.4g}"] if len(choice.at) > 1 or len(runs) == 1 else []
+            for where, x, y in _along(run, case, choice.along, field, position):
+                curves.append(Curve(x, y, ", ".join([*words, where] if where else words)))
+    units = cases[0].units
+    along = "distance along the line" if ":" in choice.along else "arc length"
+    plot_curves(
+        path,
+        curves,
+        units.label(along, "length"),
+        units.label(label, kind),
+        f"{label[0].upper()}{label[1:]} along {choice.along}",
+    )
+
+
+def slips(contact: ContactData) -> FloatArray:
+    """The mean slip (S+1,) of a contact along the path."""
+    return np.asarray(contact.slip @ contact.weight / contact.weight.sum(), dtype=np.float64)
+
+
+def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curve]:
+    joined = bool(run.path.order.any())
+    for contact_name, contact in run.contacts.items():
+        if choice.contact not in (None, contact_name):
+            continue
+        label = name if len(run.contacts) == 1 or choice.contact else f"{name}, {contact_name}"
+        if kind == "pressure":
+            for level in choice.at or (float(run.path.position[-1]),):
+                told = f"{label}, position {level:.4g}" if choice.at else label
+                yield Curve(contact.arc_length, pressures_at(run, level)[contact_name], told)
+        elif kind == "force":
+            force = contact.pressure @ (contact.weight[:, None] * contact.normal)
+            yield Curve(np.asarray(run.path.position), np.hypot(*force.T), label, joined)
+        elif kind == "peak":
+            peak = contact.pressure.max(axis=1, initial=0.0)
+            yield Curve(np.asarray(run.path.position), peak, label, joined)
+        elif not np.isnan(contact.slip).any():
+            yield Curve(slips(contact), -(contact.traction @ contact.weight), label)
+
+
+def _along(
+    run: RunData, case: Case, along: str, field: str, position: float
+) -> list[tuple[str, FloatArray, FloatArray]]:
+    """Of every body that is met its name, distances (k,) and values (k,), nan where it is not."""
+    ends = along.split(":")
+    if len(ends) == 1:
+        return [("", *_on_boundary(run, case, along, field, position))]
+    try:
+        first, last = (np.array([float(part) for part in end.split(",")]) for end in ends)
+        if first.shape != (2,) or last.shape != (2,) or not np.isfinite([first, last]).all():
+            raise ValueError
+    except ValueError:
+        message = f'"{along}" is neither a boundary nor a line'
+        raise RunError(message, "as in --along block.top or --along 0,0:0,-1") from None
+    share = np.linspace(0.0, 1.0, POINTS)
+    points = first + share[:, None] * (last - first)
+    level = level_at(run, position)
+    found = []
+    for name, body in run.bodies.items():
+        inside = belongs(body.points, body.boundary_index, body.boundary_normal, body.boundary_name, points)
+        if inside.sum() < FEWEST:
+            continue
+        seen = seen_at(run, case, name, points[inside], level)
+        values = np.full(POINTS, np.nan)
+        values[inside] = _column(seen, field)
+        found.append((name, share * float(np.hypot(*(last - first))), values))
+    if not found:
+        raise RunError(f"the line {along} meets no body", "give places as they are before loading")
+    return [("" if len(found) == 1 else name, x, y) for name, x, y in found]
+
+
+def _column(seen: FloatArray, field: str) -> FloatArray:
+    if field == "displacement":
+        return np.hypot(seen[:, 0], seen[:, 1])
+    return np.asarray(seen[:, COLUMNS.index(field)], dtype=np.float64)
+
+
+def _on_boundary(
+    run: RunData, case: Case, boundary: str, field: str, position: float
+) -> tuple[FloatArray, FloatArray]:
+    name, _, edge = boundary.partition(".")
+    body = run.bodies.get(name)
+    edges = [] if body is None else list(dict.fromkeys(one.partition("/")[0] for one in body.boundary_name))
+    if body is None or edge not in edges:
+        known = ", ".join(f"{name}.{one}" for one in edges) or ", ".join(run.bodies)
+        raise RunError(f'there is no boundary "{boundary}"', f"there are: {known}")
+    index, _ = boundary_nodes(body, Place((boundary,)))
+    fields = chosen_state(run, position).bodies[name]
+    displacement = fields.get("displacement", np.zeros_like(body.points))
+    values, _ = field_of(case, name, fields, displacement, field)
+    steps = np.hypot(*np.diff(body.points[index], axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(steps)]), values[index]
+
+
+def _names(runs: Sequence[RunData]) -> list[str]:
+    """What runs are called: the last parts of their directories, as many as tell them apart."""
+    parts = [run.directory.resolve().parts for run in runs]
+    for count in range(1, max(map(len, parts)) + 1):
+        names = ["/".join(part[-count:]) for part in parts]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{run.directory} ({number})" for number, run in enumerate(runs, start=1)]

@@ -1,0 +1,277 @@
+"""``mlsanm plot``: pictures of a run, made from what its directory holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from mlsanm_cli.app.assessment.references import ReferenceProfile, profile_on
+from mlsanm_cli.app.results.drawn import marks_of
+from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.results.overlay import draw_line, draw_together, slips
+from mlsanm_cli.app.results.path_lookup import level_at
+from mlsanm_cli.app.results.plot_choice import KINDS, OF_CONTACT, Choice, refuse_nonsense, told
+from mlsanm_cli.app.results.probe import probe_contact
+from mlsanm_cli.app.results.views import automatic_scale, chosen_state, contact_window, field_of, triangles_of
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, stored_case
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.plots.cloud import CloudBody, plot_cloud
+from mlsanm_cli.io.plots.figures import SUFFIXES
+from mlsanm_cli.io.plots.friction import plot_loop, plot_traction
+from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
+from mlsanm_cli.io.run_reader import ContactData, RunData, read_run
+
+MOST_LEVELS = 6
+"""More load levels in one picture cannot be told apart."""
+CURVE_POINTS = 801
+REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
+
+
+class _Draw(Protocol):
+    def __call__(self, path: Path) -> None: ...
+
+
+def plot(
+    rundir: Path | Sequence[Path], *, formats: tuple[str, ...] = ("png",), choice: Choice | None = None
+) -> list[Path]:
+    """Draw the run in ``rundir`` and return the files written into it.
+
+    Pressure along every contact, with friction its tractions and the loop of their sum over a platen's
+    displacement, contact force and peak pressure along the path (forces of loads and supports in a scene
+    without contact), and the deformed bodies at the last saved position; of these what ``choice`` asks for.
+    Several runs are drawn over each other, as curves. A run that failed or was stopped is drawn as far as it
+    came. Raises RunError for a directory without a readable run, or without any state, and for choices of
+    what there is not.
+    """
+    places = [rundir] if isinstance(rundir, Path) else list(rundir)
+    choice = choice or Choice()
+    refuse_nonsense(choice, len(places))
+    runs = [read_run(place) for place in places]
+    for run in runs:
+        if not run.path.rows:
+            raise RunError(f"{run.directory} holds no finished step yet", "there is nothing to draw")
+        if choice.contact is not None and choice.contact not in run.contacts:
+            there = f"there are: {', '.join(run.contacts)}" if run.contacts else "there is none"
+            raise RunError(f'the run has no contact "{choice.contact}"', there)
+    cases = [stored_case(run.case_resolved) for run in runs]
+    if len(runs) > 1:
+        assert choice.out is not None
+        _refuse_suffix(choice.out, SUFFIXES)
+        draw_together(choice.out, runs, cases, choice)
+        return [choice.out]
+    run, case = runs[0], cases[0]
+    if choice.animate:
+        from mlsanm_cli.app.results.animate import animate
+
+        if choice.out is not None:
+            _refuse_suffix(choice.out, (".gif",))
+        return animate(run, case, choice)
+    pictures = list(_pictures(run, case, choice))
+    if not pictures:
+        kinds = ", ".join(choice.what) or "such pictures"
+        raise RunError(f"the run has nothing for {kinds}", f"kinds are: {', '.join(KINDS)}")
+    if choice.out is None:
+        return _written(run, pictures, formats)
+    _refuse_suffix(choice.out, SUFFIXES)
+    if len(pictures) > 1:
+        names = ", ".join(" ".join(filter(None, (kind, subject))) for kind, subject, _ in pictures)
+        raise RunError(
+            f"-o is of one picture, and there are {len(pictures)}: {names}", "add --what or --contact"
+        )
+    pictures[0][2](choice.out)
+    return [choice.out]
+
+
+def _written(
+    run: RunData, pictures: Sequence[tuple[str, str, _Draw]], formats: tuple[str, ...]
+) -> list[Path]:
+    files = []
+    for kind, subject, draw in pictures:
+        for suffix in formats:
+            file = run.directory / run_dir.picture_name(kind, suffix, subject)
+            draw(file)
+            files.append(file)
+    return files
+
+
+def _refuse_suffix(file: Path, suffixes: Sequence[str]) -> None:
+    if file.suffix.lower() not in suffixes:
+        raise RunError(f"{file}: pictures end in {', '.join(suffixes)}", "the ending decides the format")
+
+
+def _pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, _Draw]]:
+    """Kind, subject and drawing function of every picture that is wanted and that the run has data for."""
+    for kind, subject, draw in _all_pictures(run, case, choice):
+        if choice.wants(kind, subject if kind in OF_CONTACT else ""):
+            yield kind, subject, draw
+
+
+def _all_pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, _Draw]]:
+    friction = {contact.name: contact.coefficient for contact in case.contact}
+    for name in run.contacts:
+        yield "pressure", name, partial(_draw_pressure, run=run, case=case, name=name, at=choice.at)
+        if friction[name]:
+            yield "traction", name, partial(_draw_traction, run=run, case=case, name=name, at=choice.at)
+        if friction[name] and np.isfinite(friction[name]):
+            yield "loop", name, partial(_draw_loop, run=run, case=case, name=name)
+            yield "hysteresis", name, partial(_draw_loop, run=run, case=case, name=name, over_slip=True)
+    if run.contacts:
+        yield "force", "", partial(_draw_forces, run=run, case=case)
+        yield "peak", "", partial(_draw_peaks, run=run, case=case)
+    else:
+        yield "force", "", partial(_draw_resultants, run=run, case=case)
+    if run.states:
+        yield "bodies", "", partial(_draw_bodies, run=run, case=case, choice=choice)
+    if choice.along is not None:
+        yield "line", choice.along, partial(draw_line, runs=[run], cases=[case], choice=choice)
+
+
+def _levels(run: RunData) -> list[float]:
+    """Positions whose pressure is drawn: the saved ones that the path reached, and its end."""
+    end = float(run.path.position[-1])
+    saved = sorted({state.position for state in run.states if 0.0 < state.position < end})
+    if len(saved) >= MOST_LEVELS:
+        chosen = np.linspace(0, len(saved) - 1, MOST_LEVELS - 1).round().astype(int)
+        saved = [saved[i] for i in chosen]
+    return [*saved, end]
+
+
+def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[float, ...]) -> None:
+    contact = run.contacts[name]
+    levels = list(at) or _levels(run)
+    pressure = np.stack([pressures_at(run, level)[name] for level in levels])
+    profile = _reference(case, name, contact)
+    if at and at[-1] != float(run.path.position[-1]):
+        # The formula is known for the end of the path.
+        profile = None
+    labels = [f"position {level:.4g}" for level in levels]
+    words = told(run, case, levels[-1]) if len(levels) == 1 or len(case.stage) == 1 else ""
+    shared = {
+        "pressure_label": case.units.label("pressure", "stress"),
+        "told": words if len(levels) == 1 else "",
+    }
+    along = case.units.label("arc length", "length")
+    if profile is None:
+        plot_pressure(path, name, contact.arc_length, pressure, labels, None, along, **shared)
+        return
+    x = np.linspace(profile.coordinate[0], profile.coordinate[-1], CURVE_POINTS)
+    # The ends of the loaded part belong to the curve, however wide the candidates reach.
+    edges = np.array([-profile.half_width, profile.half_width])
+    x = np.union1d(x, edges[(edges > x[0]) & (edges < x[-1])])
+    curve = ReferenceCurve(x, profile.curve(x), REFERENCE_NAMES.get(profile.label, profile.label))
+    from_middle = case.units.label("distance from the middle", "length")
+    plot_pressure(path, name, profile.coordinate, pressure, labels, curve, from_middle, **shared)
+
+
+def _draw_traction(path: Path, run: RunData, case: Case, name: str, at: tuple[float, ...]) -> None:
+    contact = run.contacts[name]
+    friction = next(one.coefficient for one in case.contact if one.name == name)
+    # What is bonded has no limit.
+    coefficient = friction if np.isfinite(friction) else 0.0
+    position = at[-1] if at else float(run.path.position[-1])
+    (found,) = probe_contact(run, [position], name, ("pressure", "traction"))
+    # What places do is stored step by step: within one it is that of its end.
+    row = level_at(run, position).row
+    plot_traction(
+        path,
+        name,
+        ", ".join(filter(None, (f"position {position:.4g}", told(run, case, position)))),
+        contact.arc_length,
+        found["traction"],
+        coefficient * np.maximum(found["pressure"], 0.0),
+        contact.status[row],
+        arc_label=case.units.label("arc length", "length"),
+        traction_label=case.units.label("traction on the slave", "stress"),
+    )
+
+
+def _draw_loop(path: Path, run: RunData, case: Case, name: str, over_slip: bool = False) -> None:
+    """Tangential force on the master against the displacement along it of the platen that moves most.
+
+    Where there is no platen, or ``over_slip``, against the mean slip.
+    """
+    contact = run.contacts[name]
+    force: FloatArray = -(contact.traction @ contact.weight)
+    n_x, n_y = contact.weight @ contact.normal / contact.weight.sum()
+    along = {load: moved @ np.array([n_y, -n_x]) for load, moved in run.path.displacements.items()}
+    moved, label = slips(contact), "mean slip of the surfaces"
+    if along and not over_slip:
+        load = max(along, key=lambda one: float(np.ptp(along[one])))
+        moved, label = along[load], f"displacement of the platen of {load} along the contact"
+    plot_loop(
+        path,
+        moved,
+        force,
+        case.units.label(label, "length"),
+        f"Tangential force, {name}",
+        force_label=case.units.label("tangential force on the master, per unit thickness", "force"),
+    )
+
+
+def _reference(case: Case, name: str, contact: ContactData) -> ReferenceProfile | None:
+    """The closed formula at the end of the path; None where the case names none or nothing is pressed."""
+    force = float(np.hypot(*_contact_force(contact)[-1]))
+    if case.reference is None or force == 0.0:
+        return None
+    described = next(c for c in case.contact if c.name == name)
+    return profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
+
+
+def _contact_force(contact: ContactData) -> FloatArray:
+    """Force (S+1, 2) that the contact exerts on its slave."""
+    force: FloatArray = contact.pressure @ (contact.weight[:, None] * contact.normal)
+    return force
+
+
+def _draw_forces(path: Path, run: RunData, case: Case) -> None:
+    if run.is_finite:
+        # Normals turn: the forces are stored as such.
+        forces = {name: run.path.resultants[f"contact {name}"] for name in run.contacts}
+    else:
+        forces = {name: _contact_force(contact) for name, contact in run.contacts.items()}
+    curves = {name: np.hypot(*force.T) for name, force in forces.items()}
+    label = case.units.label("contact force per unit thickness", "force")
+    _draw_curves(path, run, curves, label, "Contact force along the path")
+
+
+def _draw_peaks(path: Path, run: RunData, case: Case) -> None:
+    curves = {name: contact.pressure.max(axis=1, initial=0.0) for name, contact in run.contacts.items()}
+    label = case.units.label("peak pressure", "stress")
+    _draw_curves(path, run, curves, label, "Peak contact pressure along the path")
+
+
+def _draw_resultants(path: Path, run: RunData, case: Case) -> None:
+    curves = {name: np.hypot(*force.T) for name, force in run.path.resultants.items()}
+    label = case.units.label("force per unit thickness", "force")
+    _draw_curves(path, run, curves, label, "Forces of loads and supports")
+
+
+def _draw_curves(path: Path, run: RunData, curves: Mapping[str, FloatArray], y: str, title: str) -> None:
+    # Exact contact is solved at a few positions: what lies between them is not on a straight line.
+    joined = not run.contacts or bool(run.path.order.any())
+    alone = f"{title}, {next(iter(curves))}" if len(curves) == 1 else title
+    plot_path(path, run.path.position, curves, "position on the load path (stages)", y, alone, joined)
+
+
+def _draw_bodies(path: Path, run: RunData, case: Case, choice: Choice) -> None:
+    state = chosen_state(run, choice.at[-1] if choice.at else None)
+    bodies, label = [], ""
+    for name, body in run.bodies.items():
+        fields = state.bodies[name]
+        displacement = fields.get("displacement", np.zeros_like(body.points))
+        scalar, label = field_of(case, name, fields, displacement, choice.field)
+        bodies.append(CloudBody(body.points, displacement, scalar, triangles_of(body)))
+    scale = automatic_scale(run, bodies)
+    title = ", ".join(filter(None, (f"position {state.position:.4g}", told(run, case, state.position))))
+    row = int(np.abs(run.path.position - state.position).argmin())
+    moved = {load: np.asarray(history[row]) for load, history in run.path.displacements.items()}
+    touching = {name: contact.points for name, contact in run.contacts.items()}
+    marks = marks_of(case, run.bodies, touching, moved, scale)
+    window = contact_window(run, state.position, bodies)
+    plot_cloud(path, bodies, label, title, scale, window, marks=marks)

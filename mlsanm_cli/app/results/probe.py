@@ -1,0 +1,314 @@
+"""``mlsanm probe``: stored quantities of a run at any level of its path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.results.path_lookup import SERIES, Level, displacement_at, level_at
+from mlsanm_cli.app.results.views import boundary_edges
+from mlsanm_cli.app.scene.assemble import mls_settings
+from mlsanm_cli.app.scene.loads import temperature_of
+from mlsanm_cli.app.scene.materials import materials
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Temperature, stored_case
+from mlsanm_cli.cloud.membership import belongs
+from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.run_reader import RunData, read_run
+from mlsanm_cli.mechanics.body import enough_neighbors
+from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
+from mlsanm_cli.operators.stencils import Stencils, build_stencils
+from mlsanm_cli.parts import cKDTree
+
+QUANTITIES = ("pressure", "traction", "gap", "slip")
+FIELDS: Mapping[str, tuple[str, ...]] = {
+    "displacement": ("ux", "uy"),
+    "stress": ("xx", "yy", "xy"),
+    "von_mises": ("von_mises",),
+}
+ContactState = dict[str, Any]
+
+
+def contents(rundir: Path) -> Mapping[str, Any]:
+    """What can be probed in a run."""
+    run = read_run(rundir)
+    rows = run.path.position
+    return {
+        "path": [float(rows[0]), float(rows[-1])] if run.path.rows else [],
+        "contacts": list(run.contacts),
+        "forces": [*run.path.resultants, *run.contacts],
+        "bodies": list(run.bodies),
+        "probes": list(run.probes),
+        "fields_at": [state.position for state in run.states],
+    }
+
+
+def probe_contact(
+    rundir: Path | RunData, at: Sequence[float], name: str, quantities: Sequence[str] = ()
+) -> list[ContactState]:
+    """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them unless told."""
+    run, case = _read(rundir)
+    _known(name, run.contacts, "contact")
+    rough = bool(_friction(case)[name])
+    for wanted in quantities:
+        if wanted in ("traction", "slip") and not rough:
+            raise RunError(f'contact "{name}" has no friction and so no {wanted}', "ask for pressure or gap")
+    chosen = quantities or (QUANTITIES if rough else ("pressure", "gap"))
+    contact = run.contacts[name]
+    place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
+    levels = _levels(run, at)
+    return [
+        _told(level) | place | {key: _on_contact(run, case, level, name, key) for key in chosen}
+        for level in levels
+    ]
+
+
+def probe_force(
+    rundir: Path | RunData, at: Sequence[float], name: str, contact: bool = False
+) -> list[ContactState]:
+    """Force (x, y) that a load or support exerts on its body, or a contact on its slave.
+
+    With ``contact`` the name is a contact's, whatever else bears it.
+    """
+    run, case = _read(rundir)
+    _known(name, [*run.path.resultants, *run.contacts], "load, support or contact")
+    if name in run.path.resultants and name in run.contacts and not contact:
+        raise RunError(f'"{name}" is both a load and a contact', "give one of them another name")
+    rows = []
+    for level in _levels(run, at):
+        if name in run.contacts and run.is_finite:
+            force = level.between(run.path.resultants[f"contact {name}"])
+        elif name in run.contacts:
+            force = _contact_force(run, case, level, name)
+        elif level.how == SERIES:
+            force = _mapped(run, level, "forces", name)
+        else:
+            force = level.between(run.path.resultants[name])
+        rows.append(_told(level) | {"fx": float(force[0]), "fy": float(force[1])})
+    return rows
+
+
+def probe_named(
+    rundir: Path | RunData, at: Sequence[float], name: str, field: str | None = None
+) -> list[ContactState]:
+    """What a ``[[probe]]`` of the case has seen."""
+    run, case = _read(rundir)
+    _known(name, run.probes, "[[probe]]")
+    body, point = next((p.body, np.array([p.point])) for p in case.probe if p.name == name)
+    rows = []
+    for level in _levels(run, at):
+        if level.how == SERIES:
+            seen = _mapped(run, level, "probes", name)
+        else:
+            seen = np.concatenate(
+                [level.between(run.probes[name].displacement), level.between(run.probes[name].stress)]
+            )
+        if run.is_finite:
+            seen = np.append(seen, level.between(run.probes[name].von_mises))
+            rows.append(_told(level) | _columns(seen, field))
+            continue
+        rows.append(_told(level) | _fields(case, body, level, point, seen, field))
+    return rows
+
+
+def probe_point(
+    rundir: Path | RunData,
+    at: Sequence[float],
+    body: str,
+    point: tuple[float, float],
+    field: str | None = None,
+) -> list[ContactState]:
+    """Displacement and stress of a body at any point, where the fields of the level are saved.
+
+    Values and derivatives of the local polynomials of the run's degree, fitted to the nodes' displacements.
+    The ghost scheme's polynomials lean on ghosts, which are not stored: without them stresses at surfaces
+    were off by as much as they are.
+    """
+    run, case = _read(rundir)
+    _known(body, run.bodies, "body")
+    _refuse_ghosts(case)
+    levels = _levels(run, at)
+    found = [displacement_at(run, level, body) for level in levels]
+    if run.is_finite:
+        return [
+            {"position": level.position, "how": how}
+            | _columns(_seen_at_finite(run, case, body, np.array([point]), displacement)[0], field)
+            for level, (displacement, how) in zip(levels, found, strict=True)
+        ]
+    place = np.array([point])
+    rows, told = _rows_at(run, case, body, place), []
+    for level, (displacement, how) in zip(levels, found, strict=True):
+        seen = _stressed(case, body, level, place, rows @ displacement.ravel())
+        fields = _fields(case, body, level, place, seen, field)
+        told.append({"position": level.position, "how": how} | fields)
+    return told
+
+
+def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Level) -> FloatArray:
+    """Displacement, stress and von Mises stress (e, 6) of a body at ``points`` (e, 2), where its
+    fields are saved at the level. Raises RunError as `probe_point` does."""
+    _refuse_ghosts(case)
+    displacement, _ = displacement_at(run, level, body)
+    if run.is_finite:
+        return _seen_at_finite(run, case, body, points, displacement)
+    seen = (_rows_at(run, case, body, points) @ displacement.ravel()).reshape(5, -1).T
+    degrees = _degrees(case, body, level, points)
+    stress = seen[:, 2:] - degrees[:, None] * stress_of_expansion(_material(case, body))
+    across = _material(case, body).out_of_plane_stress(stress, degrees)
+    return np.column_stack([seen[:, :2], stress, von_mises(stress, across)])
+
+
+def _refuse_ghosts(case: Case) -> None:
+    if case.mls.scheme == "ghost":
+        raise RunError(
+            "fields of the ghost scheme are stored without the ghosts that values between nodes need",
+            "run again with a [[probe]] at the point",
+        )
+
+
+def _seen_at_finite(
+    run: RunData, case: Case, body: str, points: FloatArray, displacement: FloatArray
+) -> FloatArray:
+    """Displacement, Cauchy stress and von Mises stress (e, 6) at ``points`` (e, 2) of a body at finite
+    strain."""
+    from mlsanm_cli.app.finite.fields import fields_by
+    from mlsanm_cli.app.finite.scene import law_of
+
+    derivatives = _stencils_at(run, case, body, points).derivatives(displacement)
+    seen = fields_by(law_of(case, body), derivatives)
+    return np.column_stack([seen.displacement, seen.stress, seen.von_mises])
+
+
+def _read(rundir: Path | RunData) -> tuple[RunData, Case]:
+    run = rundir if isinstance(rundir, RunData) else read_run(rundir)
+    return run, stored_case(run.case_resolved)
+
+
+def _levels(run: RunData, at: Sequence[float]) -> list[Level]:
+    if not at and run.path.rows:
+        at = (float(run.path.position[-1]),)
+    return [level_at(run, position) for position in at or (0.0,)]
+
+
+def _known(name: str, names: Any, what: str) -> None:
+    if name not in names:
+        there = f"there are: {', '.join(names)}" if names else "there is none"
+        raise RunError(f'the run has no {what} "{name}"', there)
+
+
+def _told(level: Level) -> ContactState:
+    return {"position": level.position, "how": level.how}
+
+
+def _friction(case: Case) -> dict[str, float]:
+    return {contact.name: contact.coefficient for contact in case.contact}
+
+
+def _mapped(run: RunData, level: Level, kind: str, name: str) -> FloatArray:
+    """What a stored map makes of the unknowns of a level."""
+    found = run.maps[kind].get(name)
+    if found is None:
+        raise RunError(
+            f"{run.directory} was written by a version that kept {kind} at the ends of steps only",
+            "run the case again, or ask for a stored position",
+        )
+    result: FloatArray = found @ level.unknowns
+    return result
+
+
+def _span(run: RunData, case: Case, name: str, rough_only: bool) -> slice:
+    """Places of a contact among the nodes of all contacts, or of those with friction."""
+    first = 0
+    for contact, friction in _friction(case).items():
+        if contact not in run.maps["bonds"] and (friction or not rough_only):
+            count = len(run.contacts[contact].arc_length)
+            if contact == name:
+                return slice(first, first + count)
+            first += count
+    return slice(0, 0)
+
+
+def _on_contact(run: RunData, case: Case, level: Level, name: str, quantity: str) -> FloatArray:
+    """One quantity (m,) of a contact."""
+    if level.how != SERIES:
+        return level.between(getattr(run.contacts[name], quantity))
+    if name in run.maps["bonds"]:
+        pressure, traction = np.split(_mapped(run, level, "bonds", name), 2)
+        nothing = np.zeros(len(pressure))
+        return {"pressure": pressure, "traction": traction}.get(quantity, nothing)
+    if quantity == "slip":
+        return _mapped(run, level, "slip", name)
+    if quantity == "traction":
+        return level.traction[_span(run, case, name, rough_only=True)]
+    values: FloatArray = level.pressure if quantity == "pressure" else level.gap
+    return values[_span(run, case, name, rough_only=False)]
+
+
+def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatArray:
+    """Force (2,) on the slave."""
+    contact = run.contacts[name]
+    force = (contact.weight * _on_contact(run, case, level, name, "pressure")) @ contact.normal
+    if _friction(case)[name]:
+        tangent = np.stack([contact.normal[:, 1], -contact.normal[:, 0]], axis=1)
+        force = force + (contact.weight * _on_contact(run, case, level, name, "traction")) @ tangent
+    return np.asarray(force, dtype=np.float64)
+
+
+def _rows_at(run: RunData, case: Case, body: str, points: FloatArray) -> Any:
+    """Rows (5e, 2n) of displacement and stress at ``points`` (e, 2) over the stored nodes, quantity by
+    quantity."""
+    return point_rows(_stencils_at(run, case, body, points), _material(case, body).stiffness)
+
+
+def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Stencils:
+    """Stencils of value and first derivatives at ``points`` (e, 2) over the stored nodes."""
+    data = run.bodies[body]
+    inside = belongs(data.points, data.boundary_index, data.boundary_normal, data.boundary_name, points)
+    if not inside.all():
+        x, y = points[~inside][0]
+        raise RunError(f'({x:g}, {y:g}) lies outside body "{body}"', "give the point as it is before loading")
+    material = _material(case, body)
+    settings = enough_neighbors(mls_settings(case), material)
+    sight = look(data.points, boundary_edges(data))
+    return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight)
+
+
+def _material(case: Case, body: str) -> PlaneMaterial:
+    return materials(case)[next(one.material for one in case.body if one.name == body)]
+
+
+def _degrees(case: Case, body: str, level: Level, points: FloatArray) -> FloatArray:
+    """How much warmer (e,) than at the start the body is at ``points`` (e, 2)."""
+    total = np.zeros(len(points))
+    for load, factor in zip(case.load, level.factors, strict=True):
+        if isinstance(load, Temperature) and load.owner == body:
+            total += float(factor) * temperature_of(load).at(points)
+    return total
+
+
+def _stressed(case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray) -> FloatArray:
+    """Displacement and stress (5,) at a ``point`` (1, 2), the latter without that of free expansion."""
+    free = stress_of_expansion(_material(case, body)) * _degrees(case, body, level, point)
+    return np.concatenate([seen[:2], seen[2:] - free])
+
+
+def _fields(
+    case: Case, body: str, level: Level, point: FloatArray, seen: FloatArray, field: str | None
+) -> ContactState:
+    """Columns of a displacement and stress (5,) at a ``point`` (1, 2); of one field, or of all."""
+    stress = seen[None, 2:]
+    across = _material(case, body).out_of_plane_stress(stress, _degrees(case, body, level, point))
+    return _columns(np.concatenate([seen, von_mises(stress, across)]), field)
+
+
+def _columns(values: FloatArray, field: str | None) -> ContactState:
+    """Displacement, stress and von Mises stress (6,) by name; of one field, or of all."""
+    columns = [name for names in FIELDS.values() for name in names]
+    wanted = FIELDS[field] if field else columns
+    return {name: float(value) for name, value in zip(columns, values, strict=True) if name in wanted}

@@ -1,0 +1,239 @@
+"""``mlsanm report``: runs as one HTML file, with cases, pictures, tables, checks and where they come from."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mlsanm_cli.app.results.collect import collect
+from mlsanm_cli.app.results.info import info
+from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.plot_choice import Choice
+from mlsanm_cli.case import Case, stored_case
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import html, run_dir
+from mlsanm_cli.io.plots.figures import resolution
+from mlsanm_cli.io.run_reader import RunData, read_run
+
+DPI = 110
+"""Of pictures: three runs stay below 3 MB."""
+MOST_VARIED = 15
+"""Keys of cases that are shown side by side."""
+MOST_CONTACTS = 4
+"""Of more contacts only so many are drawn, those with the largest pressures."""
+COMPARED = ("status", "position", "steps", "nodes", "warnings")
+CHECKS = {
+    "residual": ("equations of contact", "below"),
+    "linear_residual": ("linear systems", "below"),
+    "force_balance": ("forces on every body balance", "below"),
+    "energy_error": ("strain energy against work", "within"),
+    "stability": ("stability of the discretisation", "above"),
+}
+CAPTIONS = {
+    "pressure": "Contact pressure along {subject}",
+    "traction": "Tangential traction along {subject}, between its friction limits",
+    "loop": "Tangential force over displacement, {subject}",
+    "force": "Force along the load path",
+    "peak": "Largest pressure along the load path",
+    "bodies": "The deformed bodies, with supports, loads and obstacles",
+}
+
+
+def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
+    """Write a page about one run or several; the file is ``report.html`` in the run directory or, of several
+    runs, here.
+
+    Raises RunError for directories without a readable run, and where the file cannot be written or is
+    somebody else's.
+    """
+    runs = [read_run(place) for place in rundirs]
+    path = out or (runs[0].directory / run_dir.REPORT_FILE if len(runs) == 1 else Path(run_dir.REPORT_FILE))
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise RunError(f"{path}: a report ends in .html", "as in -o report.html")
+    cases = [stored_case(run.case_resolved) for run in runs]
+    titles = [case.title or run.directory.name for run, case in zip(runs, cases, strict=True)]
+    parts = [html.heading(1, titles[0] if len(runs) == 1 else f"{len(runs)} runs")]
+    if len(runs) > 1:
+        names = [(f"run-{number}", title) for number, title in enumerate(titles, start=1)]
+        parts += [html.links("Runs", names), _compared(runs, titles)]
+    for number, (run, case, title) in enumerate(zip(runs, cases, titles, strict=True), start=1):
+        parts += [html.heading(2, title if len(runs) > 1 else "Result", f"run-{number}")]
+        parts += _one(run, case)
+    html.write_page(path, html.page("mlsanm: " + ", ".join(titles), "\n".join(parts)))
+    return path
+
+
+def _one(run: RunData, case: Case) -> Iterator[str]:
+    summary = info(run.directory)
+    good = summary["status"] == "done"
+    reason = summary.get("stop_reason")
+    verdict = f"{summary['status']}: {reason}" if reason else str(summary["status"])
+    yield html.paragraph(verdict, "good" if good else "bad")
+    if summary.get("hint"):
+        yield html.paragraph(f"Hint: {summary['hint']}")
+    warnings = [str(text) for text in summary.get("warnings", [])]
+    if warnings:
+        yield html.heading(3, f"Warnings ({len(warnings)})")
+        yield html.listing(warnings)
+    yield html.heading(3, "Figures")
+    yield from _figures(summary, case)
+    yield html.heading(3, "How far it can be believed")
+    yield _checks(summary)
+    if run.path.rows:
+        yield html.heading(3, "Pictures")
+        yield from _pictures(run)
+    yield html.heading(3, "The case")
+    yield html.source(run.case_raw or run.case_resolved, f"case file of {run.directory.name}")
+    yield html.heading(3, "Where it comes from")
+    yield _origin(summary)
+
+
+def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
+    units = case.units
+    contacts: Mapping[str, Any] = summary.get("contacts") or {}
+    if contacts:
+        columns = [
+            "contact",
+            units.label("largest pressure", "stress"),
+            units.label("half-width", "length"),
+            units.label("force on the slave, x", "force"),
+            units.label("force on the slave, y", "force"),
+            "closed places",
+            "known formula",
+        ]
+        rows = [[name, *_contact(figures)] for name, figures in contacts.items()]
+        yield html.table("Contacts at the end", columns, rows)
+    forces: Mapping[str, Any] = summary.get("forces") or {}
+    if forces:
+        columns = ["load or support", units.label("force x", "force"), units.label("force y", "force")]
+        yield html.table(
+            "Forces on the bodies", columns, [[name, *map(_number, force)] for name, force in forces.items()]
+        )
+    probes: Mapping[str, Any] = summary.get("probes") or {}
+    if probes:
+        names = ("ux", "uy", "stress xx", "stress yy", "stress xy", "von Mises stress")
+        kinds = ("length", "length", "stress", "stress", "stress", "stress")
+        columns = ["probe", *(units.label(name, kind) for name, kind in zip(names, kinds, strict=True))]
+        rows = [
+            [name, *map(_number, (*one["displacement"], *one["stress"], one["von_mises"]))]
+            for name, one in probes.items()
+        ]
+        yield html.table("Probes at the end", columns, rows)
+    sizes = [
+        ("position on the path", summary.get("position")),
+        ("steps", summary.get("steps")),
+        ("nodes", summary.get("nodes")),
+        ("unknowns of contact", summary.get("contact_unknowns")),
+        ("CPU seconds", (summary.get("seconds") or {}).get("total")),
+        ("wall seconds", summary.get("wall_seconds")),
+        ("memory in MB", summary.get("peak_memory_mb")),
+    ]
+    yield html.table(
+        "Size and cost", [], [[name, _number(value)] for name, value in sizes if value is not None]
+    )
+
+
+def _contact(figures: Mapping[str, Any]) -> list[str]:
+    force = figures.get("force") or (None, None)
+    known = "none"
+    reference = figures.get("reference")
+    if reference and reference.get("pressure_error_l2") is not None:
+        known = f"{reference['solution']}: {100.0 * float(reference['pressure_error_l2']):.2g} % away"
+    values = (figures.get("peak_pressure"), figures.get("half_width"), *force, figures.get("closed_nodes"))
+    return [*map(_number, values), known]
+
+
+def _checks(summary: Mapping[str, Any]) -> str:
+    rows = []
+    limits: Mapping[str, Any] = summary.get("limits") or {}
+    for key, (what, word) in CHECKS.items():
+        value, limit = summary.get(key), limits.get(key)
+        if value is None:
+            continue
+        passes = limit is None or (float(value) >= limit if word == "above" else abs(float(value)) <= limit)
+        told = "" if limit is None else f"{word} {_number(limit)}"
+        rows.append([what, _number(value), told, html.GOOD + "passes" if passes else html.BAD + "fails"])
+    estimate: Mapping[str, Any] = summary.get("error_estimate") or {}
+    limit = limits.get("error_estimate")
+    named = {"displacement": estimate.get("displacement"), **(estimate.get("pressure") or {})}
+    for name, value in named.items():
+        if value is None:
+            rows.append([f"error estimate, {name}", "not known", "", ""])
+            continue
+        what = f"error estimate, {name if name == 'displacement' else f'pressures of {name}'}"
+        large = limit is not None and float(value) > limit
+        told = "" if limit is None else f"below {100.0 * float(limit):g} %"
+        rows.append(
+            [
+                what,
+                f"{100.0 * float(value):.2g} %",
+                told,
+                html.BAD + "large" if large else html.GOOD + "passes",
+            ]
+        )
+    return html.table("Checks", ["check", "value", "limit", "verdict"], rows)
+
+
+def _pictures(run: RunData) -> Iterator[str]:
+    peaks = {name: float(contact.pressure.max(initial=0.0)) for name, contact in run.contacts.items()}
+    drawn = sorted(peaks, key=lambda name: -peaks[name])[:MOST_CONTACTS]
+    if len(drawn) < len(peaks):
+        yield html.paragraph(
+            f"Drawn are {len(drawn)} of {len(peaks)} contacts, those with the largest pressures."
+        )
+    with tempfile.TemporaryDirectory() as place, resolution(DPI):
+        for kind in ("bodies", "pressure", "traction", "loop", "force", "peak"):
+            for subject in drawn if kind in ("pressure", "traction", "loop") else [""]:
+                file = Path(place) / f"{kind}.png"
+                try:
+                    plot(run.directory, choice=Choice(what=(kind,), contact=subject or None, out=file))
+                except RunError:
+                    # What the run has nothing for: no friction, no contact, no fields.
+                    continue
+                caption = CAPTIONS[kind].format(subject=subject)
+                yield html.image(file.read_bytes(), _described(run, kind, subject), caption)
+
+
+def _described(run: RunData, kind: str, subject: str) -> str:
+    """A picture in words."""
+    caption = CAPTIONS[kind].format(subject=subject)
+    if kind != "pressure":
+        return f"{caption}, of bodies {', '.join(run.bodies)}" if kind == "bodies" else caption
+    pressure = run.contacts[subject].pressure[-1]
+    arc = run.contacts[subject].arc_length
+    peak = float(pressure.max(initial=0.0))
+    where = f" at arc length {arc[pressure.argmax()]:.4g}" if peak > 0.0 else ""
+    return f"{caption}: {peak:.5g} at most{where}, at the end of the path"
+
+
+def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
+    """What differs between the cases, and the figures that count."""
+    rows = collect([run.directory for run in runs])
+    keys = [key for key in rows[0] if key not in ("directory", "stop_reason")]
+    figures = [
+        key for key in keys if key.startswith("contacts.") and key.endswith(("peak_pressure", "half_width"))
+    ]
+    first = keys.index("status") + 1
+    last = next((index for index, key in enumerate(keys) if key == "position"), len(keys))
+    varied = keys[first:last]
+    # Cases that have little in common are told apart by their files, further down.
+    varied = varied if len(varied) <= MOST_VARIED else []
+    chosen = [*varied, *(key for key in COMPARED if key in keys), *figures]
+    lines = [[key, *(_number(row[key]) for row in rows)] for key in chosen]
+    return html.table("The runs side by side", ["", *titles], lines)
+
+
+def _origin(summary: Mapping[str, Any]) -> str:
+    rows = [["directory", str(summary["directory"])]]
+    rows += [[key.replace("_", " "), str(value)] for key, value in summary.get("provenance", {}).items()]
+    return html.table("Provenance", [], rows)
+
+
+def _number(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return str(value)

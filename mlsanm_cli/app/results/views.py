@@ -1,0 +1,152 @@
+"""What a picture of the bodies shows: its colour, its deformation scale, its detail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.results.path_lookup import SAME
+from mlsanm_cli.app.results.plot_choice import FIELDS
+from mlsanm_cli.app.scene.materials import materials
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import Case, Temperature
+from mlsanm_cli.cloud.membership import boundary_chords
+from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.cloud.triangles import triangulate
+from mlsanm_cli.contact.geometry.profile import THRESHOLD
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.plots.cloud import CloudBody
+from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
+from mlsanm_cli.mechanics.elasticity import von_mises
+
+COMPONENTS = ("xx", "yy", "xy")
+VISIBLE = 0.05
+"""Displacements are shown as large as this part of the scene, at most."""
+OVERLAP = 0.003
+"""Enlarged displacements may make touching surfaces overlap by this part of the detail shown, at most."""
+DETAIL = 2.5
+"""Half-widths of the contact that the detail shows on either side of its middle."""
+WHOLE = 0.5
+"""A contact that takes up more than this part of the scene needs no detail."""
+
+
+def scalar_of(
+    case: Case, body: str, fields: Mapping[str, FloatArray], displacement: FloatArray
+) -> tuple[FloatArray, str]:
+    """Von Mises stress (n,) where it was saved or follows from stresses, else the size of the displacements;
+    and its name."""
+    scalar = fields.get("von_mises")
+    heated = any(isinstance(load, Temperature) and load.owner == body for load in case.load)
+    finite = case.model.strain == "finite"
+    if scalar is None and "stress" in fields and not heated and not finite:
+        material = materials(case)[next(b.material for b in case.body if b.name == body)]
+        scalar = von_mises(fields["stress"], material.out_of_plane_stress(fields["stress"]))
+    # A plane stiffness leaves the stress across the plane open.
+    if scalar is not None and not np.isnan(scalar).any():
+        return scalar, "von Mises stress"
+    return np.hypot(displacement[:, 0], displacement[:, 1]), "displacement"
+
+
+def field_of(
+    case: Case,
+    body: str,
+    fields: Mapping[str, FloatArray],
+    displacement: FloatArray,
+    field: str | None,
+) -> tuple[FloatArray, str]:
+    """A field (n,) of a body, and its name with its unit; without a ``field`` that of `scalar_of`.
+
+    Raises RunError for one that was not saved.
+    """
+    if field is None:
+        scalar, label = scalar_of(case, body, fields, displacement)
+        return scalar, case.units.label(label, "stress" if "stress" in label else "length")
+    label, kind = FIELDS[field]
+    told = case.units.label(label, kind)
+    if field in COMPONENTS and "stress" in fields:
+        return fields["stress"][:, COMPONENTS.index(field)], told
+    if field == "von_mises":
+        scalar, name = scalar_of(case, body, fields, displacement)
+        if name == label:
+            return scalar, told
+    elif kind == "length" and "displacement" in fields:
+        parts = {"ux": displacement[:, 0], "uy": displacement[:, 1]}
+        return parts.get(field, np.hypot(displacement[:, 0], displacement[:, 1])), told
+    raise RunError(f"{label} was not saved", "name what it comes from in output.fields and run again")
+
+
+def chosen_state(run: RunData, position: float | None) -> SavedState:
+    """The state saved at a position, the last one if none is told. RunError where none is."""
+    if position is None:
+        return run.states[-1]
+    for state in run.states:
+        if abs(state.position - position) <= SAME * max(abs(position), 1.0):
+            return state
+    places = ", ".join(f"{state.position:g}" for state in run.states) or "nowhere"
+    raise RunError(f"fields are saved at position {places}, not at {position:g}", "name it in output.at")
+
+
+def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
+    """1, 2 or 5 times a power of ten by which displacements are multiplied to be seen; never below 1.
+
+    Surfaces that met after closing a gap overlap in a picture by (scale - 1) times that gap, so scenes with
+    curved contacts are drawn nearly to scale.
+    """
+    if run.is_finite:
+        return 1.0
+    size = _size(bodies)
+    largest = max(float(np.hypot(*body.displacement.T).max(initial=0.0)) for body in bodies)
+    if largest == 0.0:
+        return 1.0
+    limit = VISIBLE * size / largest
+    for contact in run.contacts.values():
+        loaded = contact.pressure[-1] > THRESHOLD * contact.pressure[-1].max(initial=0.0)
+        if not loaded.any():
+            continue
+        closed_gap = float(contact.gap[0][loaded].max())
+        detail = DETAIL * float(np.ptp(contact.points[loaded], axis=0).max())
+        if closed_gap > 0.0:
+            limit = min(limit, 1.0 + OVERLAP * detail / closed_gap)
+    if limit < 2.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(limit))
+    return float(power * max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= limit))
+
+
+def contact_window(
+    run: RunData, position: float, bodies: Sequence[CloudBody]
+) -> tuple[float, float, float, float] | None:
+    """The square (x0, x1, y0, y1) around the highest contact pressure; None if it is most of the scene."""
+    if not run.contacts:
+        return None
+    pressures = pressures_at(run, position)
+    name = max(pressures, key=lambda n: float(pressures[n].max(initial=0.0)))
+    pressure = pressures[name]
+    loaded = run.contacts[name].points[pressure > THRESHOLD * pressure.max(initial=0.0)]
+    if len(loaded) < 2 or pressure.max() <= 0.0:
+        return None
+    low, high = loaded.min(axis=0), loaded.max(axis=0)
+    half = DETAIL * 0.5 * float((high - low).max())
+    if not 0.0 < 2.0 * half <= WHOLE * _size(bodies):
+        return None
+    x, y = (0.5 * (low + high)).tolist()
+    return x - half, x + half, y - half, y + half
+
+
+def boundary_edges(body: BodyData) -> IntArray:
+    """Pairs (b, 2) of neighbours along a body's boundary, loop by loop."""
+    chords: IntArray = body.boundary_index[boundary_chords(body.boundary_index, body.boundary_name)]
+    return chords
+
+
+def triangles_of(body: BodyData) -> IntArray:
+    """Triangles (t, 3) of a stored body's points that fill it."""
+    edges = boundary_edges(body)
+    return triangulate(body.points, edges, look(body.points, edges))
+
+
+def _size(bodies: Sequence[CloudBody]) -> float:
+    points = np.concatenate([body.points for body in bodies])
+    return float(np.ptp(points, axis=0).max())

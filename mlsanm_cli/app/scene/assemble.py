@@ -1,0 +1,279 @@
+"""From a validated case and its clouds to the mechanical scene: pairs, held components, movers, systems."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import field, replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.app.scene.conflicts import refuse_conflicts
+from mlsanm_cli.app.scene.contact_pairs import pair
+from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
+from mlsanm_cli.app.scene.free_motions import constrain_free_rigid_modes
+from mlsanm_cli.app.scene.loads import Acting, acting
+from mlsanm_cli.app.scene.materials import materials
+from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
+from mlsanm_cli.app.scene.surfaces import surfaces_at
+from mlsanm_cli.app.scene.symmetry import even_scene
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Displacement, Place, Platen
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.mechanics import scene as mechanics
+from mlsanm_cli.mechanics.assembly import assemble
+from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, model_key
+from mlsanm_cli.mechanics.defect import DEGREES, next_degree
+from mlsanm_cli.mechanics.deferred import Timed
+from mlsanm_cli.mechanics.probes import Probe
+from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
+from mlsanm_cli.mechanics.springs import gripped, stiffest_soft
+from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.operators.linear.interface import DirectSolver
+from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.values import dataclass
+
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class SceneModel:
+    """A scene without its factorised systems: what can be said before anything is solved.
+
+    ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
+    by one, ``acting`` the loads' values, ``rigid_constraints`` all that moves rigidly, ``probes`` the points
+    to observe,
+    ``notes`` what a person should know, ``line`` about what the scene is its own mirror image if half of it
+    is solved, ``clear`` the contacts that may have grids of their own, ``held_motions`` what of loose bodies
+    is held although nothing resists it, as a scene has them, ``weak`` warnings of what is hardly resisted.
+    """
+
+    models: Mapping[str, BodyModel]
+    pairings: tuple[Pairing, ...]
+    held: Mapping[str, Mapping[str, tuple[bool, bool]]]
+    held_nodes: Mapping[str, tuple[tuple[int, int], ...]]
+    acting: Acting
+    probes: tuple[Probe, ...]
+    rigid_constraints: tuple[mechanics.RigidConstraint, ...]
+    notes: tuple[str, ...]
+    line: Line | None = None
+    clear: Mapping[str, ContactRange] = field(default_factory=dict)
+    held_motions: tuple[Mapping[str, FloatArray], ...] = ()
+    weak: tuple[str, ...] = ()
+
+
+def mls_settings(case: Case) -> MlsSettings:
+    """The operators' settings."""
+    neighbors = case.mls.neighbors
+    return MlsSettings(case.mls.degree, neighbors if isinstance(neighbors, int) else None, case.mls.scheme)
+
+
+def estimated(case: Case) -> bool:
+    """Whether errors can be estimated: what friction has done would have to be followed again."""
+    return case.mls.degree in DEGREES and not any(contact.friction for contact in case.contact)
+
+
+def prepare(
+    case: Case,
+    clouds: Mapping[str, Cloud],
+    memo: Memo = NO_CACHE,
+    before: Mapping[str, BodyModel] = NOTHING,
+    grids: bool = True,
+) -> SceneModel:
+    """Stencils, pairs and conditions; of the models ``before`` those stay whose clouds did. Contacts off all
+    corners are to get ``grids`` of their own.
+
+    Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
+    value at some node, and for probes outside their body.
+    """
+    refuse_conflicts(case)
+    stiffness = materials(case)
+    loads = acting(case, clouds)
+    settings = mls_settings(case)
+    foresight = next_degree(settings).stencil_size if estimated(case) else 0
+    held = {body.name: _held_surfaces(case, body.name) for body in case.body}
+    models = {}
+    for body in case.body:
+        clamped = sorted(name for name, sides in held[body.name].items() if all(sides))
+        name, cloud, material = body.name, clouds[body.name], stiffness[body.material]
+        known = before.get(name)
+        if known is not None and known.cloud.content == cloud.content:
+            models[name] = known
+            continue
+        models[name] = memo.value(
+            "model",
+            model_key(name, cloud, material, settings, clamped),
+            partial(BodyModel.build, name, cloud, material, settings, clamped, foresight),
+        )
+    pairings = tuple(pair(case, clouds))
+    held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
+    grips = {
+        name: gripped(held[name], loads.springs[name], stiffest_soft(model.cloud, model.material))
+        for name, model in models.items()
+    }
+    free = rigid_constraints(case, clouds, held, held_nodes, grips, loads.springs)
+    occupied = {name: {**sides, **dict.fromkeys(loads.springs[name], None)} for name, sides in held.items()}
+    # At finite strain pressures live at the nodes.
+    grids = grids and case.model.strain == "small"
+    clear = contact_ranges(case, models, pairings, occupied) if grids else {}
+    found = constrain_free_rigid_modes(case, clouds, directed(pairings, clear), free, loads, clear)
+    moving, notes = found.rigid_constraints, found.notes
+    probes = _probes(case, clouds)
+    prepared = SceneModel(
+        models,
+        pairings,
+        held,
+        held_nodes,
+        loads,
+        probes,
+        moving,
+        notes,
+        held_motions=found.held,
+        weak=found.weak,
+    )
+    even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
+    if clear:
+        # Symmetry forbids motions; half of so few nodes is not worth solving.
+        return replace(
+            prepared, clear=clear, rigid_constraints=moving if even is None else even.rigid_constraints
+        )
+    if even is None:
+        return prepared
+    half = f"the scene is its own mirror image about {even.line}: half of it is solved"
+    notes = (*notes, half)
+    return replace(
+        prepared,
+        pairings=even.pairings,
+        rigid_constraints=even.rigid_constraints,
+        notes=notes,
+        line=even.line,
+    )
+
+
+def _touching(prepared: SceneModel) -> dict[str, tuple[str, ...]]:
+    """The surfaces of every body that are in contact."""
+    found: dict[str, set[str]] = {name: set() for name in prepared.models}
+    for pairing in prepared.pairings:
+        if pairing.name in prepared.clear:
+            continue
+        parts = facing_parts(pairing.slave, pairing.position, pairing.normal)
+        found[pairing.slave_body].update(part.name for part, own, _ in parts if len(own))
+        if pairing.master is not None and pairing.master_body is not None:
+            found[pairing.master_body].update(part.name for part, _ in pairing.master.members)
+    return {name: tuple(sorted(names)) for name, names in found.items()}
+
+
+def assemble_bodies(
+    case: Case,
+    prepared: SceneModel,
+    solver: DirectSolver,
+    timed: Timed = nullcontext,
+    memo: Memo = NO_CACHE,
+    before: Mapping[str, ElasticBody] = NOTHING,
+) -> mechanics.Scene:
+    """Set up every body's system, once for bodies that are alike; it is factorised within ``timed()`` when it
+    is first used. Of the bodies ``before``, of the same case, those stay whose models did."""
+    bodies: dict[str, ElasticBody] = {}
+    halved = prepared.line is not None
+    conditions = {
+        name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
+        for name, touching in _touching(prepared).items()
+    }
+    for name, model in prepared.models.items():
+        known = before.get(name)
+        # Halves are of no use to a scene that is no longer symmetric.
+        if known is not None and known.model is model and known.halved == halved:
+            bodies[name] = known
+            continue
+        held, held_nodes, springs, touching = conditions[name]
+        twins = (
+            body
+            for other, body in bodies.items()
+            if conditions[other] == conditions[name] and is_translated_copy(model, body.model)
+        )
+        twin = next(twins, None)
+        if twin is not None:
+            bodies[name] = with_shared_factors(twin, model)
+            continue
+        body = memo.value(
+            "body",
+            digest(model.content, *conditions[name], solver.name, halved),
+            partial(assemble, model, held, held_nodes, solver, springs, halved=halved, touching=touching),
+        )
+        bodies[name] = replace(body, timed=timed)
+    places = {s.place.label: s.place for s in case.support if s.place is not None}
+    supports = {
+        label: tuple((place.body, name) for name in surfaces_at(case, place))
+        for label, place in places.items()
+    }
+    return mechanics.Scene(
+        bodies=bodies,
+        loads=case.moved,
+        surface_loads=prepared.acting.surface_loads,
+        platens=tuple(mover for mover in prepared.rigid_constraints if isinstance(mover, mechanics.Platen)),
+        supports=supports,
+        held_nodes={name: components(nodes) for name, nodes in prepared.held_nodes.items()},
+        obstacles=tuple(
+            mover for mover in prepared.rigid_constraints if isinstance(mover, mechanics.Obstacle)
+        ),
+        loose=tuple(
+            mover for mover in prepared.rigid_constraints if isinstance(mover, mechanics.FloatingBody)
+        ),
+        body_forces=prepared.acting.body_forces,
+        heatings=prepared.acting.heatings,
+        probes=prepared.probes,
+        held_motions=prepared.held_motions,
+    )
+
+
+def _held_surfaces(case: Case, body: str) -> dict[str, tuple[bool, bool]]:
+    held: dict[str, tuple[bool, bool]] = {}
+
+    def hold(place: Place, x: bool, y: bool) -> None:
+        if place.body == body and (x or y):
+            for surface in surfaces_at(case, place):
+                before = held.get(surface, (False, False))
+                held[surface] = (before[0] or x, before[1] or y)
+
+    for support in case.support:
+        if support.place is not None:
+            hold(support.place, support.ux is not None, support.uy is not None)
+    for load in case.load:
+        if isinstance(load, Displacement):
+            x, y = load.components
+            hold(load.place, x is not None, y is not None)
+        elif isinstance(load, Platen):
+            for place in load.places:
+                hold(place, "x" in load.control, "y" in load.control)
+    return held
+
+
+def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], ...]:
+    """The (node, component) pairs that supports of single nodes hold at zero."""
+    pairs = []
+    for support in case.support:
+        if support.body == body and support.near is not None:
+            node = int(np.argmin(((cloud.points - np.array(support.near)) ** 2).sum(axis=1)))
+            pairs += [(node, c) for c, value in enumerate((support.ux, support.uy)) if value is not None]
+    return tuple(pairs)
+
+
+def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:
+    probes, problems = [], []
+    for probe in case.probe:
+        point = np.array([probe.point])
+        if not clouds[probe.body].holds(point)[0]:
+            x, y = probe.point
+            message = f'({x:g}, {y:g}) lies outside body "{probe.body}"'
+            problems.append(CaseProblem(f"probe.{probe.name}.point", message, hint="as it is before loading"))
+        probes.append(Probe(probe.name, probe.body, point))
+    if problems:
+        raise CaseError(tuple(problems))
+    return tuple(probes)

@@ -1,0 +1,84 @@
+"""From a case's bodies to outlines, spacings and clouds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mlsanm_cli.app.scene.contact_pairs import shape_of
+from mlsanm_cli.app.scene.default_spacing import arc_zones, bond_zones, contact_zone, usual_spacing
+from mlsanm_cli.app.scene.imported import foreign
+from mlsanm_cli.app.scene.surfaces import (
+    bond_ends,
+    curve_at,
+    drawn,
+    numbers_of,
+    outline_of,
+    sides_of,
+    with_cuts,
+)
+from mlsanm_cli.case.model.case import Body, Case
+from mlsanm_cli.case.model.files import Mesh, Points
+from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.mirror import Line
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.memo import NO_CACHE, Memo
+
+
+def spacing_of(case: Case, body: Body) -> Spacing:
+    """The spacing field of a body whose nodes we place."""
+    outline = drawn(body.shape)
+    far, zones = body.spacing, []
+    if isinstance(far, str):
+        far = usual_spacing(outline)
+        zones = [*arc_zones(outline, far), *_contact_zones(case, body, far)]
+    for refine in body.refine:
+        if refine.at is not None:
+            zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
+        else:
+            for number in numbers_of(outline, str(refine.along).rpartition(".")[2]):
+                zones.append(Zone(outline.curves[number], refine.spacing, refine.radius, refine.growth))
+    return Spacing(far, tuple(zones))
+
+
+def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
+    """Finer nodes where a body's contacts are close to others of its boundaries."""
+    for contact in case.contact:
+        sides = sides_of(case, contact)
+        found = [
+            curve_at(case, place, f"contact.{contact.name}.{role}")
+            for role, place in zip(("slave", "master"), sides, strict=False)
+        ]
+        obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
+        partners = sides[::-1]
+        for place, partner, (own, rest), (other, _) in zip(sides, partners, found, found[::-1], strict=True):
+            if place.body == body.name:
+                facing = other if len(found) > 1 else None
+                if contact.bonded:
+                    yield from bond_zones(own, bond_ends(case, contact), min(far, _far(case, partner.body)))
+                    continue
+                yield from contact_zone(rest, own, facing, obstacle, far, _far(case, partner.body))
+
+
+def _far(case: Case, name: str) -> float:
+    """The spacing of a body far from everything, infinite where it brings its nodes."""
+    body = next(one for one in case.body if one.name == name)
+    if isinstance(body.spacing, float):
+        return body.spacing
+    return np.inf if body.has_nodes else usual_spacing(drawn(body.shape))
+
+
+def clouds(
+    case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE, line: Line | None = None
+) -> dict[str, Cloud]:
+    """Node clouds of all bodies, refined in ``zones`` beyond what the case says, and about a ``line`` their
+    own mirror images where outline and spacing are."""
+    placed = {}
+    for body in case.body:
+        if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
+            placed[body.name] = with_cuts(case, body, foreign(body.shape).cloud)
+        else:
+            spacing = spacing_of(case, body).with_zones(zones)
+            placed[body.name] = build_cloud(outline_of(case, body), spacing, body.seed, memo=memo, line=line)
+    return placed

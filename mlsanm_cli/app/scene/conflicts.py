@@ -1,0 +1,67 @@
+"""Conditions on lists and parts of boundaries that exclude each other there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mlsanm_cli.app.scene.surfaces import drawn, numbers_of, surfaces_at
+from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
+from mlsanm_cli.case.checks.conditions import Kind, load_components, may_meet, support_components
+from mlsanm_cli.cloud.curves import Segment
+from mlsanm_cli.errors import CaseError, CaseProblem
+
+
+def refuse_conflicts(case: Case) -> None:
+    """Raise CaseError for conditions on lists and parts of boundaries that others there exclude."""
+    taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
+    problems = []
+    for key, kinds, place, owner in _claims(case):
+        for surface in surfaces_at(case, place):
+            for component, kind in kinds:
+                others = taken.setdefault((place.body, surface, component), [])
+                for other, name, label in others:
+                    plates = kind.startswith("platen") and label != owner
+                    if plates or not may_meet(other, kind):
+                        message = f"{key} and {name} both act on a part of {place.label} in {'xy'[component]}"
+                        hint = "one condition per boundary and direction"
+                        problems.append(CaseProblem(key, message, hint=hint))
+                others.append((kind, key, owner))
+    for contact in case.contact:
+        side = contact.sides[0]
+        if contact.ends is not None:
+            there = [taken.get((side.body, s, c), []) for s in surfaces_at(case, side) for c in (0, 1)]
+            for kind, key, _ in [one for some in there for one in some]:
+                if kind != "traction":
+                    message = f"{key} acts on a part of the contact surface {side.label}"
+                    hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
+                    problems.append(CaseProblem(f"contact.{contact.name}.slave", message, hint=hint))
+    if problems:
+        raise CaseError(tuple(dict.fromkeys(problems)))
+
+
+def _claims(case: Case) -> Iterator[tuple[str, list[tuple[int, Kind]], Place, str]]:
+    """Key, components with kinds, place and name of the place of all conditions on boundaries; plates have
+    one name wherever they are."""
+    for index, support in enumerate(case.support):
+        if support.place is not None:
+            yield f"support.{index}", list(support_components(support)), support.place, support.place.label
+    for load in case.load:
+        if isinstance(load, Platen | Pressure | Traction | Displacement):
+            for place in load.places:
+                owner = load.label if isinstance(load, Platen) else place.label
+                kinds = list(load_components(load, _normal(case, place)))
+                yield f"load.{load.name}", kinds, place, owner
+
+
+def _normal(case: Case, place: Place) -> tuple[float, float] | None:
+    """The one outward normal of a straight place, None of others."""
+    body = next(one for one in case.body if one.name == place.body)
+    outline = drawn(body.shape)
+    curves = [outline.curves[k] for edge in place.edges for k in numbers_of(outline, edge)]
+    if not all(isinstance(curve, Segment) for curve in curves):
+        return None
+    normals = {tuple(np.round(curve.normals(np.zeros(1))[0], 9).tolist()) for curve in curves}
+    (x, y), *more = normals
+    return None if more else (float(x), float(y))

@@ -1,0 +1,152 @@
+"""Pairs of a case's contacts on given clouds, and what is said of them before anything is solved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.app.scene.causes import unfacing_hint
+from mlsanm_cli.app.scene.fields import AmountField
+from mlsanm_cli.app.scene.surfaces import sides_of, surface_at
+from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
+from mlsanm_cli.contact.geometry.pairing import Pairing, pair_obstacle, pair_surfaces
+from mlsanm_cli.errors import CaseError, CaseProblem
+
+IN_PLACE = 0.05
+"""Bonded surfaces are drawn in one place where they are apart by less than this part of the spacing: curves
+through points, and polygons, are no nearer to each other."""
+TOUCHING = 1e-3
+"""Surfaces of a fit are drawn touching where they are apart by less than this part of the spacing."""
+
+
+def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
+    """Slave nodes and virtual nodes of every contact, the reach applied where the case gives one.
+
+    Raises CaseError.
+    """
+    pairings, problems = [], []
+    for contact in case.contact:
+        pairing, key = _facing(case, contact, clouds), f"contact.{contact.name}"
+        if not len(pairing.position):
+            slave, other = (*contact.names, "the obstacle")[:2]
+            hint = unfacing_hint(case, contact, clouds)
+            problems.append(CaseProblem(key, f"no node of {slave} faces {other}", hint=hint))
+            continue
+        if contact.bonded:
+            try:
+                pairings.append(_bonded(pairing))
+            except CaseError as error:
+                problems += error.problems
+            continue
+        profile = profile_of(contact)
+        if profile is not None:
+            try:
+                pairing = replace(pairing, gap=pairing.gap + profile.at(pairing.points))
+            except CaseError as error:
+                problems += error.problems
+                continue
+        if contact.interference is not None:
+            try:
+                pairing = _fitted(pairing, contact.interference)
+            except CaseError as error:
+                problems += error.problems
+                continue
+        reach = contact.reach if isinstance(contact.reach, float) else pairing.first_reach()
+        pairing = pairing.with_reach(reach)
+        if not pairing.candidate.any():
+            problems.append(
+                CaseProblem(
+                    f"{key}.reach",
+                    f"no initial gap is below {reach:g}; the smallest is {pairing.gap.min():g}",
+                )
+            )
+        pairings.append(pairing)
+    if problems:
+        raise CaseError(tuple(problems))
+    return pairings
+
+
+def profile_of(contact: Contact) -> AmountField | None:
+    """What is added to the gap of a contact as drawn; None where nothing is."""
+    return AmountField(f"contact.{contact.name}.gap", contact.gap) if contact.gap else None
+
+
+def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
+    places = sides_of(case, contact)
+    body = places[0].body
+    slave = surface_at(case, clouds[body], places[0], f"contact.{contact.name}.slave")
+    if contact.obstacle is not None:
+        shape = shape_of(contact.obstacle)
+        return pair_obstacle(contact.name, body, clouds[body], slave, shape, contact.coefficient)
+    other = places[1].body
+    master = surface_at(case, clouds[other], places[1], f"contact.{contact.name}.master")
+    return pair_surfaces(
+        contact.name, body, clouds[body], slave, other, clouds[other], master, contact.coefficient
+    )
+
+
+def shape_of(obstacle: AnyObstacle) -> Shape:
+    """An obstacle's shape."""
+    if isinstance(obstacle, PlaneObstacle):
+        size = math.hypot(*obstacle.normal)
+        return Plane(obstacle.point, (obstacle.normal[0] / size, obstacle.normal[1] / size))
+    if isinstance(obstacle, DiskObstacle):
+        return Round(obstacle.center, obstacle.radius, obstacle.inside)
+    return Chain(np.array(obstacle.points))
+
+
+def _bonded(pairing: Pairing) -> Pairing:
+    """The pairs with those as candidates that are drawn in one place. Raises CaseError where none is."""
+    drawn = np.abs(pairing.gap)
+    candidate = drawn <= IN_PLACE * pairing.spacing
+    if candidate.any():
+        return replace(pairing, candidate=candidate)
+    nearest = int(np.argmin(drawn))
+    x, y = pairing.partner[nearest]
+    message = f"bonded surfaces are drawn {drawn[nearest]:g} apart at least, near ({x:g}, {y:g})"
+    hint = "draw them in one place"
+    raise CaseError((CaseProblem(f"contact.{pairing.name}.friction", message, hint=hint),))
+
+
+def _fitted(pairing: Pairing, interference: float) -> Pairing:
+    """The pairs as if the surfaces were drawn just touching; their load takes ``interference`` from the gaps.
+
+    Raises CaseError where they are drawn apart, or overlap by more.
+    """
+    deepest = int(np.argmin(pairing.gap))
+    gap = float(pairing.gap[deepest])
+    slack = TOUCHING * float(pairing.spacing[deepest])
+    x, y = pairing.partner[deepest]
+    if gap > slack:
+        message = f"the surfaces of a fit are drawn apart, by {gap:g} at least, near ({x:g}, {y:g})"
+        hint = "draw them touching, or overlapping by the interference"
+    elif gap < -interference - slack:
+        message = f"the surfaces overlap by {-gap:g} near ({x:g}, {y:g}), more than the interference"
+        hint = "the interference is the overlap where it is deepest, drawn or not"
+    else:
+        return replace(pairing, gap=pairing.gap - gap, interference=interference, closed_by=gap)
+    raise CaseError((CaseProblem(f"contact.{pairing.name}.interference", message, hint=hint),))
+
+
+def refuse_overlap(pairings: tuple[Pairing, ...]) -> None:
+    """Raise CaseError for surfaces that overlap as drawn by more than the node spacing."""
+    problems = []
+    for pairing in pairings:
+        deepest = int(np.argmin(pairing.gap + pairing.spacing))
+        if pairing.gap[deepest] < -pairing.spacing[deepest]:
+            x, y = pairing.partner[deepest]
+            problems.append(
+                CaseProblem(
+                    f"contact.{pairing.name}",
+                    f"the surfaces overlap by {-pairing.gap[deepest]:g} near ({x:g}, {y:g}), "
+                    f"more than the node spacing",
+                    hint="move one body so that the surfaces at most touch, or declare it with interference",
+                )
+            )
+    if problems:
+        raise CaseError(tuple(problems))

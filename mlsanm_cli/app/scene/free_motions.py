@@ -1,0 +1,212 @@
+"""Rigid motions that nothing resists: held at zero where nothing drives them, refused where a load does.
+
+Platens, obstacles and bodies held by contact alone move as unknowns. A contact resists a relative motion of
+its two sides where its normals point along it, with friction every motion. Two kinds of motion find no
+resistance: those that slide a body's surfaces along themselves, as a disk turns, and those that no contact's
+normals tilt towards. They are the null vectors of a matrix over all unknown motions, so that axes mean
+nothing, and several bodies may have one in common.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.app.scene.loads import Acting
+from mlsanm_cli.app.scene.rigid_modes import (
+    SLIDES,
+    UnknownMotion,
+    contact_resistance,
+    sliding_resistance,
+    unknown_motion,
+)
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
+from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint
+from mlsanm_cli.solve.load_factors import stage_factors
+from mlsanm_cli.values import dataclass
+
+BALANCED = 1e-3
+"""Forces that cancel but for this part of themselves do so but for the surfaces' quadrature."""
+WEAK = 0.05
+"""Motions that go across surfaces by less than this part of themselves are hardly resisted, be it that they
+go along both surfaces of a contact at once."""
+NONE = 1e-5
+"""Parts of a free motion below this part of the largest are round-off."""
+FIRST = 1e-6
+
+
+@dataclass(frozen=True)
+class Restrained:
+    """The movers, ``notes`` on what is held, and the motions held: of each the velocities (3,) of every body
+    in it, x, y and the rotation about the origin. ``weak`` warns of what is hardly resisted."""
+
+    rigid_constraints: tuple[RigidConstraint, ...]
+    notes: tuple[str, ...]
+    held: tuple[Mapping[str, FloatArray], ...]
+    weak: tuple[str, ...] = ()
+
+
+def constrain_free_rigid_modes(
+    case: Case,
+    clouds: Mapping[str, Cloud],
+    pairings: Sequence[Pairing],
+    rigid_constraints: Sequence[RigidConstraint],
+    loads: Acting,
+    exact: Collection[str] = (),
+) -> Restrained:
+    """The movers with motions that nothing resists prescribed at zero, and notes about them.
+
+    The directions of the contacts named ``exact`` are those of their surfaces; others know theirs at nodes.
+    Raises CaseError where a load drives such a motion.
+    """
+    kept = [
+        unknown_motion(mover, motion, clouds, pairings, loads)
+        for mover in rigid_constraints
+        for motion in mover.motions
+        if motion.prescribed is None
+    ]
+    held, notes, problems = list[UnknownMotion](), list[str](), list[CaseProblem]()
+    unresisted = list[Mapping[str, FloatArray]]()
+    for slid in (True, False):
+        found = []
+        resistance = (
+            sliding_resistance(kept, pairings, clouds)
+            if slid
+            else contact_resistance(kept, pairings, clouds, exact)
+        )
+        free = free_motions(resistance)
+        for pivot, direction in sorted(free, key=lambda one: kept[one[0]].motion.component != ROTATION):
+            problems += _driven(case, kept, pivot, direction)
+            notes.append(_note(kept, pivot, direction))
+            unresisted.append(_of_bodies(kept, direction))
+            found.append(kept[pivot])
+        held += found
+        kept = [one for one in kept if one not in found]
+    if problems:
+        raise CaseError(tuple(dict.fromkeys(problems)))
+    still = {(id(one.mover), one.motion.component) for one in held}
+    result = [
+        replace(
+            mover,
+            motions=tuple(
+                replace(m, prescribed=np.zeros(len(m.force))) if (id(mover), m.component) in still else m
+                for m in mover.motions
+            ),
+        )
+        for mover in rigid_constraints
+    ]
+    weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK)
+    return Restrained(
+        tuple(result),
+        tuple(notes),
+        tuple(one for one in unresisted if one),
+        tuple(_hardly(kept, pivot, direction) for pivot, direction in weak),
+    )
+
+
+def free_motions(resistance: FloatArray, least: float = SLIDES) -> list[tuple[int, FloatArray]]:
+    """The motions that a ``resistance`` (k, k) leaves free, or resists by less than ``least``: of each the
+    number of an unknown of its own, to hold it by, and the motion (k,) with a unit of that unknown and none
+    of the others'."""
+    if not len(resistance):
+        return []
+    sizes, directions = np.linalg.eigh(resistance)
+    free = directions[:, sizes <= least**2]
+    if not free.size:
+        return []
+    # Of motions that serve alike the first is held, whatever round-off says.
+    order = 1.0 - FIRST * np.arange(len(free))
+    pivots = independent_rows(order[:, None] * free)
+    own = free @ np.linalg.inv(free[pivots])
+    own[np.abs(own) <= NONE * np.abs(own).max(axis=0)] = 0.0
+    own[pivots] = np.eye(len(pivots))
+    return sorted(((pivot, own[:, column]) for column, pivot in enumerate(pivots)), key=lambda one: one[0])
+
+
+def _driven(
+    case: Case, unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray
+) -> Iterator[CaseProblem]:
+    """A problem where the loads drive a free motion at the end of some stage."""
+    share = direction / np.array([one.lever for one in unknown])
+    force = share @ np.array([one.force for one in unknown])
+    size = np.abs(share) @ np.array([one.size for one in unknown])
+    stages = stage_factors(case)
+    driving = np.abs(stages @ force)
+    if (driving > BALANCED * (np.abs(stages) @ size)).any():
+        worst = stages[int(np.argmax(driving))] * force / share[pivot]
+        load = case.moved[int(np.argmax(np.abs(worst)))]
+        one, together = unknown[pivot], _together(unknown, pivot, direction)
+        what = "moment" if one.motion.component == ROTATION else "force"
+        whom = f"{_owner(one)} in {_way(one)}"
+        if together:
+            whom += f", which moves {together} with it"
+        yield CaseProblem(
+            f"load.{load}",
+            f"nothing resists its force on {whom}, where loads add up to a {what} of {worst.sum():.4g}: "
+            f"no support holds it, and the contact's normals hardly tilt that way",
+            hint=f"hold it there with a [[support]]{_instead(one)}",
+        )
+
+
+def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+    one, together = unknown[pivot], _together(unknown, pivot, direction)
+    if together:
+        return (
+            f"{_owner(one)}: {_way(one)} is held at 0, for nothing resists that it moves together with "
+            f"{together}, and no force drives them; they still move against each other"
+        )
+    return (
+        f"{_owner(one)}: {_way(one)} is held at 0, for no force is applied in {_way(one)} and nothing "
+        f"resists it"
+    )
+
+
+def _hardly(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+    one, together = unknown[pivot], _together(unknown, pivot, direction)
+    return (
+        f"{_owner(one)}: {_way(one)}{f', which moves {together} with it,' if together else ''} is hardly "
+        f"resisted, as it goes along the surfaces in contact: results depend on where exactly nodes are held "
+        f"and on the contact's width; hold it with a [[support]]{_instead(one)}"
+    )
+
+
+def _together(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+    """What takes part in a motion besides what it is held by, in words."""
+    names = dict.fromkeys(_owner(one) for one, part in zip(unknown, direction, strict=True) if part)
+    return " and ".join(name for name in names if name != _owner(unknown[pivot]))
+
+
+def _of_bodies(unknown: Sequence[UnknownMotion], direction: FloatArray) -> dict[str, FloatArray]:
+    """Velocities (3,) of all bodies in a motion: x, y, and the rotation, about the origin."""
+    found: dict[str, FloatArray] = {}
+    for one, part in zip(unknown, direction, strict=True):
+        for body in one.bodies if part else ():
+            x, y = rigid_pattern(np.zeros((1, 2)), one.mover.center, one.motion.component)[0]
+            turn = 1.0 if one.motion.component == ROTATION else 0.0
+            found[body] = found.get(body, np.zeros(3)) + part / one.lever * np.array([x, y, turn])
+    return found
+
+
+def _owner(one: UnknownMotion) -> str:
+    if isinstance(one.mover, Platen):
+        return f"platen on {one.mover.name}"
+    if isinstance(one.mover, Obstacle):
+        return f"the obstacle of contact {one.mover.contact}"
+    return f"body {one.mover.body}"
+
+
+def _way(one: UnknownMotion) -> str:
+    return ("ux", "uy", "rotation")[one.motion.component]
+
+
+def _instead(one: UnknownMotion) -> str:
+    if isinstance(one.mover, FloatingBody) or one.motion.component == ROTATION:
+        return ""
+    return f", or prescribe {_way(one)} of the {'platen' if one.bodies else 'obstacle'}"

@@ -1,0 +1,115 @@
+"""Bodies from files: meshes and clouds of points, read once per content."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case.model.files import FileShape, Mesh, Surveyed
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.crossings import first_crossing
+from mlsanm_cli.cloud.curves import Curve, Segment
+from mlsanm_cli.cloud.elements import Marks, boundary_loops
+from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, trace
+from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
+from mlsanm_cli.errors import GeometryError, RunError
+from mlsanm_cli.inputs import MB, read_input
+from mlsanm_cli.io.meshes import read_mesh
+from mlsanm_cli.io.point_files import read_points
+from mlsanm_cli.values import dataclass
+
+LARGEST = 256 * MB
+"""Largest file of a body, in bytes: a million nodes or more."""
+LEVEL = 1e-9
+"""Components of a normal below this are round-off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Foreign:
+    """A body's nodes ``points`` (n, 2) and traced outline; ``normals`` (n, 2) where the file gives them."""
+
+    digest: str
+    points: FloatArray
+    traced: Traced
+    normals: FloatArray | None
+
+    @property
+    def cloud(self) -> Cloud:
+        """The cloud of the file's own nodes."""
+        return cloud_of_nodes(self.points, self.traced, self.normals)
+
+
+def read_body(shape: FileShape) -> Foreign:
+    """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
+    path = Path(shape.file)
+    try:
+        content = read_input(path, LARGEST)
+    except RunError as error:
+        raise GeometryError(error.message, error.hint) from error
+    digest = hashlib.sha256(content).hexdigest()
+    try:
+        if not content:
+            raise GeometryError("it is empty")
+        if shape.sha256 not in (None, digest):
+            raise GeometryError("it has changed since the case was resolved", "remove sha256 to use it")
+        return _read(shape.model_copy(update={"sha256": digest}))
+    except GeometryError as error:
+        raise GeometryError(f"{path.name}: {error.message}", error.hint) from error
+
+
+@lru_cache(maxsize=16)
+def _read(shape: FileShape) -> Foreign:
+    path = Path(shape.file)
+    normals = None
+    loops: tuple[Loop, ...]
+    if isinstance(shape, Mesh):
+        mesh = read_mesh(path, shape.group)
+        points = mesh.points
+        loops = boundary_loops(points, mesh.rings, Marks(mesh.lines, mesh.names, mesh.node_sets))
+    else:
+        table = read_points(path)
+        points, normals = table.points, table.normals
+        nodes = TaggedNodes(points, table.tags, table.places)
+        loops = tagged_loops(nodes)
+        check_normals(nodes, loops, normals)
+    chords = [np.hstack([p, np.roll(p, -1, axis=0)]) for p in (points[loop.nodes] for loop in loops)]
+    crossing = first_crossing(np.concatenate(chords))
+    if crossing is not None:
+        raise GeometryError(f"the outline crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g})")
+    return Foreign(str(shape.sha256), points, trace(points, loops, math.radians(shape.corner)), normals)
+
+
+def survey_of(shape: FileShape) -> Surveyed:
+    """What the checks of a case want to know. Raises GeometryError."""
+    body = read_body(shape)
+    low, high = body.points.min(axis=0), body.points.max(axis=0)
+    middle = 0.5 * (low + high)
+    outline = body.traced.outline
+    named = list(zip(outline.names, outline.curves, strict=True))
+    return Surveyed(
+        kind=shape.kind,
+        digest=body.digest,
+        centre=(float(middle[0]), float(middle[1])),
+        size=float((high - low).max()),
+        spans={name: _span(curve) for name, curve in named},
+        directions={name: _direction(curve) for name, curve in named},
+    )
+
+
+def _span(curve: Curve) -> tuple[tuple[float, float], ...]:
+    parts = [0.0, 0.25, 0.5, 0.75] if curve.closed else [0.0, 0.5, 1.0]
+    if isinstance(curve, Segment):
+        parts = [0.0, 1.0]
+    return tuple((float(x), float(y)) for x, y in curve.points(curve.length * np.array(parts)))
+
+
+def _direction(curve: Curve) -> tuple[float, float] | None:
+    if not isinstance(curve, Segment):
+        return None
+    x, y = curve.normals(np.zeros(1))[0]
+    return (float(x) if abs(x) > LEVEL else 0.0, float(y) if abs(y) > LEVEL else 0.0)

@@ -1,0 +1,132 @@
+"""What a case's loads and springs are on given clouds: values at nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mlsanm_cli.app.scene.fields import AmountField, amounts_at
+from mlsanm_cli.app.scene.surfaces import SurfacePart, parts_at, surfaces_at
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import (
+    BodyForce,
+    Case,
+    Displacement,
+    ExpressionError,
+    ObstacleMotion,
+    Platen,
+    Pressure,
+    Temperature,
+    Traction,
+)
+from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.mechanics import scene as mechanics
+from mlsanm_cli.mechanics.heat import Heating
+from mlsanm_cli.values import dataclass
+
+COVERED = 1e-6
+"""Part of a boundary's length by which a table may fall short of its end."""
+
+
+@dataclass(frozen=True)
+class Acting:
+    """Loads at factor 1 but for platens, and ``springs[body][surface]``, traction per displacement."""
+
+    surface_loads: tuple[mechanics.SurfaceLoad, ...]
+    body_forces: tuple[mechanics.BodyForce, ...]
+    heatings: tuple[Heating, ...]
+    springs: Mapping[str, Mapping[str, tuple[float, float]]]
+
+
+def temperature_of(load: Temperature) -> AmountField:
+    """The change of temperature that a load brings."""
+    return AmountField(f"load.{load.name}.temperature", load.temperature)
+
+
+class _BadTableError(ValueError):
+    """A table that does not fit its boundary."""
+
+
+def acting(case: Case, clouds: Mapping[str, Cloud]) -> Acting:
+    """Evaluate all loads.
+
+    Raises CaseError for expressions without a value at a node, and tables that end before their boundary.
+    """
+    surface_loads: list[mechanics.SurfaceLoad] = []
+    body_forces: list[mechanics.BodyForce] = []
+    heatings: list[Heating] = []
+    problems: list[CaseProblem] = []
+    for number, load in enumerate(case.load):
+        if isinstance(load, Platen | ObstacleMotion):
+            continue
+        cloud = clouds[load.owner]
+        key = f"load.{load.name}.{load.kind}"
+        try:
+            if isinstance(load, BodyForce):
+                values = amounts_at(load.body_force, cloud.points)
+                body_forces.append(mechanics.BodyForce(number, load.body, values))
+            elif isinstance(load, Temperature):
+                field = temperature_of(load)
+                heatings.append(Heating(number, load.body, field, field.at(cloud.points)))
+            else:
+                held = isinstance(load, Displacement)
+                for part in parts_at(case, cloud, load.place):
+                    surface = part.surface
+                    values = _on_surface(load, part, surface.arc_length, cloud.points[surface.index])
+                    arc = Halves.of(surface, FINE).arc
+                    between = None if held else _on_surface(load, part, arc, surface.curve.points(arc))
+                    own = mechanics.SurfaceLoad(number, load.owner, surface.name, values, held, between)
+                    surface_loads.append(own)
+        except ExpressionError as error:
+            problems.append(CaseProblem(key, str(error)))
+        except CaseError as error:
+            problems += error.problems
+        except _BadTableError as error:
+            problems.append(CaseProblem(f"load.{load.name}.table", str(error)))
+    if problems:
+        raise CaseError(tuple(problems))
+    return Acting(tuple(surface_loads), tuple(body_forces), tuple(heatings), _springs(case))
+
+
+def _on_surface(
+    load: Traction | Pressure | Displacement, part: SurfacePart, arc: FloatArray, points: FloatArray
+) -> FloatArray:
+    """Values (e, 2) at ``points`` (e, 2) of a part of where the load acts, at ``arc`` (e,) along it; a
+    direction that is left free is 0."""
+    surface = part.surface
+    if isinstance(load, Displacement):
+        return amounts_at([0.0 if part is None else part for part in load.components], points)
+    if isinstance(load, Traction):
+        if load.table is not None:
+            return _from_table(load.table, part, arc)
+        assert load.traction is not None
+        return amounts_at(load.traction, points)
+    if load.table is not None:
+        return -_from_table(load.table, part, arc) * surface.curve.normals(arc)
+    assert load.pressure is not None
+    return -amounts_at([load.pressure], points) * surface.curve.normals(arc)
+
+
+def _from_table(rows: Sequence[tuple[float, ...]], part: SurfacePart, arc: FloatArray) -> FloatArray:
+    """Values (e, c) at ``arc`` (e,), interpolated linearly between rows of arc length and c values."""
+    table = np.array(rows)
+    length = part.total
+    first, last = float(table[0, 0]), float(table[-1, 0])
+    if first > COVERED * length or last < (1.0 - COVERED) * length:
+        raise _BadTableError(f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}")
+    columns = [np.interp(arc + part.first, table[:, 0], column) for column in table[:, 1:].T]
+    return np.stack(columns, axis=1)
+
+
+def _springs(case: Case) -> dict[str, dict[str, tuple[float, float]]]:
+    found: dict[str, dict[str, tuple[float, float]]] = {body.name: {} for body in case.body}
+    for support in case.support:
+        if support.place is not None and support.spring is not None:
+            own = found[support.place.body]
+            for surface in surfaces_at(case, support.place):
+                x, y = own.get(surface, (0.0, 0.0))
+                own[surface] = (x + support.spring[0], y + support.spring[1])
+    return found

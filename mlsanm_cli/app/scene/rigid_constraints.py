@@ -1,0 +1,158 @@
+"""What moves rigidly in a case: platens, obstacles, and bodies that only contacts can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from mlsanm_cli.app.scene.surfaces import surfaces_at
+from mlsanm_cli.case import Case, ObstacleMotion, Platen
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.mechanics import scene as mechanics
+from mlsanm_cli.mechanics.rigid import ROTATION, free_motions
+from mlsanm_cli.mechanics.springs import Springs
+
+AXES = {"x": 0, "y": 1}
+
+HeldSurfaces = Mapping[str, Mapping[str, tuple[bool, bool]]]
+HeldNodes = Mapping[str, tuple[tuple[int, int], ...]]
+
+
+def rigid_constraints(
+    case: Case,
+    clouds: Mapping[str, Cloud],
+    held: HeldSurfaces,
+    held_nodes: HeldNodes,
+    grips: HeldSurfaces,
+    springs: Mapping[str, Springs],
+) -> list[mechanics.RigidConstraint]:
+    """All of them, with ``held[body][surface]`` and ``held_nodes[body]`` as in a prepared scene.
+
+    ``grips`` are the surfaces held by supports or stiff springs. Raises CaseError for loose bodies in a
+    scheme that cannot take them.
+    """
+    return [
+        *_platens(case, clouds, grips, held_nodes),
+        *_obstacles(case),
+        *_loose(case, clouds, held, held_nodes, springs),
+    ]
+
+
+def components(nodes: tuple[tuple[int, int], ...]) -> tuple[bool, bool]:
+    """Whether single nodes hold x, and whether they hold y."""
+    return any(c == 0 for _, c in nodes), any(c == 1 for _, c in nodes)
+
+
+def _platens(
+    case: Case,
+    clouds: Mapping[str, Cloud],
+    held: HeldSurfaces,
+    held_nodes: HeldNodes,
+) -> Iterator[mechanics.Platen]:
+    """Platens, one per boundary or list of boundaries that platen loads move."""
+    groups: dict[str, list[tuple[int, Platen]]] = {}
+    for number, load in enumerate(case.load):
+        if isinstance(load, Platen):
+            groups.setdefault(load.label, []).append((number, load))
+    for label, loads in groups.items():
+        first = loads[0][1]
+        parts = [(place.body, surfaces_at(case, place)) for place in first.places]
+        motions = []
+        for component, controls in _controls(loads).items():
+            elsewhere = any(
+                components(held_nodes[body])[component]
+                or any(sides[component] for name, sides in held[body].items() if name not in names)
+                for body, names in parts
+            )
+            motions.append(_motion(len(case.moved), component, controls, alone=not elsewhere))
+        if first.turning != "fixed":
+            alone = all(set(held[body]) == set(names) and not held_nodes[body] for body, names in parts)
+            motions.append(_motion(len(case.moved), ROTATION, _turns(loads), alone))
+        numbers = tuple(number for number, _ in loads)
+        at = first.hinge or _middle(clouds, parts)
+        (body, names), others = parts[0], tuple(parts[1:])
+        yield mechanics.Platen(body, names, at, tuple(motions), numbers, label, others)
+
+
+def _turns(loads: Sequence[tuple[int, Platen]]) -> dict[int, tuple[str, float]]:
+    """How and how far each load turns a plate."""
+    return {
+        number: ("displacement", load.rotation)
+        if isinstance(load.rotation, float)
+        else ("force", load.moment or 0.0)
+        for number, load in loads
+    }
+
+
+def _middle(clouds: Mapping[str, Cloud], parts: Sequence[tuple[str, tuple[str, ...]]]) -> tuple[float, float]:
+    """The middle of surfaces of bodies."""
+    total, length = np.zeros(2), 0.0
+    for body, names in parts:
+        for name in names:
+            surface = clouds[body].surfaces[name]
+            total += surface.weight @ clouds[body].points[surface.index]
+            length += float(surface.weight.sum())
+    return float(total[0] / length), float(total[1] / length)
+
+
+def _obstacles(case: Case) -> Iterator[mechanics.Obstacle]:
+    """Obstacles that loads move."""
+    groups: dict[str, list[tuple[int, ObstacleMotion]]] = {}
+    for number, load in enumerate(case.load):
+        if isinstance(load, ObstacleMotion):
+            groups.setdefault(load.obstacle, []).append((number, load))
+    for contact, loads in groups.items():
+        motions = tuple(
+            _motion(len(case.moved), component, controls, alone=True)
+            for component, controls in _controls(loads).items()
+        )
+        yield mechanics.Obstacle(contact, (0.0, 0.0), motions, tuple(number for number, _ in loads))
+
+
+def _loose(
+    case: Case,
+    clouds: Mapping[str, Cloud],
+    held: HeldSurfaces,
+    held_nodes: HeldNodes,
+    springs: Mapping[str, Springs],
+) -> Iterator[mechanics.FloatingBody]:
+    """Bodies that conditions leave free to move. Raises CaseError where the scheme cannot take that."""
+    for body in case.body:
+        free = free_motions(clouds[body.name], held[body.name], held_nodes[body.name], springs[body.name])
+        if not free.components:
+            continue
+        if case.solver.formulation == "monolithic":
+            message = f"body {body.name} is held by contact alone, which only the condensed formulation knows"
+            hint = 'use "condensed", or hold the body with a [[support]]'
+            raise CaseError((CaseProblem("solver.formulation", message, hint=hint),))
+        if case.mls.scheme != "least-squares":
+            message = f"body {body.name} is held by contact alone, which needs the scheme least-squares"
+            hint = 'use "least-squares", or hold the body with a [[support]]'
+            raise CaseError((CaseProblem("mls.scheme", message, hint=hint),))
+        still = np.zeros(len(case.moved))
+        motions = tuple(mechanics.RigidMotion(component, None, still) for component in free.components)
+        yield mechanics.FloatingBody(body.name, free.center, motions)
+
+
+def _controls(
+    loads: Sequence[tuple[int, Platen | ObstacleMotion]],
+) -> dict[int, dict[int, tuple[str, float]]]:
+    """For each component that is moved, how and how far each load moves it."""
+    found: dict[int, dict[int, tuple[str, float]]] = {}
+    for axis, component in AXES.items():
+        found[component] = {number: load.control[axis] for number, load in loads if axis in load.control}
+    return {component: controls for component, controls in found.items() if controls}
+
+
+def _motion(
+    loads: int, component: int, controls: Mapping[int, tuple[str, float]], alone: bool
+) -> mechanics.RigidMotion:
+    """One direction of a platen or obstacle; several loads' forces, or several loads' displacements, add."""
+    values = np.zeros(loads)
+    for number, (_, value) in controls.items():
+        values[number] = value
+    if any(kind == "displacement" for kind, _ in controls.values()):
+        return mechanics.RigidMotion(component, values, np.zeros(loads), alone)
+    return mechanics.RigidMotion(component, None, values, alone)

@@ -1,0 +1,197 @@
+"""Unknown rigid motions, and what of them contacts, supports and springs resist."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.app.scene.loads import Acting
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.geometry.near import turned
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.functionals import resultant
+from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
+from mlsanm_cli.mechanics.scene import Obstacle, RigidConstraint, RigidMotion
+from mlsanm_cli.values import dataclass
+
+TILT = 0.2
+"""A contact resists a direction where its normals' root mean square component along it is above this.
+
+Below, the resistance comes from the surface's slight curvature alone: too little to tell the true motion from
+the discretisation's asymmetry.
+"""
+SLIDES = 1e-6
+"""Resistance below this is round-off."""
+SURE = 1e-3
+"""The same as ``TILT`` of contacts whose directions are exact, so that nothing but the surface's curvature is
+in them."""
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownMotion:
+    """One unknown motion: ``force`` (L,) that drives it at factor 1, ``size`` (L,) of that force's parts,
+    ``elastic`` whether something besides contacts resists it, ``lever`` the largest displacement of a contact
+    under a unit of it."""
+
+    mover: RigidConstraint
+    motion: RigidMotion
+    force: FloatArray
+    size: FloatArray
+    elastic: bool
+    lever: float = 1.0
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that it moves as a whole; none for obstacles."""
+        return () if isinstance(self.mover, Obstacle) else self.mover.bodies
+
+    def side(self, pairing: Pairing) -> float:
+        """1 where it moves the slave of a contact, -1 where its master, else 0."""
+        if isinstance(self.mover, Obstacle):
+            return -1.0 if self.mover.contact == pairing.name else 0.0
+        if self.elastic:
+            return 0.0
+        return float(pairing.slave_body in self.bodies) - float(pairing.master_body in self.bodies)
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Displacements (n, 2) of ``points`` (n, 2), at most 1 in contacts."""
+        return rigid_pattern(points, self.mover.center, self.motion.component) / self.lever
+
+
+def unknown_motion(
+    mover: RigidConstraint,
+    motion: RigidMotion,
+    clouds: Mapping[str, Cloud],
+    pairings: Sequence[Pairing],
+    loads: Acting,
+) -> UnknownMotion:
+    """The motion with all that drives it: its own force, tractions and body forces on what moves with it."""
+    force, size = motion.force.copy(), np.abs(motion.force)
+    elastic = not motion.alone
+    if not isinstance(mover, Obstacle) and not elastic:
+        springs = [k for body in mover.bodies for k in loads.springs[body].values()]
+        elastic = any(any(k) if motion.component == ROTATION else k[motion.component] for k in springs)
+        for number, forces, points in [
+            one for body in mover.bodies for one in _nodal_forces(loads, clouds, body)
+        ]:
+            parts = resultant(forces, points, mover.center)[motion.component]
+            force[number] += parts.sum()
+            size[number] += np.abs(parts).sum()
+    one = UnknownMotion(mover, motion, force, size, elastic)
+    moved = [one.at(clouds[p.slave_body].points[p.node]) for p in pairings if one.side(p)]
+    return replace(one, lever=max((float(np.hypot(*some.T).max()) for some in moved), default=1.0))
+
+
+def _nodal_forces(
+    loads: Acting, clouds: Mapping[str, Cloud], body: str
+) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Load numbers, forces (n, 2) and points (n, 2) of all tractions and body forces on a body."""
+    cloud = clouds[body]
+    for load in loads.surface_loads:
+        if load.body == body and not load.held:
+            surface = cloud.surfaces[load.surface]
+            yield load.number, surface.weight[:, None] * load.values, cloud.points[surface.index]
+    for force in loads.body_forces:
+        if force.body == body:
+            yield force.number, cloud.areas[:, None] * force.values, cloud.points
+
+
+def sliding_resistance(
+    unknown: Sequence[UnknownMotion],
+    pairings: Sequence[Pairing],
+    clouds: Mapping[str, Cloud],
+    at_once: bool = False,
+) -> FloatArray:
+    """Mean squares (k, k) of what the motions do across the surfaces they move, with friction in all.
+
+    Where one of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that turns about
+    a point above the plane it rests on: what holds it is the width of the contact alone.
+    """
+    total = _elastic(unknown)
+    for pairing in pairings:
+        frame = _Frame.of(pairing, clouds)
+        sides = [np.linalg.eigh(frame.squares(*side)) for side in frame.sides]
+        free = [directions[:, sizes <= SLIDES**2] for sizes, directions in sides]
+        straight = any(one.shape[1] and np.abs(one[2]).max() <= SLIDES for one in free)
+        if at_once and straight and not pairing.friction:
+            along = np.linalg.svd(np.hstack(free))
+            crossing = along[0][:, int((along[1] > SLIDES).sum()) :]
+            relative = crossing.T @ frame.relative(unknown)
+            total += relative.T @ relative
+            continue
+        for side, (at, normal) in zip((1.0, -1.0), frame.sides, strict=True):
+            moving = [(column, one) for column, one in enumerate(unknown) if one.side(pairing) == side]
+            across = np.zeros((len(at), 2 if pairing.friction else 1, len(unknown)))
+            for column, one in moving:
+                across[:, 0, column] = (one.at(at) * normal).sum(axis=1)
+                if pairing.friction:
+                    across[:, 1, column] = (one.at(at) * turned(normal)).sum(axis=1)
+            total += np.einsum("ndi,ndj->ij", across, across) / len(at)
+    return total
+
+
+def contact_resistance(
+    unknown: Sequence[UnknownMotion],
+    pairings: Sequence[Pairing],
+    clouds: Mapping[str, Cloud],
+    exact: Collection[str],
+) -> FloatArray:
+    """Mean squares (k, k) of what the motions do in the directions that contacts resist."""
+    total = _elastic(unknown)
+    for pairing in pairings:
+        frame = _Frame.of(pairing, clouds)
+        sizes, directions = np.linalg.eigh(
+            frame.squares(frame.sides[0][0], pairing.normal[pairing.candidate])
+        )
+        least = SURE if pairing.name in exact else TILT
+        resisted = np.eye(3) if pairing.friction else directions[:, sizes >= least**2].T
+        relative = resisted @ frame.relative(unknown)
+        total += relative.T @ relative
+    return total
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """A contact's ``middle`` (2,) and ``lever``, the size of its arms, in which rigid motions (3,) are those
+    of the middle and the turn times the lever; ``share`` (m,) what each of its places counts, and ``sides``,
+    places (m, 2) and normals (m, 2) of the slave and of the master."""
+
+    pairing: Pairing
+    middle: FloatArray
+    lever: float
+    share: FloatArray
+    sides: tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+
+    @classmethod
+    def of(cls, pairing: Pairing, clouds: Mapping[str, Cloud]) -> _Frame:
+        chosen = pairing.candidate
+        points = clouds[pairing.slave_body].points[pairing.node[chosen]]
+        share = pairing.weight[chosen] / pairing.weight[chosen].sum()
+        middle = share @ points
+        lever = float(np.sqrt(share @ ((points - middle) ** 2).sum(axis=1))) or 1.0
+        own = points, pairing.slave.normal[pairing.position[chosen]]
+        # Where pressures have the directions of the slave's normals a round master turns by where they act,
+        # which keeps their lines through its centre: it stays unknown.
+        return cls(pairing, middle, lever, share, (own, (pairing.partner[chosen], pairing.normal[chosen])))
+
+    def squares(self, points: FloatArray, normal: FloatArray) -> FloatArray:
+        """Mean squares (3, 3) of what rigid motions do across normals (m, 2) at ``points`` (m, 2)."""
+        arm, (n_x, n_y) = points - self.middle, normal.T
+        across = np.column_stack([n_x, n_y, (n_y * arm[:, 0] - n_x * arm[:, 1]) / self.lever])
+        return np.asarray(across.T @ (self.share[:, None] * across))
+
+    def relative(self, unknown: Sequence[UnknownMotion]) -> FloatArray:
+        """The slave's motion relative to the master (3, k) in a unit of each unknown."""
+        found = np.zeros((3, len(unknown)))
+        for column, one in enumerate(unknown):
+            turn = self.lever / one.lever if one.motion.component == ROTATION else 0.0
+            found[:, column] = one.side(self.pairing) * np.append(one.at(self.middle[None, :])[0], turn)
+        return found
+
+
+def _elastic(unknown: Sequence[UnknownMotion]) -> FloatArray:
+    """The part of the resistance (k, k) that has nothing to do with contacts."""
+    return np.diag([float(one.elastic) for one in unknown])

@@ -1,0 +1,127 @@
+"""Size and cost of a scene before it is built."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from mlsanm_cli.app.scene.assemble import mls_settings
+from mlsanm_cli.app.scene.clouds import spacing_of
+from mlsanm_cli.app.scene.imported import foreign
+from mlsanm_cli.app.scene.surfaces import outline_of
+from mlsanm_cli.case import Body, Case, Mesh, Points
+from mlsanm_cli.cloud.size import estimate_nodes
+from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.operators.linear.scratch import LARGE
+from mlsanm_cli.system import physical_memory_mb
+from mlsanm_cli.values import dataclass
+
+COUNT_LIMIT = 2e8
+PROCESS_MB = 150.0
+"""Memory of a process before its first body."""
+CHOLESKY = 64.0
+OTHERS = {"superlu": 217.0, "pardiso": 109.0, "mumps": 18.0}
+"""Bytes of a factor for every node, node of its stencil and level of nested dissection: of our own, and by
+``solver.linear`` of others. SuperLU's is of both halves, MUMPS's on disk."""
+DENSE = 8.0
+"""Square matrices of the contact unknowns that are there at the same time; 5 to 6 were measured."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """``nodes`` per body, ``memory_mb`` of the whole process."""
+
+    nodes: dict[str, float]
+    memory_mb: float
+
+
+def estimate(case: Case) -> Estimate:
+    """Nodes by quadrature of the spacing field or counted, memory by the model below."""
+    nodes = {body.name: _nodes(case, body) for body in case.body}
+    return Estimate(nodes, _memory_mb(nodes, mls_settings(case).stencil_size, _solver(case)))
+
+
+def _solver(case: Case) -> str:
+    """What factorises the case's bodies."""
+    return "superlu" if mls_settings(case).square or case.model.strain == "finite" else case.solver.linear
+
+
+def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
+    """What all bodies keep, stencils, rows and sums of rows, with the factors, and what making the largest
+    factor takes besides; fitted to measured runs (docs/performance.md)."""
+    counts = list(nodes.values())
+    kept = sum((150.0 * stencil + 1950.0) * count for count in counts)
+    if solver in OTHERS:
+        factors = sum(OTHERS[solver] * count * stencil * _levels(count, 7.2) for count in counts)
+    else:
+        ours = [CHOLESKY * count * stencil * _levels(count, 8.6) for count in counts]
+        # Of large factors one at a time is in memory.
+        factors = sum(size for size in ours if size < LARGE) + max(
+            (size for size in ours if size >= LARGE), default=0.0
+        )
+    made = (115.0 * stencil + 1400.0) * max(counts)
+    return PROCESS_MB + (kept + factors + made) / 1e6
+
+
+def _levels(nodes: float, without: float) -> float:
+    """How often nested dissection cuts, less the last cuts, which make hardly any fill."""
+    return max(math.log2(max(nodes, 2.0)) - without, 1.0)
+
+
+def _nodes(case: Case, body: Body) -> float:
+    if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
+        return float(len(foreign(body.shape).points))
+    return estimate_nodes(outline_of(case, body), spacing_of(case, body), COUNT_LIMIT)
+
+
+def refuse_too_large(case: Case) -> Estimate:
+    """Raise CaseError, with the key that makes it so large, when the scene would not fit into memory."""
+    size = estimate(case)
+    room = physical_memory_mb()
+    if size.memory_mb > room:
+        counts = ", ".join(f"{name} {count:.3g}" for name, count in size.nodes.items())
+        message = (
+            f"the scene needs about {size.memory_mb / 1024:.3g} GB of memory, the machine has "
+            f"{room / 1024:.3g} GB (nodes: {counts})"
+        )
+        key, hint = _cause(case, size, room)
+        raise CaseError((CaseProblem(key, message, hint=hint),))
+    return size
+
+
+def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
+    """Raise CaseError, with the largest contact, where the dense systems of the path would not fit."""
+    unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in pairings}
+    memory_mb = DENSE * sum(unknowns.values()) ** 2 * 8 / 2**20
+    room = physical_memory_mb()
+    if memory_mb > room:
+        name = max(unknowns, key=lambda name: unknowns[name])
+        message = (
+            f"{sum(unknowns.values())} unknowns of contact need about {memory_mb / 1024:.3g} GB of memory, "
+            f"the machine has {room / 1024:.3g} GB"
+        )
+        hint = f"use larger spacings along {next(c.names[0] for c in case.contact if c.name == name)}"
+        raise CaseError((CaseProblem(f"contact.{name}", message, hint=hint),))
+
+
+def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
+    """The key to change, and how."""
+    settings = mls_settings(case)
+    usual = replace(settings, neighbors=None).stencil_size
+    if _memory_mb(size.nodes, usual, _solver(case)) <= room:
+        return "mls.neighbors", f'"auto" takes {usual}'
+    on_disk = _memory_mb(size.nodes, settings.stencil_size, "mumps")
+    if on_disk <= room and not settings.square:
+        return "solver.linear", f'"mumps", with its factors on disk, needs about {on_disk / 1024:.3g} GB'
+    body = max(case.body, key=lambda body: size.nodes[body.name])
+    if body.has_nodes:
+        return f"body.{body.name}.shape.file", "use a coarser mesh"
+    hint = "use larger spacings, smaller refinement radii or a larger growth"
+    even = estimate_nodes(outline_of(case, body), Spacing(spacing_of(case, body).far), COUNT_LIMIT)
+    if even >= 0.5 * size.nodes[body.name] or not body.refine:
+        return f"body.{body.name}.spacing", hint
+    finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)
+    return f"body.{body.name}.refine.{finest}.spacing", hint

@@ -1,0 +1,192 @@
+"""Where the points of a sweep are solved: in this process, in several here, or on a Dask cluster.
+
+Other processes are spawned: a fork would copy the state of threads that numba and BLAS have started.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections import deque
+from collections.abc import Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+from mlsanm_cli.app.sweep.point import Point, outcome, solve_point
+from mlsanm_cli.errors import RunError
+
+ATTEMPTS = 3
+"""A point whose process dies so often is given up: it may be what kills it."""
+
+Row = Mapping[str, Any]
+
+
+class Engine(Protocol):
+    """Solves points; a context manager."""
+
+    def submit(self, point: Point) -> None:
+        """Have a point solved, in the order in which they come as far as possible."""
+        ...
+
+    def results(self) -> Iterator[Row]:
+        """Rows of all points submitted, also while this goes on, as they end."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+def local_engine(jobs: int) -> Engine:
+    """This process for one job, else so many new ones."""
+    return HereEngine() if jobs == 1 else PoolEngine(jobs)
+
+
+class HereEngine:
+    """One point after the other in this process."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Point] = deque()
+
+    def submit(self, point: Point) -> None:
+        """Put a point behind those of its geometry: what follows a first point comes before other firsts."""
+        self._waiting.append(point)
+
+    def results(self) -> Iterator[Row]:
+        """Solve what waits; points that come meanwhile first, for their operators are at hand."""
+        while self._waiting:
+            before = len(self._waiting) - 1
+            row = solve_point(self._waiting.popleft())
+            yield row
+            self._waiting.rotate(len(self._waiting) - before)
+            if row["status"] == "stopped":
+                return
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._waiting.clear()
+
+
+class PoolEngine:
+    """Spawned processes. When one dies, the pool starts anew and what was not finished is repeated."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._pool: ProcessPoolExecutor | None = None
+        self._running: dict[Future[Row], Point] = {}
+        self._attempts: dict[str, int] = {}
+
+    def submit(self, point: Point) -> None:
+        """Hand a point to the pool."""
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self._jobs, mp_context=context, initializer=_leave_signals)
+        try:
+            self._running[self._pool.submit(solve_point, point)] = point
+        except BrokenProcessPool:
+            # The breakage is seen by its other points; this one only needs a new pool.
+            self._pool = None
+            self.submit(point)
+
+    def results(self) -> Iterator[Row]:
+        """Rows as they end."""
+        while self._running:
+            finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
+            if any(isinstance(future.exception(), BrokenProcessPool) for future in finished):
+                # Nothing that the pool still had will come any more.
+                finished, _ = wait(self._running)
+                self._pool = None
+            ended = [
+                (future, self._running.pop(future)) for future in list(self._running) if future in finished
+            ]
+            lost = []
+            for future, point in ended:
+                if isinstance(future.exception(), BrokenProcessPool):
+                    lost.append(point)
+                else:
+                    yield future.result()
+            yield from self._again(lost)
+
+    def _again(self, lost: list[Point]) -> Iterator[Row]:
+        """Repeat points lost with a process, on a new pool; rows of those given up."""
+        for number, point in enumerate(lost):
+            # Only those that had begun, the first of them, can be what killed it.
+            count = self._attempts.get(point.name, 0) + (number < self._jobs)
+            self._attempts[point.name] = count
+            if count >= ATTEMPTS:
+                yield outcome(point, "failed", f"its process died {count} times")
+            else:
+                self.submit(point)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _leave_signals() -> None:
+    """Ctrl-C reaches all processes; a run listens to it by itself, and one that waits shall not complain."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+class DaskEngine:
+    """An existing Dask cluster, whose workers see the same files; it repeats what dies with a worker."""
+
+    def __init__(self, client: Any, as_completed: Any) -> None:
+        self._client = client
+        self._completed = as_completed([])
+        self._points: dict[str, Point] = {}
+
+    def submit(self, point: Point) -> None:
+        """Hand a point to the scheduler; earlier ones first."""
+        future = self._client.submit(solve_point, point, pure=False, priority=-len(self._points))
+        self._points[future.key] = point
+        self._completed.add(future)
+
+    def results(self) -> Iterator[Row]:
+        """Rows as they end."""
+        for future in self._completed:
+            point = self._points[future.key]
+            try:
+                row: Row = future.result()
+            except CancelledError as error:
+                raise RunError("the Dask scheduler has gone away", "start it, and the sweep again") from error
+            except Exception as error:
+                # Whatever happened on a worker belongs to this point alone.
+                row = outcome(point, "failed", f"{type(error).__name__}: {error}")
+            yield row
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._client.close()
+
+
+def dask_engine(scheduler: str) -> Engine:
+    """The cluster of the scheduler at this address; RunError without dask, and where nobody answers."""
+    try:
+        from distributed import Client, as_completed
+    except ImportError as error:
+        raise RunError("--scheduler needs dask", "pip install 'mlsanm[dask]'") from error
+    try:
+        client: Any = Client(scheduler, timeout=10)  # type: ignore[no-untyped-call, unused-ignore]
+    except (OSError, ValueError) as error:
+        raise RunError(
+            f"no Dask scheduler answers at {scheduler}: {error}", "as in --scheduler tcp://host:8786"
+        ) from error
+    return DaskEngine(client, as_completed)

@@ -1,0 +1,198 @@
+"""``mlsanm sweep``: a case solved for every combination of some values, each in a run directory of its own.
+
+Points of one geometry follow each other, so that a process that has its operators uses them again. The first
+point of every geometry goes ahead of the others, which then find its operators on disk.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.results.collect import collect, write_rows
+from mlsanm_cli.app.results.finished import finished, held_case
+from mlsanm_cli.app.run import RESULTS
+from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.sweep.engines import Engine, dask_engine, local_engine
+from mlsanm_cli.app.sweep.point import Point
+from mlsanm_cli.case import Case, resolved_mapping
+from mlsanm_cli.case.vary import parse_vary, points
+from mlsanm_cli.errors import CaseError, CaseProblem, RunError
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.memo import digest
+from mlsanm_cli.values import dataclass
+
+TABLE_FILE = "sweep.csv"
+RESULTS_PER_BODY = 6
+"""A process keeps so many of a scene's results for each of its bodies."""
+LONGEST = 120
+"""Longest name of a run directory, made of the values; what is longer ends with a digest."""
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """How a sweep is run: ``jobs`` processes here, or on the Dask cluster at ``scheduler``; ``force`` repeats
+    points that are done."""
+
+    jobs: int = 1
+    threads: int = 1
+    scheduler: str | None = None
+    cache: bool = True
+    force: bool = False
+
+
+def sweep(
+    case_path: Path,
+    varied: Sequence[str],
+    wishes: SweepOptions,
+    *,
+    overrides: tuple[str, ...] = (),
+    out: Path | None = None,
+    console: Console,
+    argv: tuple[str, ...] = (),
+) -> Mapping[str, Any]:
+    """Solve every point that is not done yet and write ``sweep.csv`` with a row for each.
+
+    ``varied`` are KEY=VALUES texts. Returns how many points are done, skipped because they were done before,
+    failed, and stopped or not begun, and a row per point that did not end well. Raises CaseError or RunError,
+    with nothing run, where a point cannot be run as written, and where a directory holds another case's run
+    unless forced.
+    """
+    if not varied:
+        raise RunError("nothing varies", "name a key and its values, as in --vary solver.order=10,20")
+    directory = (out or RESULTS / f"{case_path.stem}-sweep").absolute()
+    planned = _plan(case_path.absolute(), varied, wishes, overrides, directory, argv)
+    todo = [point for group in planned for point in group if not point.done]
+    total = sum(map(len, planned))
+    if len(todo) < total:
+        console.note(f"{total - len(todo)} of {total} points are done already")
+    rows: list[Mapping[str, Any]] = []
+    if todo:
+        engine = dask_engine(wishes.scheduler) if wishes.scheduler else local_engine(wishes.jobs)
+        try:
+            for row in _results(engine, planned):
+                rows.append(row)
+                count = row["warnings"]
+                warned = f", {count} warning{'s' if count > 1 else ''}" if count else ""
+                reason = f": {row['stop_reason']}" if row["status"] != "done" else ""
+                console.note(f"{len(rows)}/{len(todo)} {row['name']} {row['status']}{warned}{reason}")
+        except KeyboardInterrupt:
+            console.warning("stopped by a signal; the same command goes on with what is not done")
+    table = directory / TABLE_FILE
+    write_rows(table, collect([point.directory for group in planned for point in group]))
+    statuses = [row["status"] for row in rows]
+    return {
+        "directory": str(directory),
+        "table": str(table),
+        "directories": [str(point.directory) for group in planned for point in group],
+        "points": total,
+        "done": statuses.count("done"),
+        "skipped": total - len(todo),
+        "failed": statuses.count("failed"),
+        "stopped": len(todo) - statuses.count("done") - statuses.count("failed"),
+        "with_warnings": sum(row["warnings"] > 0 for row in rows),
+        "trouble": [row for row in rows if row["status"] != "done"],
+    }
+
+
+def _plan(
+    case_path: Path,
+    varied: Sequence[str],
+    wishes: SweepOptions,
+    overrides: tuple[str, ...],
+    directory: Path,
+    argv: tuple[str, ...],
+) -> list[list[Point]]:
+    """All points, checked, in groups of one geometry each."""
+    found: list[tuple[str, Point]] = []
+    problems: dict[str, Any] = {}
+    for values in points([parse_vary(text) for text in varied]):
+        try:
+            loaded = load_with_files(case_path, (*overrides, *values))
+        except CaseError as error:
+            named = [_named(problem, values) for problem in error.problems]
+            problems |= {str(problem): problem for problem in named}
+            continue
+        place = directory / point_name(values)
+        done = not wishes.force and finished(place, loaded.case_hash) is not None
+        if not done and not wishes.force:
+            _refuse_other(place, loaded.case_hash)
+        point = Point(
+            case=case_path,
+            overrides=(*overrides, *values),
+            directory=place,
+            name=place.name,
+            threads=wishes.threads,
+            cache=wishes.cache,
+            # Clouds, operators and answers of two geometries.
+            memory=2 * RESULTS_PER_BODY * (1 + len(loaded.case.body)),
+            argv=argv,
+            done=done,
+        )
+        found.append((geometry(loaded.case), point))
+    if problems:
+        raise CaseError(tuple(problems.values()))
+    order = list(dict.fromkeys(key for key, _ in found))
+    found.sort(key=lambda item: order.index(item[0]))
+    return [[point for _, point in group] for _, group in groupby(found, key=lambda item: item[0])]
+
+
+def _named(problem: CaseProblem, values: Sequence[str]) -> CaseProblem:
+    """A problem of a value that varies, told as such."""
+    texts = dict(text.split("=", 1) for text in values)
+    if problem.source != "--set" or problem.key not in texts:
+        return problem
+    value, hint = texts[problem.key].strip(), problem.hint
+    if value.startswith("["):
+        hint = f"values are listed without brackets: --vary {problem.key}={value[1:-1].replace(' ', '')}"
+    return replace(problem, source="--vary", hint=hint)
+
+
+def _refuse_other(directory: Path, case_hash: str) -> None:
+    """Raise RunError where a directory holds another case's run, or other files."""
+    other = held_case(directory)
+    if other is None:
+        run_dir.check(directory, force=False)
+    elif other != case_hash:
+        raise RunError(
+            f"{directory} holds the run of another case", "use --force to replace it, or another --out"
+        )
+
+
+def point_name(values: Sequence[str]) -> str:
+    """A directory's name for one point: its values, in whatever order they were named."""
+    name = ",".join(run_dir.file_part(value) for value in sorted(values)).replace("%3D", "=")
+    if len(name) <= LONGEST:
+        return name
+    return f"{name[:LONGEST]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+def geometry(case: Case) -> str:
+    """Equal for cases that share their operators; only the order of points depends on it."""
+    content = resolved_mapping(case)
+    contacts = [
+        {key: value for key, value in contact.items() if key != "regularization"}
+        | {"friction": contact["friction"] > 0.0}
+        for contact in content.get("contact", [])
+    ]
+    return digest(*(content.get(key) for key in ("model", "material", "body", "support", "mls")), contacts)
+
+
+def _results(engine: Engine, planned: Sequence[Sequence[Point]]) -> Iterator[Mapping[str, Any]]:
+    """Rows of the points that are not done, as they end; the first of a group before the rest of it."""
+    waiting: dict[str, list[Point]] = {}
+    with engine:
+        for group in planned:
+            todo = [point for point in group if not point.done]
+            if todo:
+                waiting[todo[0].name] = todo[1:]
+                engine.submit(todo[0])
+        for row in engine.results():
+            yield row
+            for point in waiting.pop(str(row["name"]), ()):
+                engine.submit(point)

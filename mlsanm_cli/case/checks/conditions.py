@@ -1,0 +1,178 @@
+"""Overlapping conditions: a component of a boundary is held or loaded, never both, and
+no surface in contact is held."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from mlsanm_cli.case.checks.draft import Draft
+from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.model.base import split_boundary
+from mlsanm_cli.case.model.case import Support
+from mlsanm_cli.case.model.loads import (
+    BodyForce,
+    Displacement,
+    ObstacleMotion,
+    Platen,
+    Pressure,
+    Temperature,
+    Traction,
+)
+from mlsanm_cli.case.report import Report
+from mlsanm_cli.values import dataclass
+
+Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
+
+# Kinds that may meet in one component: the same kind adds up, scaled by its own load factor.
+_ADDING: frozenset[Kind] = frozenset({"displacement", "traction", "platen force", "platen displacement"})
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A condition on one component (0: x, 1: y) of a boundary, or of a part of it only: where these lie, the
+    bodies' outlines tell."""
+
+    boundary: str
+    component: int
+    kind: Kind
+    path: KeyPath
+    label: str
+    partial: bool = False
+
+
+def check_conditions(draft: Draft, report: Report) -> None:
+    """Adds a problem for every pair of conditions that cannot both hold."""
+    claims = [*_support_claims(draft), *_load_claims(draft)]
+    taken: dict[tuple[str, int], list[Claim]] = {}
+    told: set[tuple[KeyPath, KeyPath]] = set()
+    for claim in claims:
+        earlier = taken.setdefault((claim.boundary, claim.component), [])
+        others = (one for one in earlier if not (claim.partial or one.partial))
+        other = next((one for one in others if not may_meet(one.kind, claim.kind)), None)
+        earlier.append(claim)
+        if other is not None and (other.path, claim.path) not in told:
+            told.add((other.path, claim.path))
+            component = "xy"[claim.component]
+            message = f"{claim.label} and {other.label} both act on {claim.boundary} in {component}"
+            report.add(claim.path, message, "one condition per boundary and direction")
+    _check_point_supports(draft, report)
+    _check_rotations(draft, report)
+    _check_obstacle_motions(draft, report)
+    _check_contact_surfaces(draft, report, claims)
+
+
+def may_meet(one: Kind, other: Kind) -> bool:
+    """Springs give way under tractions; what is of one kind adds up."""
+    return (one == other and one in _ADDING) or {one, other} == {"spring", "traction"}
+
+
+def _support_claims(draft: Draft) -> Iterator[Claim]:
+    for index, support in draft.supports.items():
+        if support.place is None:
+            continue
+        for boundary in support.place.boundaries:
+            for component, kind in support_components(support):
+                label, part = f"a {kind}", support.ends is not None
+                yield Claim(boundary, component, kind, ("support", index), label, part)
+
+
+def support_components(support: Support) -> Iterator[tuple[int, Kind]]:
+    """The components that a support holds or has springs in."""
+    for component, value in enumerate((support.ux, support.uy)):
+        if value is not None:
+            yield component, "support"
+    for component, spring in enumerate(support.spring or ()):
+        if spring:
+            yield component, "spring"
+
+
+def _load_claims(draft: Draft) -> Iterator[Claim]:
+    for index, load in draft.loads.items():
+        if isinstance(load, BodyForce | Temperature | ObstacleMotion):
+            continue
+        for boundary in [name for place in load.places for name in place.boundaries]:
+            # On a straight boundary along an axis a pressure leaves the other direction alone.
+            name, edge = split_boundary(boundary)
+            shape = draft.geometry(name)
+            normal = shape.normal(edge) if shape is not None and edge in shape.boundaries else None
+            for component, kind in load_components(load, normal):
+                label, part = f'load "{load.name}" ({kind})', load.ends is not None
+                yield Claim(boundary, component, kind, ("load", index), label, part)
+
+
+def load_components(
+    load: Traction | Pressure | Displacement | Platen, normal: tuple[float, float] | None
+) -> Iterator[tuple[int, Kind]]:
+    """The components that a load on a boundary prescribes, of which the ``normal`` is known if it is
+    straight."""
+    if isinstance(load, Platen):
+        for direction, (control, _) in load.control.items():
+            yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
+    elif isinstance(load, Displacement):
+        for component, value in enumerate(load.components):
+            if value is not None:
+                yield component, "displacement"
+    elif isinstance(load, Pressure):
+        for component in (0, 1):
+            if normal is None or normal[component] != 0.0:
+                yield component, "traction"
+    else:
+        for component in (0, 1):
+            if load.traction is None or load.traction[component] != 0.0:
+                yield component, "traction"
+
+
+def _check_point_supports(draft: Draft, report: Report) -> None:
+    seen: set[tuple[str, tuple[float, float], int]] = set()
+    for index, support in draft.supports.items():
+        if support.body is None or support.near is None:
+            continue
+        for component, value in enumerate((support.ux, support.uy)):
+            if value is None:
+                continue
+            point = (support.body, support.near, component)
+            if point in seen:
+                message = f"another support holds this point in {'xy'[component]} already"
+                report.add(("support", index), message)
+            seen.add(point)
+
+
+def _check_rotations(draft: Draft, report: Report) -> None:
+    first: dict[str, Platen] = {}
+    for index, load in draft.loads.items():
+        if not isinstance(load, Platen):
+            continue
+        other = first.setdefault(load.label, load)
+        if other.turning != load.turning:
+            message = f'"{load.turning}", but load "{other.name}" on the same platen says "{other.turning}"'
+            report.add(("load", index, "rotation"), message, "loads on one boundary move one platen")
+        elif other.hinge != load.hinge:
+            message = f'another point than in load "{other.name}" on the same platen'
+            report.add(("load", index, "hinge"), message, "loads on one boundary move one platen")
+
+
+def _check_obstacle_motions(draft: Draft, report: Report) -> None:
+    """A direction of an obstacle is moved by forces or by displacements."""
+    first: dict[tuple[str, str], tuple[str, str]] = {}
+    for index, load in draft.loads.items():
+        if isinstance(load, ObstacleMotion):
+            for direction, (control, _) in load.control.items():
+                other, name = first.setdefault((load.obstacle, direction), (control, load.name))
+                if other != control:
+                    message = f'{control} here, {other} in load "{name}" on the same obstacle in {direction}'
+                    report.add(("load", index), message, "one or the other in each direction")
+
+
+def _check_contact_surfaces(draft: Draft, report: Report, claims: list[Claim]) -> None:
+    for index, contact in draft.contacts.items():
+        for key, side in zip(("slave", "master"), contact.sides, strict=False):
+            path: KeyPath = ("contact", index, key)
+            for claim in claims:
+                # Given tractions and those of the contact add up.
+                apart = claim.partial and side.ends is not None
+                if claim.boundary in side.boundaries and claim.kind != "traction" and not apart:
+                    message = f"{claim.label} acts on the contact surface {claim.boundary}"
+                    hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
+                    report.add(path, message, hint)
+                    break

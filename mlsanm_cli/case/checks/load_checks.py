@@ -1,0 +1,130 @@
+"""Checks of loads and supports, each by itself and with its body's material."""
+
+from __future__ import annotations
+
+from mlsanm_cli.case.checks.draft import Draft
+from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.model.loads import Displacement, ObstacleMotion, Platen, Pressure, Temperature, Traction
+from mlsanm_cli.case.model.places import Stretch
+from mlsanm_cli.case.report import Report, suggestion
+
+
+def check_loads(draft: Draft, report: Report) -> None:
+    """Adds what is missing, given twice or contradicts itself in loads and supports."""
+    for index in draft.supports:
+        _check_support(draft, report, index)
+    for index, load in draft.loads.items():
+        path: KeyPath = ("load", index)
+        if isinstance(load, Stretch):
+            check_ends(load, path, report)
+        if isinstance(load, Platen | ObstacleMotion):
+            _check_moving(load, path, report)
+            if isinstance(load, Platen):
+                _check_turning(load, path, report)
+        elif isinstance(load, Traction | Pressure):
+            _check_value(load, path, report)
+        elif isinstance(load, Displacement):
+            _check_displacement(load, path, report)
+        elif isinstance(load, Temperature):
+            _check_temperature(draft, load, path, report)
+    _check_obstacle_names(draft, report)
+
+
+def check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
+    """Both ends of a part are given, or none."""
+    if (part.start is None) != (part.to is None):
+        key, other = ("from", "to") if part.to is None else ("to", "from")
+        report.add((*path, key), f'needs "{other}" too', "both ends of the part of the boundary")
+    elif part.start is not None and part.start == part.to:
+        report.add((*path, "to"), "is the same point", "the two ends of the part of the boundary")
+
+
+def _check_support(draft: Draft, report: Report, index: int) -> None:
+    support, path = draft.supports[index], ("support", index)
+    check_ends(support, path, report)
+    if support.boundary is None and (support.start is not None or support.to is not None):
+        report.add(path, '"from" and "to" are the ends of a part of a boundary', 'give "boundary"')
+    if support.boundary is not None and (support.body is not None or support.near is not None):
+        report.add(path, 'give either "boundary", or "body" and "near"')
+    elif support.boundary is None and (support.body is None or support.near is None):
+        if support.body is None and support.near is None:
+            report.add(path, "says nothing about where", 'give "boundary", or "body" and "near"')
+        else:
+            report.add(
+                path, '"body" and "near" go together', "near = [x, y] picks the nearest node of the body"
+            )
+    if support.spring is not None:
+        here: KeyPath = (*path, "spring")
+        if support.boundary is None:
+            report.add(here, "springs act along a boundary", 'give "boundary"')
+        if min(support.spring) < 0.0 or max(support.spring) == 0.0:
+            report.add(here, "a spring's stiffness is above 0", "0 only for the direction without a spring")
+    elif support.ux is None and support.uy is None:
+        report.add(path, "holds nothing", "give ux = 0.0, uy = 0.0 or both, or spring = [kx, ky]")
+
+
+def _check_value(load: Traction | Pressure, path: KeyPath, report: Report) -> None:
+    value = load.traction if isinstance(load, Traction) else load.pressure
+    if value is None and load.table is None:
+        report.add((*path, load.kind), "missing, and it has no default", f'give "{load.kind}" or "table"')
+    elif value is not None and load.table is not None:
+        report.add((*path, "table"), f'"{load.kind}" is given too', "one of the two")
+
+
+def _check_displacement(load: Displacement, path: KeyPath, report: Report) -> None:
+    single = [key for key in ("ux", "uy") if getattr(load, key) is not None]
+    if load.displacement is not None and single:
+        message = '"displacement" gives both directions already'
+        report.add((*path, single[0]), message, "displacement, or ux, or uy")
+    elif load.displacement is None and not single:
+        hint = "give displacement, or ux or uy alone"
+        report.add((*path, "displacement"), "missing, and it has no default", hint)
+
+
+def _check_temperature(draft: Draft, load: Temperature, path: KeyPath, report: Report) -> None:
+    body = next((body for body in draft.bodies.values() if body.name == load.body), None)
+    material = draft.materials.get(body.material) if body is not None else None
+    if body is not None and material is not None and material.alpha is None:
+        message = f'material "{body.material}" of body "{body.name}" has no thermal expansion'
+        report.add(path, message, f"give alpha in [material.{body.material}]")
+
+
+def _check_moving(load: Platen | ObstacleMotion, path: KeyPath, report: Report) -> None:
+    single = [key for key in ("ux", "uy", "fx", "fy") if getattr(load, key) is not None]
+    if load.force is not None and load.displacement is not None:
+        report.add(path, "has both force and displacement", "one direction each: ux or fx, uy or fy")
+    elif (load.force is not None or load.displacement is not None) and single:
+        both = "force" if load.force is not None else "displacement"
+        report.add(
+            (*path, single[0]), f'"{both}" gives both directions already', "ux or fx, and uy or fy instead"
+        )
+    elif not load.control:
+        what = "a platen" if isinstance(load, Platen) else "an obstacle's motion"
+        report.add(path, f"{what} needs a direction", "give force, displacement, or ux/uy/fx/fy")
+    for u, f in (("ux", "fx"), ("uy", "fy")):
+        if u in single and f in single:
+            report.add((*path, f), f"the direction has {u} already", "it is moved by one of the two")
+
+
+def _check_turning(load: Platen, path: KeyPath, report: Report) -> None:
+    """What turns a plate, and about what, goes with whether it may turn."""
+    if load.moment is not None and load.turning != "free":
+        hint = 'leave rotation away, or write rotation = "free"'
+        report.add((*path, "moment"), "a plate that is not free to turn takes no moment", hint)
+    if load.hinge is not None and load.turning == "fixed":
+        report.add((*path, "hinge"), "a plate that does not turn has no hinge", 'rotation = "free"')
+    if len(load.places) > 1 and load.ends is not None:
+        report.add((*path, "from"), "parts are those of one body", "one boundary, or whole boundaries")
+
+
+def _check_obstacle_names(draft: Draft, report: Report) -> None:
+    """Loads move obstacles that are there."""
+    names = [contact.name for contact in draft.contacts.values() if contact.obstacle is not None]
+    known = [name for _, name in draft.names("contact")]
+    for index, name in draft.texts("load", "obstacle"):
+        if name not in known:
+            hint = suggestion(name, names or known, "contacts with an obstacle")
+            report.add(("load", index, "obstacle"), f'there is no contact "{name}"', hint)
+        elif name in [contact.name for contact in draft.contacts.values()] and name not in names:
+            message = f'contact "{name}" has a master, and no obstacle'
+            report.add(("load", index, "obstacle"), message, 'a load of kind "platen" moves a boundary')

@@ -1,0 +1,190 @@
+"""What every table of the case file has in common, and the field types they share."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    PlainValidator,
+    WithJsonSchema,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError
+
+from mlsanm_cli.case.model.expressions import ExpressionError, compile_expression
+from mlsanm_cli.values import dataclass
+
+NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*")
+LONGEST_NAME = 80
+"""Names become parts of the names of files."""
+BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
+
+
+class Section(BaseModel):
+    """A table of the case file: frozen, no unknown keys, no nan or inf, no guessing between types.
+
+    The docstring below a key is what `mlsanm explain` and the JSON Schema say of it; keys that are tables
+    themselves are described by the docstring of their class.
+    """
+
+    # Deferred: the whole case is built once, when it is needed, and not every table before it too.
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What a number measures; `mlsanm explain` and the JSON Schema tell it."""
+
+    name: str
+
+    def __get_pydantic_json_schema__(
+        self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return {**handler(core_schema), UNIT: self.name}
+
+
+UNIT = "x-unit"
+LENGTH, STRESS, FORCE = Unit("length"), Unit("stress"), Unit("force per thickness")
+ANGLE, NUMBER = Unit("degrees"), Unit("dimensionless")
+DENSITY, FOUNDATION = Unit("force per volume"), Unit("stress per length")
+TEMPERATURE, EXPANSION = Unit("temperature"), Unit("per temperature")
+TURN, MOMENT = Unit("radian"), Unit("moment per thickness")
+
+
+def _two_items(value: Any) -> Any:
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise PydanticCustomError("vector", "expected two numbers, as in [0.0, 1.0]")
+    return value
+
+
+def _name(value: Any) -> str:
+    if isinstance(value, str) and len(value) > LONGEST_NAME:
+        raise PydanticCustomError("name", f"a name has {LONGEST_NAME} characters at most")
+    if not isinstance(value, str) or NAME_PATTERN.fullmatch(value) is None:
+        raise PydanticCustomError(
+            "name", "a name has letters, digits, _ and - only, and is no number: it is used in keys and files"
+        )
+    return value
+
+
+def _auto_or_count(value: Any) -> int | Literal["auto"]:
+    if value == "auto":
+        return "auto"
+    if isinstance(value, bool) or not isinstance(value, int) or value <= 0:
+        raise PydanticCustomError("auto_or_count", 'expected "auto" or a whole number above 0')
+    return value
+
+
+def _auto_or_length(value: Any) -> float | Literal["auto"]:
+    if value == "auto":
+        return "auto"
+    number = float("nan")
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = float("inf")
+    if not 0.0 < number < float("inf"):
+        raise PydanticCustomError("auto_or_length", 'expected "auto" or a number above 0')
+    return number
+
+
+def _coefficient(value: Any) -> float | Literal["bonded"]:
+    if value == "bonded":
+        return "bonded"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("coefficient", 'expected a number from 0, or "bonded"')
+    if not math.isfinite(value):
+        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+    if value < 0.0:
+        raise PydanticKnownError("greater_than_equal", {"ge": 0})
+    return float(value)
+
+
+def _rotation(value: Any) -> float | Literal["fixed", "free"]:
+    if isinstance(value, str) and value in ("fixed", "free"):
+        return "fixed" if value == "fixed" else "free"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("rotation", 'expected "fixed", "free", or an angle in radian')
+    if not math.isfinite(value):
+        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+    return float(value)
+
+
+def _amount(value: Any) -> float | str:
+    if isinstance(value, str):
+        try:
+            compile_expression(value)
+        except ExpressionError as error:
+            raise PydanticCustomError("expression", "{problem}", {"problem": str(error)}) from error
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("amount", "expected a number, or an expression in x and y in quotes")
+    if not math.isfinite(value):
+        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+    return float(value)
+
+
+Vector = Annotated[tuple[float, float], BeforeValidator(_two_items)]
+"""Two finite numbers."""
+
+Amount = Annotated[
+    float | str, PlainValidator(_amount), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})
+]
+"""A finite number, or an expression in x and y."""
+
+AmountVector = Annotated[tuple[Amount, Amount], BeforeValidator(_two_items)]
+"""Two of them."""
+
+Positive = Annotated[float, Field(gt=0.0)]
+"""A finite number above 0."""
+
+Name = Annotated[
+    str,
+    PlainValidator(_name),
+    WithJsonSchema({"type": "string", "pattern": f"^{NAME_PATTERN.pattern}$", "maxLength": LONGEST_NAME}),
+]
+"""The name of a body, load, contact or material."""
+
+AutoCount = Annotated[
+    int | Literal["auto"],
+    PlainValidator(_auto_or_count),
+    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "integer", "exclusiveMinimum": 0}]}),
+]
+AutoLength = Annotated[
+    float | Literal["auto"],
+    PlainValidator(_auto_or_length),
+    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0.0}]}),
+]
+
+
+Rotation = Annotated[
+    float | Literal["fixed", "free"],
+    PlainValidator(_rotation),
+    WithJsonSchema({"anyOf": [{"enum": ["fixed", "free"]}, {"type": "number"}]}),
+]
+"""Whether a plate may turn, or by what angle it does."""
+
+Coefficient = Annotated[
+    float | Literal["bonded"],
+    PlainValidator(_coefficient),
+    WithJsonSchema({"anyOf": [{"const": "bonded"}, {"type": "number", "minimum": 0.0}]}),
+]
+"""A coefficient of friction, or surfaces that are one."""
+
+
+def split_boundary(boundary: str) -> tuple[str, str]:
+    """Body and edge of a boundary name.
+
+    >>> split_boundary("block.top")
+    ('block', 'top')
+    """
+    body, _, edge = boundary.partition(".")
+    return body, edge

@@ -1,0 +1,211 @@
+"""Materials: isotropic, orthotropic or a plane stiffness as it is, and whether such a material can exist."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.model.base import ANGLE, EXPANSION, NUMBER, STRESS, Positive, Section
+from mlsanm_cli.case.report import Report
+
+Triple = tuple[float, float, float]
+Form = Literal["isotropic", "orthotropic", "stiffness"]
+
+_TRIPLE = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+_MATRIX = {"type": "array", "items": _TRIPLE, "minItems": 3, "maxItems": 3}
+
+FORMS: dict[Form, tuple[str, ...]] = {
+    "isotropic": ("E", "nu"),
+    "orthotropic": ("E1", "E2", "G12", "nu12"),
+    "stiffness": ("stiffness",),
+}
+"""The keys that each form of a material needs."""
+ACROSS = ("E3", "nu13", "nu23")
+"""What an orthotropic material needs beyond that in plane strain."""
+SYMMETRIC = 1e-9
+DEFINITE = 1e-12
+"""Least determinants of a stiffness or compliance scaled to a unit diagonal."""
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _triple(value: Any) -> Triple:
+    if not isinstance(value, tuple) or len(value) != 3 or not all(map(_number, value)):
+        raise PydanticCustomError("triple", "expected three numbers")
+    return float(value[0]), float(value[1]), float(value[2])
+
+
+def _matrix(value: Any) -> tuple[Triple, Triple, Triple]:
+    try:
+        if isinstance(value, tuple) and len(value) == 3:
+            return _triple(value[0]), _triple(value[1]), _triple(value[2])
+    except PydanticCustomError:
+        pass
+    raise PydanticCustomError("matrix", "expected three rows of three numbers, in the order xx, yy, xy")
+
+
+def _expansion(value: Any) -> float | Triple:
+    if _number(value):
+        return float(value)
+    try:
+        return _triple(value)
+    except PydanticCustomError as error:
+        raise PydanticCustomError("expansion", "expected a number, or a list of three") from error
+
+
+class Material(Section):
+    """Elasticity in one of three forms (stress unit), and thermal expansion ``alpha`` per degree.
+
+    Isotropic by E and nu; orthotropic by E1, E2, G12, nu12 along axes turned by ``angle`` (degrees) from x,
+    in plane strain with E3, nu13, nu23 of the third axis; or ``stiffness`` between plane stresses and strains
+    in the order xx, yy, xy, the last strain being the engineer's.
+    """
+
+    E: Annotated[Positive, STRESS] | None = None
+    """Young's modulus."""
+    nu: Annotated[float, NUMBER] | None = None
+    """Poisson's ratio, above -1 and up to 0.5; below 0.5 in plane strain."""
+    E1: Annotated[Positive, STRESS] | None = None
+    """Young's modulus along the first axis of an orthotropic material."""
+    E2: Annotated[Positive, STRESS] | None = None
+    """Young's modulus along the second axis."""
+    E3: Annotated[Positive, STRESS] | None = None
+    """Young's modulus across the plane; plane strain needs it."""
+    G12: Annotated[Positive, STRESS] | None = None
+    """Shear modulus in the plane."""
+    nu12: Annotated[float, NUMBER] | None = None
+    """Contraction along the second axis over stretch along the first."""
+    nu13: Annotated[float, NUMBER] | None = None
+    """Contraction across the plane over stretch along the first axis; plane strain needs it."""
+    nu23: Annotated[float, NUMBER] | None = None
+    """Contraction across the plane over stretch along the second axis; plane strain needs it."""
+    angle: Annotated[float, ANGLE] | None = None
+    """From the x axis to the first axis, counter-clockwise; 0 by default."""
+    stiffness: (
+        Annotated[tuple[Triple, Triple, Triple], PlainValidator(_matrix), WithJsonSchema(_MATRIX), STRESS]
+        | None
+    ) = None
+    """Between plane strains and stresses in the order xx, yy, xy, the last strain being the engineer's."""
+    alpha: (
+        Annotated[
+            float | Triple,
+            PlainValidator(_expansion),
+            WithJsonSchema({"anyOf": [{"type": "number"}, _TRIPLE]}),
+            EXPANSION,
+        ]
+        | None
+    ) = None
+    """Thermal expansion: one number, or three where the material has axes; none by default."""
+
+    law: Literal["linear", "saint-venant-kirchhoff", "neo-hookean"] = "linear"
+    """Elastic law: linear for small strains; for finite ones Saint Venant-Kirchhoff (large rotations,
+    moderate strains) or compressible neo-Hookean (large strains), by the E and nu of small strains."""
+
+    @property
+    def form(self) -> Form:
+        """Which form the keys belong to; isotropic where there are none."""
+        if self.stiffness is not None:
+            return "stiffness"
+        given = [getattr(self, key) for key in (*FORMS["orthotropic"], *ACROSS, "angle")]
+        return "orthotropic" if any(value is not None for value in given) else "isotropic"
+
+
+def check_material(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
+    """Adds what is missing or contradicts itself, and stiffnesses that no material has in ``plane``."""
+    form = material.form
+    allowed = {*FORMS[form], "alpha", "law", *((*ACROSS, "angle") if form == "orthotropic" else ())}
+    for key in material.model_fields_set - allowed:
+        message = f"does not go together with {', '.join(FORMS[form])}"
+        report.add((*path, key), message, "E, nu; or E1, E2, G12, nu12; or stiffness")
+    needed = [*FORMS[form], *(ACROSS if form == "orthotropic" and plane == "strain" else ())]
+    missing = [key for key in needed if getattr(material, key) is None]
+    for key in missing:
+        hint = {
+            "isotropic": "" if material.model_fields_set else "E, nu; or E1, E2, G12, nu12; or stiffness",
+            "orthotropic": "plane strain needs the third axis too" if key in ACROSS else "",
+            "stiffness": "",
+        }[form]
+        report.add((*path, key), "missing, and it has no default", hint)
+    if not missing:
+        {"isotropic": _check_isotropic, "orthotropic": _check_orthotropic, "stiffness": _check_stiffness}[
+            form
+        ](material, path, plane, report)
+    _check_expansion(material, path, plane, report)
+
+
+def _check_isotropic(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
+    assert material.nu is not None
+    if plane == "strain" and material.nu == 0.5:
+        hint = "take a value below 0.5, or plane stress"
+        report.add((*path, "nu"), "0.5 (incompressible) has no plane strain stiffness", hint)
+    elif not -1.0 < material.nu <= 0.5:
+        report.add((*path, "nu"), f"{material.nu:g} is not between -1 and 0.5")
+
+
+def _check_orthotropic(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
+    """The compliance must be positive definite (Lempriere 1968, doi:10.2514/3.4974)."""
+    moduli = [material.E1, material.E2, material.E3]
+    sound = True
+    for key, first, second in (("nu12", 0, 1), ("nu13", 0, 2), ("nu23", 1, 2)):
+        one, other, value = moduli[first], moduli[second], getattr(material, key)
+        if one is None or other is None or value is None:
+            continue
+        limit = math.sqrt(one / other)
+        if not abs(value) < limit:
+            sound = False
+            message = f"{value:g} is not between -{limit:g} and {limit:g}, the square root of "
+            report.add((*path, key), f"{message}E{first + 1}/E{second + 1}")
+    third = [getattr(material, key) for key in ACROSS]
+    if sound and None not in third:
+        # The compliance scaled to a unit diagonal.
+        cross = [
+            -getattr(material, f"nu{i}{j}")
+            * math.sqrt(getattr(material, f"E{j}") / getattr(material, f"E{i}"))
+            for i, j in ((1, 2), (1, 3), (2, 3))
+        ]
+        unit = [[1.0, cross[0], cross[1]], [cross[0], 1.0, cross[2]], [cross[1], cross[2], 1.0]]
+        if not _determinant(unit) > DEFINITE:
+            message = "nu12, nu13 and nu23 together give a stiffness that is not positive"
+            report.add((*path, "nu12"), message, "make them smaller")
+
+
+def _check_stiffness(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
+    assert material.stiffness is not None
+    c, here = material.stiffness, (*path, "stiffness")
+    largest = max(abs(value) for row in c for value in row)
+    if any(abs(c[i][j] - c[j][i]) > SYMMETRIC * largest for i, j in ((0, 1), (0, 2), (1, 2))):
+        report.add(here, "is not symmetric", "rows and columns are xx, yy, xy; the last strain is 2 e_xy")
+    elif not _positive(c):
+        report.add(here, "is not positive definite: some strain would release energy")
+
+
+def _positive(c: Sequence[Sequence[float]]) -> bool:
+    if not all(c[i][i] > 0.0 for i in range(3)):
+        return False
+    root = [math.sqrt(c[i][i]) for i in range(3)]
+    unit = [[c[i][j] / (root[i] * root[j]) for j in range(3)] for i in range(3)]
+    return 1.0 - unit[0][1] ** 2 > DEFINITE and _determinant(unit) > DEFINITE
+
+
+def _determinant(m: Sequence[Sequence[float]]) -> float:
+    return (
+        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1])
+        - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
+        + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
+    )
+
+
+def _check_expansion(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
+    listed = isinstance(material.alpha, tuple)
+    if listed and material.form == "isotropic":
+        report.add((*path, "alpha"), "an isotropic material has one number")
+    elif material.form == "stiffness" and material.alpha is not None and plane == "strain" and not listed:
+        message = "a plane stiffness does not tell how expansion across the plane acts in it"
+        report.add((*path, "alpha"), message, "give the plane strains per degree, [xx, yy, xy]")

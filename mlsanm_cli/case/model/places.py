@@ -1,0 +1,115 @@
+"""Where something acts: a boundary, several that are one surface, or a part of them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, LENGTH, Section, Vector, split_boundary
+from mlsanm_cli.case.model.chains import Point
+from mlsanm_cli.values import dataclass
+
+_NAME = {"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}
+
+
+def _boundaries(value: Any) -> str | tuple[str, ...]:
+    names = value if isinstance(value, tuple) else (value,)
+    if not names or not all(isinstance(name, str) and BOUNDARY_PATTERN.fullmatch(name) for name in names):
+        text = 'expected "<body>.<boundary>", as in "block.top", or a list of such names'
+        raise PydanticCustomError("boundary", text)
+    if len({split_boundary(name)[0] for name in names}) > 1:
+        raise PydanticCustomError("boundary", "the boundaries of a list are those of one body")
+    if len(set(names)) < len(names):
+        raise PydanticCustomError("boundary", "a boundary is listed twice")
+    return names if isinstance(value, tuple) else names[0]
+
+
+Boundaries = Annotated[
+    str | tuple[str, ...],
+    PlainValidator(_boundaries),
+    WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
+]
+"""A boundary of a body, or several that are one surface."""
+
+
+def _plated(value: Any) -> str | tuple[str, ...]:
+    names = value if isinstance(value, tuple) else (value,)
+    bodies = list(dict.fromkeys(split_boundary(name)[0] for name in names if isinstance(name, str)))
+    if len(bodies) < 2:
+        return _boundaries(value)
+    # Each body's own are judged as others are.
+    for body in bodies:
+        own = [name for name in names if not isinstance(name, str) or split_boundary(name)[0] == body]
+        _boundaries(tuple(own))
+    return names
+
+
+PlateBoundaries = Annotated[
+    str | tuple[str, ...],
+    PlainValidator(_plated),
+    WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
+]
+"""The same, of one body or of several that one plate moves."""
+
+
+def listed(boundaries: str | tuple[str, ...] | None) -> tuple[str, ...]:
+    """The names of a boundary or of several, none of None.
+
+    >>> listed("block.top")
+    ('block.top',)
+    """
+    if boundaries is None:
+        return ()
+    return (boundaries,) if isinstance(boundaries, str) else boundaries
+
+
+def label_of(boundaries: tuple[str, ...]) -> str:
+    """What a surface of several boundaries is called.
+
+    >>> label_of(("pad.left", "pad.foot"))
+    'pad.left+foot'
+    """
+    return "+".join([boundaries[0], *(split_boundary(name)[1] for name in boundaries[1:])])
+
+
+@dataclass(frozen=True)
+class Place:
+    """Boundaries of one body, or their part between the points of them that are nearest to two ``ends``."""
+
+    boundaries: tuple[str, ...]
+    ends: tuple[Point, Point] | None = None
+
+    @property
+    def body(self) -> str:
+        """The body."""
+        return split_boundary(self.boundaries[0])[0]
+
+    @property
+    def edges(self) -> tuple[str, ...]:
+        """The boundaries without the body's name."""
+        return tuple(split_boundary(name)[1] for name in self.boundaries)
+
+    @property
+    def label(self) -> str:
+        """What it is called in messages and results."""
+        if self.ends is None:
+            return label_of(self.boundaries)
+        (a, b), (c, d) = self.ends
+        return f"{label_of(self.boundaries)} from ({a:g}, {b:g}) to ({c:g}, {d:g})"
+
+
+class Stretch(Section):
+    """From where to where on a boundary something acts; all along it by default."""
+
+    start: Annotated[Vector, LENGTH] | None = Field(default=None, alias="from")
+    """It acts on the part of the boundary between the points nearest to this one and to `to`; on all of it
+    by default. On closed boundaries the part from here on with the material on the left."""
+    to: Annotated[Vector, LENGTH] | None = None
+    """The other end of the part that it acts on."""
+
+    @property
+    def ends(self) -> tuple[Point, Point] | None:
+        """Both ends, None where it acts all along."""
+        return None if self.start is None or self.to is None else (self.start, self.to)

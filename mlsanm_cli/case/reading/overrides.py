@@ -1,0 +1,169 @@
+"""``--set KEY=VALUE``: changes to the content of a case file before it is validated."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from collections.abc import Sequence
+from typing import Any
+
+from mlsanm_cli.case.lines import DEEPEST, KeyPath
+from mlsanm_cli.case.reading.limits import text_problem
+from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.errors import CaseProblem
+
+SOURCE = "--set"
+_PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'\s]+))\s*(\.|$)""")
+
+
+ALL = "*"
+"""In a key it stands for all items of a list, or all tables of a table like ``material``."""
+_WORD = re.compile(r"[^\W\d][^\n\"'\[\]{}#=,]*|[./~][^\n\"'\[\]{}#=,]*[^\W\d][^\n\"'\[\]{}#=,]*")
+
+
+def is_word(text: str) -> bool:
+    """Whether a value that is no TOML is a text without its quotes, as a shell takes them away.
+
+    >>> [is_word(text) for text in ("exact", "meshes/a.msh", "1e-", "[1", "")]
+    [True, True, False, False, False]
+    """
+    return _WORD.fullmatch(text) is not None
+
+
+class _BadOverride(Exception):
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__()
+        self.message = message
+        self.hint = hint
+
+
+def apply_overrides(
+    data: dict[str, Any], overrides: Sequence[str]
+) -> tuple[dict[str, Any], frozenset[KeyPath], tuple[CaseProblem, ...]]:
+    """The content with the overrides in it, the paths they changed, and what was wrong with them.
+
+    They apply in order, each to the result of those before. ``data`` itself stays as it is.
+    """
+    content = copy.deepcopy(data)
+    changed: set[KeyPath] = set()
+    problems: list[CaseProblem] = []
+    for text in overrides:
+        key, sign, value = text.partition("=")
+        try:
+            if not sign:
+                raise _BadOverride("expected KEY=VALUE", "as in --set solver.order=15")
+            parts, new = _parts(key), _value(key.strip(), value)
+            for chosen in _spread(content, parts):
+                changed.add(_assign(content, chosen, copy.deepcopy(new)))
+        except _BadOverride as bad:
+            name = key.strip() or text
+            problems.append(CaseProblem(name, bad.message, 0, SOURCE, bad.hint))
+    return content, frozenset(changed), tuple(problems)
+
+
+def key_path(content: dict[str, Any], key: str) -> KeyPath:
+    """Where a dotted key, with list items by name, leads in the content; as far as it can be followed.
+
+    >>> key_path({"load": [{"name": "press"}]}, "load.press.force")
+    ('load', 0, 'force')
+    """
+    path: KeyPath = ()
+    table: Any = content
+    parts = _parts(key)
+    for position, part in enumerate(parts):
+        try:
+            step = _step(table, part, parts[:position])
+            path = (*path, step)
+            table = table[step]
+        except (_BadOverride, KeyError):
+            break
+    return path
+
+
+def _parts(key: str) -> list[str]:
+    parts: list[str] = []
+    at = 0
+    more = True
+    while more:
+        if len(parts) == DEEPEST:
+            raise _BadOverride(f"is a key of {DEEPEST} parts or more")
+        found = _PART.match(key, at)
+        if found is None:
+            raise _BadOverride("is no dotted key", "as in contact.interface.reach or body.0.spacing")
+        parts.append(next(group for group in found.groups()[:3] if group is not None))
+        at = found.end()
+        more = found.group(4) == "."
+    return parts
+
+
+def _value(key: str, text: str) -> Any:
+    _, problem = text_problem(text)
+    if problem:
+        raise _BadOverride(f"the value has {problem}")
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        parsed = {}
+    word = text.strip()
+    if parsed.keys() != {"value"} and is_word(word):
+        return word
+    if parsed.keys() != {"value"}:
+        hint = f"""text needs quotes: --set '{key}="{word}"'""" if word and '"' not in word else ""
+        raise _BadOverride(f"the value {word or '(nothing)'} is no TOML", hint)
+    return parsed["value"]
+
+
+def _spread(content: dict[str, Any], parts: list[str]) -> list[list[str]]:
+    """The keys that a key with stars in it stands for."""
+    if ALL not in parts:
+        return [parts]
+    at = parts.index(ALL)
+    table: Any = content
+    for position, part in enumerate(parts[:at]):
+        step = _step(table, part, parts[:position])
+        table = table.get(step) if isinstance(table, dict) else table[step]
+    names = list(table) if isinstance(table, dict) else [str(k) for k in range(len(table or []))]
+    if not names or at == len(parts) - 1:
+        where = ".".join(parts[:at])
+        raise _BadOverride(f'"{where}.*" stands for nothing here', "as in contact.*.friction=0.3")
+    spread = (_spread(content, [*parts[:at], name, *parts[at + 1 :]]) for name in names)
+    return [key for keys in spread for key in keys]
+
+
+def _assign(content: dict[str, Any], parts: list[str], value: Any) -> KeyPath:
+    path: KeyPath = ()
+    table: Any = content
+    for position, part in enumerate(parts):
+        last = position == len(parts) - 1
+        step = _step(table, part, parts[:position])
+        path = (*path, step)
+        if last:
+            table[step] = value
+        elif isinstance(table, dict) and step not in table:
+            if parts[position + 1].isdecimal():
+                raise _BadOverride(
+                    f'"{part}" has no items', f"the case file has no {'.'.join(parts[: position + 1])}"
+                )
+            table[step] = {}
+        table = table[step]
+    return path
+
+
+def _step(table: Any, part: str, before: list[str]) -> str | int:
+    """The key or the index that a part of a dotted key means in this table or list."""
+    where = ".".join(before)
+    if isinstance(table, dict):
+        return part
+    if not isinstance(table, list):
+        raise _BadOverride(f'"{where}" is a single value and has nothing below it')
+    names = [item.get("name") if isinstance(item, dict) else None for item in table]
+    if part in names:
+        return names.index(part)
+    if part.isdecimal() and int(part) < len(table):
+        return int(part)
+    known = [name for name in names if isinstance(name, str)]
+    if part.isdecimal() or not known:
+        count = f"it has {len(table)} item{'' if len(table) == 1 else 's'}, counted from 0"
+        raise _BadOverride(f'"{where}" has no item {part}', count)
+    raise _BadOverride(f'"{where}" has no item named "{part}"', suggestion(part, known))

@@ -1,0 +1,244 @@
+"""From a case file to a validated case, or to the list of everything wrong with it."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from mlsanm_cli.case.checks.draft import look_into_files, make_draft
+from mlsanm_cli.case.checks.relations import run_checks
+from mlsanm_cli.case.lines import KeyPath, key_lines
+from mlsanm_cli.case.model.case import Case
+from mlsanm_cli.case.model.files import Survey, no_files
+from mlsanm_cli.case.model.tables import inline_tables
+from mlsanm_cli.case.reading.limits import number_problems, size_problems, text_problem
+from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
+from mlsanm_cli.case.reading.schema_errors import report_schema_errors
+from mlsanm_cli.case.reading.unsupported import refusals
+from mlsanm_cli.case.report import Report, nearest
+from mlsanm_cli.errors import CaseError, CaseProblem, RunError
+from mlsanm_cli.inputs import MB, is_text, read_input
+from mlsanm_cli.values import dataclass
+
+MOST_CASES = 1000
+"""Case files of a directory that are looked through for a name."""
+LARGEST = 16 * MB
+"""Largest case file, in bytes."""
+
+
+@dataclass(frozen=True)
+class LoadedCase:
+    """A validated case with the text it came from.
+
+    ``case_hash`` is the SHA-256 of the resolved content: equal for equal cases, however they were written.
+    """
+
+    case: Case
+    raw: str
+    path: Path
+    overrides: tuple[str, ...]
+    case_hash: str
+
+    def located(self, error: CaseError) -> CaseError:
+        """The same problems with file and line, found by their keys (list items by name)."""
+        content, changed, _ = apply_overrides(tomllib.loads(self.raw), self.overrides)
+        report = Report(content, key_lines(self.raw), str(self.path), changed)
+        for problem in error.problems:
+            report.add(key_path(content, problem.key), problem.message, problem.hint)
+        return CaseError(report.problems)
+
+
+def load_case(
+    path: Path, overrides: Sequence[str] = (), inspect_geometry_file: Survey = no_files
+) -> LoadedCase:
+    """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation.
+
+    ``inspect_geometry_file`` looks into the files of bodies that are not drawn in the case itself.
+
+    Raises RunError when the file cannot be read and CaseError with every problem found otherwise.
+    """
+    if not is_text(path.absolute()):
+        # Files of bodies are stored with their whole path.
+        raise RunError(f"the path {str(path.absolute())!r} is no UTF-8 text", "rename the directories in it")
+    try:
+        content = read_input(path, LARGEST, what="case file", streams=True)
+    except RunError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            raise RunError(error.message, _nearest_case(path)) from error
+        raise
+    try:
+        # A byte order mark, as some editors write it, is no part of the text.
+        text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
+    except UnicodeDecodeError as error:
+        raise RunError(
+            f"{path} is no UTF-8 text (byte {error.start})", "a case is a TOML text file"
+        ) from error
+    return parse_case(text, path, overrides, inspect_geometry_file)
+
+
+def _nearest_case(path: Path) -> str:
+    """The case file whose name is most like that of one that is not there."""
+    try:
+        there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:MOST_CASES]}
+    except (OSError, ValueError):
+        return ""
+    found = nearest(path.stem, there)
+    if found:
+        return f"did you mean {there[found]}?"
+    listed = ", ".join(str(one) for one in list(there.values())[:5])
+    return f"cases there: {listed}" if listed else "mlsanm new writes one to begin with"
+
+
+def parse_case(
+    text: str, path: Path, overrides: Sequence[str] = (), inspect_geometry_file: Survey = no_files
+) -> LoadedCase:
+    """The same from a text; ``path`` names the source in messages and the folder of its files.
+
+    Raises CaseError.
+    """
+    source = str(path)
+    content, lines = _parse_toml(text, source)
+    _refuse_sizes(content, Report(content, lines, source))
+    content, changed, bad_overrides = apply_overrides(content, overrides)
+    _refuse_sizes(content, Report(content, lines, source, changed))
+    data = _anchored({key: _frozen(value) for key, value in content.items()}, path.parent)
+    data, bad_tables = inline_tables(data, path.parent)
+    report = Report(data, lines, source, changed)
+    covered: list[KeyPath] = []
+    for table, message in bad_tables:
+        report.add(table, message)
+        covered.append(table)
+    for key, message, hint in number_problems(data):
+        report.add(key, message, hint)
+        covered.append(key)
+    for refusal in refusals(data):
+        report.add(refusal.path, refusal.message, refusal.hint)
+        covered.append(refusal.covers)
+    case: Case | None = None
+    try:
+        case = Case.model_validate(data)
+    except ValidationError as error:
+        report_schema_errors(report, error, frozenset(covered))
+    draft, digests = look_into_files(make_draft(data, case), inspect_geometry_file, report)
+    run_checks(draft, report)
+    problems = report.problems + bad_overrides
+    if problems or case is None:
+        raise CaseError(problems)
+    case = _with_digests(case, digests)
+    return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
+
+
+def stored_case(text: str) -> Case:
+    """The resolved case of a run, which was checked when it ran: files it names need not be there any more.
+
+    Raises RunError for a text that is no such case.
+    """
+    try:
+        return Case.model_validate({key: _frozen(value) for key, value in tomllib.loads(text).items()})
+    except ValueError as error:
+        raise RunError("the case stored in the run is damaged, or of another version") from error
+
+
+def _anchored(data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The content with the files of its shapes as absolute paths."""
+    bodies = data.get("body")
+    if not isinstance(bodies, tuple):
+        return data
+    return {**data, "body": tuple(_anchored_body(body, folder) for body in bodies)}
+
+
+def _anchored_body(body: Any, folder: Path) -> Any:
+    shape = body.get("shape") if isinstance(body, Mapping) else None
+    file = shape.get("file") if isinstance(shape, Mapping) else None
+    if not isinstance(file, str) or not file:
+        return body
+    assert isinstance(body, Mapping)
+    assert isinstance(shape, Mapping)
+    return {**body, "shape": {**shape, "file": str((folder / file).absolute())}}
+
+
+def _with_digests(case: Case, digests: Mapping[int, str]) -> Case:
+    """The case with the SHA-256 of the files it was checked with."""
+    bodies = list(case.body)
+    for index, digest in digests.items():
+        shape = bodies[index].shape.model_copy(update={"sha256": digest})
+        bodies[index] = bodies[index].model_copy(update={"shape": shape})
+    return case.model_copy(update={"body": tuple(bodies)})
+
+
+def resolved_mapping(case: Case) -> dict[str, Any]:
+    """The case as nested plain values with every default filled in; keys without a value are left out.
+
+    Written as TOML and loaded again it gives an equal case.
+    """
+    plain = _plain(case.model_dump(mode="python", exclude_none=True, by_alias=True))
+    assert isinstance(plain, dict)
+    return plain
+
+
+def case_hash(case: Case) -> str:
+    """SHA-256 of the resolved content in a canonical writing; of files the content counts, not the path."""
+    content = resolved_mapping(case)
+    for body in content["body"]:
+        if "sha256" in body["shape"]:
+            del body["shape"]["file"]
+    text = json.dumps(content, sort_keys=True, ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _refuse_sizes(content: dict[str, Any], report: Report) -> None:
+    for key, message, hint in size_problems(content):
+        report.add(key, message, hint)
+    if report.problems:
+        raise CaseError(report.problems)
+
+
+def _parse_toml(text: str, source: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+    line, problem = text_problem(text)
+    if line:
+        raise CaseError((CaseProblem("(file)", problem, line, source, "no case needs that"),))
+    try:
+        return tomllib.loads(text), key_lines(text)
+    except RecursionError as error:
+        raise CaseError((CaseProblem("(file)", "lists are nested too deeply", 1, source),)) from error
+    except ValueError as error:
+        message = str(error)
+        place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
+        line = 1
+        if place is not None:
+            message = message[: place.start()]
+            line = int(place.group(1)) if place.group(1) else max(len(text.splitlines()), 1)
+        hint = _syntax_hint(message)
+        raise CaseError((CaseProblem("(syntax)", message, line, source, hint),)) from error
+
+
+def _syntax_hint(message: str) -> str:
+    if message.startswith("Invalid value"):
+        return "text needs quotes, numbers a digit before and after the point"
+    if "overwrite" in message.lower() or "twice" in message.lower():
+        return "the key or table is there already"
+    return ""
+
+
+def _frozen(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_frozen(item) for item in value)
+    if isinstance(value, Mapping):
+        return {key: _frozen(item) for key, item in value.items()}
+    return value
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return value

@@ -1,0 +1,1 @@
+"""Surfaces that face each other: pairs, contact grids, obstacles, offsets."""

@@ -1,0 +1,38 @@
+"""The range of a contact in which pressures may lie."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.near import Facing
+from mlsanm_cli.mechanics.corner import Corner
+from mlsanm_cli.values import dataclass
+
+SIGHTS = 2000
+"""Places at which a range is looked at for summits of its profile."""
+
+
+@dataclass(frozen=True)
+class ContactRange:
+    """A contact's range from ``first`` to ``last``, the place ``nearest`` to the other surface, where fields
+    end in hollows, the ``corners`` of both bodies that pressures may come near, and in how many ``places``
+    surfaces come close. Ends that are ``whole`` are where one of the surfaces ends, so that there may be
+    pressures right up to it."""
+
+    facing: Facing
+    first: float
+    last: float
+    nearest: float
+    centers: tuple[complex | None, complex | None]
+    corners: tuple[tuple[Corner, ...], tuple[Corner, ...]]
+    whole: tuple[bool, bool]
+    places: int = 1
+
+    @cached_property
+    def looks(self) -> tuple[FloatArray, FloatArray]:
+        """Places (e,) close to each other all over the range, and the gaps (e,) as drawn there."""
+        places = np.linspace(self.first, self.last, SIGHTS)
+        return places, self.facing.gap(places)

@@ -1,0 +1,356 @@
+"""Contacts whose pressures act by their fields in closed form, on a grid of their own.
+
+A body's answer to the force f at s' of the contact, observed at s, is::
+
+    G(s, s') = L ln|s - s'| + T sgn(s - s') + S(s, s')
+
+with the material's own tensors L and T. S is smooth: what the closed-form field has beyond, and the remainder
+that the body's cloud answers with (:mod:`mlsanm_cli.mechanics.remainder`). It is known at Chebyshev's points
+of the contact's range, from which any number of pressures and gaps between have it.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange
+from mlsanm_cli.contact.geometry.obstacles import Shape
+from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
+from mlsanm_cli.mechanics.heat import Field
+from mlsanm_cli.mechanics.near_field import (
+    ComplexArray,
+    Kernel,
+    SurfaceForces,
+    as_complex,
+    as_real,
+    by_component,
+)
+from mlsanm_cli.values import dataclass
+
+STEP = 1e-4
+"""Difference quotients along a contact are taken over this part of its range."""
+
+STRAIGHT = 1e-9
+"""Directions, and parts of lengths, that differ by less are the same."""
+NOTHING = 1e-14
+"""Components of directions that are none."""
+LEAST = 1e-12
+"""Pressures are no nearer to a corner than this part of its faces."""
+
+
+def turned(normal: FloatArray) -> FloatArray:
+    """Vectors (n, 2) turned by -90 degrees: (x, y) becomes (y, -x)."""
+    return np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+
+
+@dataclass(frozen=True)
+class Facing:
+    """The two surfaces of a contact as functions of a place ``s``: arc length along ``base``, from where the
+    closest points of the ``other`` surface, or of a rigid ``obstacle``, are looked for.
+
+    If the slave is the other one, not the ``slave_first``, s is minus the arc length, so that it always
+    increases along the slave. On a closed base it may go on past the start. Which of two surfaces is the base
+    is a matter of their shapes alone, so that roles have no part in what comes out. The directions of
+    pressures ``turn`` by an angle as bodies move. A ``profile`` over the slave's points is added to the gap.
+    """
+
+    base: Curve
+    other: Curve | None
+    obstacle: Shape | None = None
+    slave_first: bool = True
+    turn: float = 0.0
+    profile: Field | None = None
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """The base and, if it is no obstacle, the other surface."""
+        return (self.base,) if self.other is None else (self.base, self.other)
+
+    def _arc(self, s: FloatArray) -> FloatArray:
+        arc = s if self.slave_first else -s
+        return np.mod(arc, self.base.length) if self.base.closed else arc
+
+    def _places(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Points (e, 2) of the base and of the other surface, and both outward normals (e, 2)."""
+        arc = self._arc(s)
+        points, outward = self.base.points(arc), self.base.normals(arc)
+        if self.other is None:
+            assert self.obstacle is not None
+            return points, *self.obstacle.closest(points, outward), outward
+        there = self.other.closest(points)
+        return points, self.other.points(there), self.other.normals(there), outward
+
+    def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The slave's points (e, 2), the master's opposite them, and the directions (e, 2) of pressures on
+        the slave: those of the other surface's normals."""
+        points, there, normal, _ = self._places(s)
+        normal = self._direction(normal)
+        return (points, there, normal) if self.slave_first else (there, points, normal)
+
+    def _direction(self, normal: FloatArray) -> FloatArray:
+        """Directions (e, 2) of pressures on the slave from the other surface's normals (e, 2)."""
+        if self.turn:
+            normal = as_real(as_complex(normal) * np.exp(1j * self.turn))
+        return normal if self.slave_first else -normal
+
+    def normal(self, s: FloatArray) -> FloatArray:
+        """The directions (e, 2) of pressures on the slave."""
+        return self.opposite(s)[2]
+
+    def directions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Directions (e, 2) of pressures and of tractions on the slave: the master's outward normals, and
+        these turned by -90 degrees."""
+        normal = self.normal(s)
+        return normal, turned(normal)
+
+    def gap(self, s: FloatArray) -> FloatArray:
+        """Initial gaps (e,)."""
+        points, partner, normal = self.opposite(s)
+        drawn = np.asarray(((points - partner) * normal).sum(axis=1))
+        return drawn if self.profile is None else drawn + self.profile.at(points)
+
+    def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
+        """Places (e,) on one of the two surfaces and unit normals (e,) into its body."""
+        return self._side(self._places(s), slave)
+
+    def loaded(
+        self, s: FloatArray, slave: bool
+    ) -> tuple[ComplexArray, ComplexArray, tuple[FloatArray, FloatArray]]:
+        """What :meth:`side` and :meth:`directions` say, from one search for the closest points."""
+        places = self._places(s)
+        normal = self._direction(places[2])
+        return *self._side(places, slave), (normal, turned(normal))
+
+    def _side(
+        self, places: tuple[FloatArray, FloatArray, FloatArray, FloatArray], slave: bool
+    ) -> tuple[ComplexArray, ComplexArray]:
+        points, there, normal, outward = places
+        if slave == self.slave_first:
+            return as_complex(points), -as_complex(outward)
+        return as_complex(there), -as_complex(normal)
+
+    def locate(self, points: FloatArray) -> FloatArray:
+        """The places (e,) of ``points`` (e, 2) on or near the base, in a row along it."""
+        arc = self.base.closest(points)
+        s = arc if self.slave_first else -arc
+        return np.unwrap(s, period=self.base.length) if self.base.closed else s
+
+
+@dataclass(frozen=True)
+class Near:
+    """A contact's range from ``first`` to ``last``, the ``count`` of its samples, and the ``hats`` of its
+    pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one,
+    ``corners`` those at the ends of their surfaces. A ``rough`` grid only serves to find out where the
+    contact is."""
+
+    facing: Facing
+    first: float
+    last: float
+    count: int
+    hats: Hats
+    centers: tuple[complex | None, complex | None] = (None, None)
+    corners: tuple[tuple[Corner, ...], tuple[Corner, ...]] = ((), ())
+    rough: bool = False
+
+    def around(self, s: FloatArray) -> FloatArray:
+        """Places (e,), on a closed base those turns away that are nearest to the range."""
+        base = self.facing.base
+        if not base.closed:
+            return s
+        middle = 0.5 * (self.first + self.last)
+        return s - base.length * np.round((s - middle) / base.length)
+
+    @cached_property
+    def samples(self) -> FloatArray:
+        """Arc lengths (k,) of the samples."""
+        return chebyshev(self.first, self.last, self.count)
+
+    def own_forces(self, kernel: Kernel, slave: bool) -> SurfaceForces:
+        """Unit forces at the samples on one of the two bodies."""
+        place, inward = self.facing.side(self.samples, slave)
+        return SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
+
+    def forces(self, kernel: Kernel, slave: bool) -> Forces:
+        """The same with what they need beside corners."""
+        own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
+        return CorneredForces(own, corners) if corners else own
+
+    def corners_of(self, slave: bool) -> tuple[Corner, ...]:
+        """The corners of one of the two bodies that the range comes near."""
+        chosen = self.corners[0 if slave else 1]
+        if not chosen:
+            return ()
+        ends = self.facing.side(np.array([self.first, self.last]), slave)[0]
+        return tuple(one for one in chosen if one.distance(ends).min() < one.reach)
+
+    @cached_property
+    def _shares(self) -> FloatArray:
+        """The samples' polynomials (g, k) at the hats' points."""
+        return lagrange(self.hats.points, self.samples)
+
+    @cached_property
+    def directions(self) -> tuple[FloatArray, FloatArray]:
+        """:meth:`Facing.directions` (g, 2) at the hats' points."""
+        return self.facing.directions(self.hats.points)
+
+    def spread(self, direction: FloatArray) -> FloatArray:
+        """Forces (2k, m) x and y at the samples that stand for tractions of the hats along a ``direction``
+        (g, 2); transposed, what makes integrals with hats of displacements along it."""
+        parts = [self.hats.integrals @ (direction[:, c, None] * self._shares) for c in (0, 1)]
+        return np.concatenate([part.T for part in parts])
+
+    @cached_property
+    def spreads(self) -> tuple[FloatArray, FloatArray]:
+        """:meth:`spread` of pressures and of tractions."""
+        normal, tangent = self.directions
+        return self.spread(normal), self.spread(tangent)
+
+    @cached_property
+    def covers(self) -> bool:
+        """Whether the range is all of the straight surfaces of the bodies.
+
+        The mean tractions then are tractions of these surfaces as others are, to which bodies answer exactly
+        if they are all there is; fields in closed form are those of what differs from them.
+        """
+        straight = float(np.ptp(self.directions[0], axis=0).max()) <= STRAIGHT
+        if self.hats.whole != (True, True) or not straight:
+            return False
+        ends = np.array([self.first, self.last])
+        for slave in (True, False):
+            base = slave == self.facing.slave_first
+            curve = self.facing.base if base else self.facing.other
+            if curve is not None:
+                if curve.closed:
+                    return False
+                long = float(abs(np.diff(self.facing.side(ends, slave)[0])[0]))
+                if abs(long - curve.length) > STRAIGHT * curve.length or len(self.corners_of(slave)) != 2:
+                    return False
+        return True
+
+    @property
+    def drivers(self) -> int:
+        """How many forces x, and as many forces y, stand for all tractions: those at the samples and, where
+        the grid :attr:`covers` the surfaces, their mean."""
+        return self.count + self.covers
+
+    def uneven(self, values: FloatArray) -> FloatArray:
+        """What of nodal ``values`` (m, ...) acts by fields in closed form."""
+        if not self.covers:
+            return values
+        return np.asarray(values - self._mean @ values)
+
+    @cached_property
+    def _mean(self) -> FloatArray:
+        """What makes the mean along the contact of nodal values (m,)."""
+        return np.asarray(self.hats.weight / self.hats.weight.sum())
+
+    def mean_traction(self, pressure: FloatArray, traction: FloatArray) -> FloatArray:
+        """The mean (2,) on the slave of nodal ``pressure`` and ``traction`` (m,) of a grid that
+        :attr:`covers` its surfaces."""
+        normal, tangent = (direction[0] for direction in self.directions)
+        return np.asarray((self._mean @ pressure) * normal + (self._mean @ traction) * tangent)
+
+    @cached_property
+    def driven(self) -> tuple[FloatArray, FloatArray]:
+        """What makes the drivers (2 :attr:`drivers`, m), all x and then all y, of pressures, and of
+        tractions."""
+        if not self.covers:
+            return self.spreads
+        share, unit = self._mean, np.eye(len(self._mean))
+        found = []
+        for spread, direction in zip(self.spreads, self.directions, strict=True):
+            parts = np.split(spread @ self.uneven(unit), 2)
+            found.append(
+                np.concatenate([parts[0], [direction[0, 0] * share], parts[1], [direction[0, 1] * share]])
+            )
+        return found[0], found[1]
+
+    @cached_property
+    def means(self) -> tuple[FloatArray, FloatArray]:
+        """Means (m, 2k) over the hats of displacements at the samples, along pressures and tractions."""
+        normal, tangent = self.spreads
+        return normal.T / self.hats.weight[:, None], tangent.T / self.hats.weight[:, None]
+
+    def smooth(self, kernel: Kernel, slave: bool) -> FloatArray:
+        """What the closed-form field has of S (2k, 2k) at the samples, for one of the two bodies: components
+        x of all and y of all, by forces x of all and y of all."""
+        z, inward = self.facing.side(self.samples, slave)
+        log, turn = self.singular(kernel, slave)
+        way = self._way(slave)
+        center = self.centers[0 if slave else 1]
+        count = len(z)
+        w, apart = z[:, None] - z, self.samples[:, None] - self.samples
+        own = np.eye(count, dtype=bool)
+        base = np.broadcast_to(inward if center is None else (z - center)[:, None], w.shape)
+        stretch, tangent = np.abs(way), way / np.abs(way)
+        found = kernel.displacement(np.where(own, 1.0, w), base)
+        found -= np.log(np.abs(np.where(own, 1.0, apart)))[..., None, None] * log
+        found -= np.sign(apart)[..., None, None] * turn
+        both = [kernel.displacement(one, np.diagonal(base)) for one in (tangent, -tangent)]
+        found[own] = 0.5 * (both[0] + both[1]) + np.log(stretch)[:, None, None] * log
+        if center is not None:
+            other = z - center
+            found -= kernel.displacement(other, other)[:, None]
+        return by_component(found)
+
+    def cornered(self, slave: bool, which: int, by: int) -> FloatArray:
+        """Integrals (m, m) with both hats of what corners of one of the two bodies add to its displacements
+        along pressures (``which`` 0) or tractions (1), by pressures or tractions."""
+        hats = self.hats
+        total = np.zeros((len(hats.place), len(hats.place)))
+        if not self.corners_of(slave):
+            return total
+        points, integrals = hats.towards_ends
+        place, directions = self.facing.side(points, slave)[0], self.facing.directions(points)
+        present = [np.flatnonzero(np.abs(one).max(axis=0) > NOTHING).tolist() for one in directions]
+        for corner in self.corners_of(slave):
+            x = np.maximum(corner.distance(place), LEAST * corner.length)
+            for c, d in product(present[which], present[by]):
+                right = (integrals * directions[by][:, d]) @ corner.wedge.compliance(x, x, c, d).T
+                total += (integrals * directions[which][:, c]) @ right.T
+        return total
+
+    def singular(self, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
+        """The tensors L and T (2, 2) of one of the two bodies."""
+        way, inward = self._way(slave)[0], self.facing.side(self.samples[:1], slave)[1][0]
+        tangent: ComplexArray = np.array([way / np.abs(way)])
+        base: ComplexArray = np.array([inward])
+        ahead, behind = kernel.displacement(tangent, base)[0], kernel.displacement(-tangent, base)[0]
+        log = (kernel.displacement(2.0 * tangent, base)[0] - ahead) / np.log(2.0)
+        return log, 0.5 * (ahead - behind)
+
+    def _way(self, slave: bool) -> ComplexArray:
+        """Derivatives (k,) of the places on one of the two surfaces by the arc length."""
+        step = STEP * (self.last - self.first)
+        ahead, behind = (self.facing.side(self.samples + sign * step, slave)[0] for sign in (1.0, -1.0))
+        return np.asarray((ahead - behind) / (2.0 * step))
+
+    def resultants(self, slave: bool, center: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+        """Force x, y and moment about a ``center`` (3, m) on one of the two bodies by unit pressures, and by
+        unit tractions."""
+        z, sign = self.facing.side(self.hats.points, slave)[0], 1.0 if slave else -1.0
+        x, y = z.real - center[0], z.imag - center[1]
+        found = []
+        for direction in self.directions:
+            moment = x * direction[:, 1] - y * direction[:, 0]
+            found.append(sign * (self.hats.integrals @ np.stack([*direction.T, moment], axis=1)).T)
+        return found[0], found[1]
+
+    def last_coefficients(self, kernel: FloatArray) -> float:
+        """The largest of the last two Chebyshev coefficients, along either argument, of a sampled kernel (2k,
+        2k)."""
+        count = self.count
+        order = np.arange(count)[:, None]
+        basis = np.cos(np.pi * order * (np.arange(count) + 0.5) / count) * (2.0 / count)
+        blocks = kernel.reshape(2, count, 2, count).transpose(0, 2, 1, 3)
+        table = np.abs(basis @ blocks @ basis.T)
+        return float(max(table[..., -2:, :].max(), table[..., -2:].max()))
+
+    def samples_differ(self, other: Near) -> bool:
+        """Whether another grid of the same contact has other samples."""
+        return (self.first, self.last, self.count) != (other.first, other.last, other.count)

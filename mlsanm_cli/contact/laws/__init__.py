@@ -1,0 +1,1 @@
+"""Unilateral contact and Coulomb friction, exact and regularised."""

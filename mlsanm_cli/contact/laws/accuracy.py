@@ -1,0 +1,90 @@
+"""What errors of the gaps and of the surfaces' own spacing do to the exact contact pressures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.drivers import spans
+from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows
+from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.mechanics.scene import Platen, Scene
+
+
+def corrected_state(
+    condensed: Condensed, scene: Scene, state: ExactState, correction: Mapping[str, FloatArray]
+) -> ExactState:
+    """The exact state once ``correction`` (2n,) per body is added to the displacements.
+
+    It changes the gaps, and what platens carry whose force comes from the stress field. Raises NumericalError
+    where the changed contact has no solution.
+    """
+    paired = sum(len(pairing.position) for pairing in condensed.pairings)
+    gaps = np.zeros(paired)
+    for name, body in scene.bodies.items():
+        gaps += gap_rows(body, name, condensed.pairings) @ correction[name]
+    candidate = np.concatenate([np.zeros(0, dtype=bool), *(p.candidate for p in condensed.pairings)])
+    lack = np.zeros(len(condensed.balance.constant))
+    for row, (mover, motion) in enumerate(scene.unknown_motions):
+        if isinstance(mover, Platen) and not motion.alone:
+            for owner, surface in mover.held:
+                rows = reaction_rows(scene.bodies[owner], surface, mover.center)
+                lack[row] += (rows @ correction[owner])[motion.component]
+    changed = replace(
+        condensed,
+        gap=_shifted(condensed.gap, gaps[candidate]),
+        balance=_shifted(condensed.balance, lack),
+    )
+    return solve_exact(changed, state.factors, state.active)
+
+
+def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:
+    """Pressures (m,) from every second candidate alone, those between joined linearly: the mean of the two
+    ways to choose them.
+
+    Their difference to the full solution measures what spacing and edges cost. In the mean of both ways most
+    of the chance is gone by which an edge lies close to a node or far from it. Raises NumericalError where
+    the thinned contact has no solution.
+    """
+    total = np.zeros(len(condensed.weight))
+    for first in (0, 1):
+        kept, joined = [], []
+        for pairing in condensed.pairings:
+            span, arc = condensed.spans[pairing.name], pairing.arc[pairing.candidate]
+            own = np.arange(first if len(arc) > 1 else 0, len(arc), 2)
+            kept.append(span.start + own)
+            around = pairing.slave.curve.length if pairing.all_around else None
+            units = [np.interp(arc, arc[own], unit, period=around) for unit in np.eye(len(own))]
+            joined.append(np.stack(units, axis=1))
+        rows = np.concatenate(kept)
+        join: FloatArray = sparse.block_diag(joined).toarray()
+        thin = replace(
+            condensed,
+            weight=join.T @ condensed.weight,
+            spans=spans([pairing.name for pairing in condensed.pairings], [len(own) for own in kept]),
+            gap=_joined(condensed.gap.take(rows), join),
+            slip=_joined(condensed.slip, join),
+            balance=_joined(condensed.balance, join),
+        )
+        total += join @ solve_exact(thin, state.factors, state.active[rows]).pressure
+    return 0.5 * total
+
+
+def l2(arc: FloatArray, values: FloatArray) -> float:
+    """Norm over the surface of nodal ``values`` (m,) at ``arc`` (m,), joined linearly."""
+    a, b = values[:-1], values[1:]
+    return float(np.sqrt((np.diff(arc) * (a * a + a * b + b * b) / 3.0).sum()))
+
+
+def _shifted(linear: LinearMap, change: FloatArray) -> LinearMap:
+    return replace(linear, constant=linear.constant + change)
+
+
+def _joined(linear: LinearMap, join: FloatArray) -> LinearMap:
+    return replace(linear, pressure=linear.pressure @ join)

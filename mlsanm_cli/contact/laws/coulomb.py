@@ -1,0 +1,118 @@
+"""Unilateral contact with Coulomb friction: states, and the state that follows from one finite increment."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.kkt import kkt_residual
+from mlsanm_cli.contact.laws.set_search import (
+    AdmissibleChanges,
+    FloatingError,
+    moving,
+    primal_dual_active_set,
+)
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.values import dataclass
+
+NOTHING = 1e-10
+"""Pressures below this part of those that would move the surfaces as far as bodies went are none."""
+
+
+@dataclass(frozen=True, eq=False)
+class CoulombState:
+    """One state of the history: load ``factors`` (L,), ``values``, ``sets``, the slips (n,) at which sticking
+    nodes rest, and the work (n,) that friction has dissipated per length of surface so far."""
+
+    factors: FloatArray
+    values: ContactState
+    sets: ContactStatus
+    stick_reference: FloatArray
+    work: FloatArray
+
+    def moved(
+        self, factors: FloatArray, values: ContactState, sets: ContactStatus, stick_reference: FloatArray
+    ) -> CoulombState:
+        """The next state; between the two, tractions and slips go straight."""
+        return self._next(
+            factors, values, sets, stick_reference, 0.5 * (self.values.traction + values.traction)
+        )
+
+    def jumped(
+        self, factors: FloatArray, values: ContactState, sets: ContactStatus, stick_reference: FloatArray
+    ) -> CoulombState:
+        """The next state after a finite increment, over which friction acts as at its end."""
+        return self._next(factors, values, sets, stick_reference, values.traction)
+
+    def _next(
+        self,
+        factors: FloatArray,
+        values: ContactState,
+        sets: ContactStatus,
+        stick_reference: FloatArray,
+        traction: FloatArray,
+    ) -> CoulombState:
+        slipped = np.where(sets.slip_sign != 0.0, values.slip - self.values.slip, 0.0)
+        return CoulombState(factors, values, sets, stick_reference, self.work - traction * slipped)
+
+
+def unloaded(condensed: Condensed, factors: FloatArray) -> CoulombState:
+    """Before the first load: nothing touches, no slip; surfaces that overlap as drawn are seen by the first
+    increment."""
+    m, n = len(condensed.weight), len(condensed.friction_nodes)
+    values = ContactState(
+        np.zeros(m),
+        np.zeros(n),
+        np.zeros(len(condensed.balance.constant)),
+        condensed.gap.constant + condensed.gap.load @ factors,
+        np.zeros(n),
+    )
+    sets = ContactStatus(np.zeros(m, dtype=bool), np.zeros(n, dtype=bool), np.zeros(n))
+    return CoulombState(factors, values, sets, np.zeros(n), np.zeros(n))
+
+
+def acts(condensed: Condensed, change: FloatArray) -> bool:
+    """Whether a change of the load factors (L,) does anything to contacts and motions."""
+    return any((part.load @ change).any() for part in (condensed.gap, condensed.slip, condensed.balance))
+
+
+def increment(
+    condensed: Condensed,
+    state: CoulombState,
+    factors: FloatArray,
+    slipping: bool = True,
+    guess: ContactStatus | None = None,
+) -> tuple[CoulombState, int]:
+    """The state after one finite increment to ``factors`` (L,), friction by return mapping; and the systems
+    solved, the search beginning with a ``guess`` if there is one. Without ``slipping`` all closed nodes
+    stick, whatever it takes. Raises NoStateError, with ``slipping`` FloatingError where surfaces that were
+    apart would touch without pressure."""
+    before = state.values.slip
+    closed = state.sets.closed | (state.values.gap <= 0.0)
+    floating = len(condensed.balance.constant) > 0 and not state.sets.closed.any()
+    if floating:
+        closed |= condensed.closest(state.values.gap)
+    stuck = closed[condensed.friction_nodes] & (state.sets.slip_sign == 0.0)
+    slip_sign = np.where(closed[condensed.friction_nodes], state.sets.slip_sign, 0.0)
+    both = np.ones(len(condensed.weight), dtype=bool)
+    watch = AdmissibleChanges(both, both, np.full(len(before), slipping), np.zeros(len(before)))
+
+    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
+        system = SetSystem(condensed, sets)
+        values = system.state(factors, before)
+        return system, values, values.slip - before
+
+    first = ContactStatus(closed, stuck, slip_sign) if guess is None else guess
+    sets, _, values, count = primal_dual_active_set(condensed, first, watch, solve)
+    pressed = values.pressure.max() > NOTHING * moving(condensed, values)
+    if floating and slipping and not pressed and acts(condensed, factors - state.factors):
+        raise FloatingError
+    return state.jumped(factors, values, sets, np.where(sets.stuck, before, values.slip)), count
+
+
+def residual(condensed: Condensed, state: CoulombState) -> float:
+    """Largest violation of contact conditions, friction and balances, see :func:`kkt_residual`."""
+    v, sets = state.values, state.sets
+    unknowns = (state.factors, v.motion, v.pressure, v.traction)
+    return kkt_residual(condensed, unknowns, sets.closed, np.where(sets.stuck, state.stick_reference, np.nan))

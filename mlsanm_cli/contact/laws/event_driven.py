@@ -1,0 +1,222 @@
+"""The exact history of a contact with friction, from event to event.
+
+Between two changes of what is open, sticks and slips, the state is linear in the load. So the path is
+followed exactly: the rates of the state decide how the sets go on, and the next event is where, at these
+rates, a gap or a pressure comes to zero or a sticking node to its friction limit. Slipping nodes that the
+rates would move with friction come to rest. Nothing depends on the size of increments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.coulomb import CoulombState, acts, increment, residual, unloaded
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, NoStateError, primal_dual_active_set
+from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.values import dataclass
+
+NEAR = 1e-9
+"""A condition is at its limit where it is this close to it, relative to peak pressure and elastic gap."""
+JUMPS = tuple(10.0**power for power in range(-6, 0))
+"""Where no rates continue the path, finite increments of these parts of the stage are tried in turn."""
+STANDSTILL = 1e-13
+OVERLAP = "surfaces with friction overlap as drawn, and forces alone do not tell how the bodies give way"
+OVERLAP_HINT = "move one body so that the surfaces at most touch, or prescribe its platen's displacement"
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """The state at ``fraction`` of a stage, the dense systems ``solves`` it took to come there, and whether
+    the state ``jumped`` there from another contact. It came there along rates unless ``found`` ahead."""
+
+    fraction: float
+    state: CoulombState
+    solves: int
+    jumped: bool = False
+    found: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """How a state goes on while the load moves along a stage: the sets, their system, the rates of all."""
+
+    sets: ContactStatus
+    system: SetSystem
+    rates: ContactState
+
+
+def _course_of(condensed: Condensed, sets: ContactStatus, change: FloatArray) -> _Course:
+    system = SetSystem(condensed, sets)
+    return _Course(sets, system, system.rate(change))
+
+
+def start(condensed: Condensed, factors: FloatArray) -> Event:
+    """The state before the first stage; surfaces that overlap as drawn push each other apart.
+
+    Raises NumericalError where it is not plain how.
+    """
+    state = unloaded(condensed, factors)
+    if not condensed.overlap(state.values.gap):
+        return Event(0.0, state, 0)
+    if not len(condensed.balance.constant):
+        return Event(0.0, *increment(condensed, state, factors))
+    # Where nothing presses, friction would let a free body slide anywhere: it goes straight out.
+    try:
+        held, solves = increment(condensed, state, factors, slipping=False)
+    except NoStateError as error:
+        raise NumericalError(OVERLAP, OVERLAP_HINT) from error
+    if not residual(condensed, held) <= NEAR:
+        raise NumericalError(OVERLAP, OVERLAP_HINT)
+    return Event(0.0, held, solves)
+
+
+def event_driven_path(
+    condensed: Condensed,
+    state: CoulombState,
+    end: FloatArray,
+    stops: Sequence[float],
+    begin: FloatArray | None = None,
+    fraction: float = 0.0,
+    found: bool = False,
+) -> Iterator[Event]:
+    """Every event of a stage from ``state`` to the load factors ``end`` (L,), and the states at ``stops``.
+
+    ``stops`` are fractions up to 1, increasing, the last one 1. A path that is taken up again names the
+    load factors ``begin`` (L,) of the stage's start, the ``fraction`` of it that is behind the state, and
+    whether the state was ``found`` ahead.
+    Raises SlidingError where the contact slides as a whole under a force, NumericalError where no state
+    continues the path.
+    """
+    begin = state.factors if begin is None else begin
+    change = end - begin
+    if not acts(condensed, change):
+        yield from (Event(stop, replace(state, factors=begin + stop * change), 0) for stop in stops)
+        return
+    pending, standing = list(stops), 0
+    # A path that is taken up again makes the system anew that it had, which counts no more.
+    course = None if found or fraction == 0.0 else _course_of(condensed, state.sets, change)
+    while pending:
+        touching = bool(state.sets.closed.any())
+        try:
+            course, solves = _course(condensed, state, change, course)
+            if standing > 4 * len(condensed.weight) + 50:
+                raise NoStateError(sliding=False)
+        except NoStateError as error:
+            try:
+                state, fraction, solves = _jump(condensed, state, begin, change, fraction, pending[0])
+            except NoStateError as failure:
+                if error.sliding or failure.sliding or slides_freely(condensed, state.sets):
+                    raise SlidingError(fraction) from error
+                raise
+            standing, course = 0, None
+            while pending and pending[0] <= fraction:
+                pending.pop(0)
+            yield Event(fraction, state, solves, jumped=touching, found=True)
+            continue
+        sets = course.sets
+        if slides_freely(condensed, sets):
+            raise SlidingError(fraction)
+        # A node that comes to rest does so where it is now.
+        stick_reference = np.where(sets.stuck & ~state.sets.stuck, state.values.slip, state.stick_reference)
+        step = min(_next_event(condensed, state, course), pending[0] - fraction)
+        standing = standing + 1 if step < STANDSTILL else 0
+        fraction += step
+        if pending[0] - fraction <= STANDSTILL:
+            fraction = pending.pop(0)
+        factors = begin + fraction * change
+        state = state.moved(factors, course.system.state(factors, stick_reference), sets, stick_reference)
+        yield Event(fraction, state, solves)
+
+
+def _limits(condensed: Condensed, values: ContactState) -> tuple[float, float]:
+    """Pressure and gap that count as nothing."""
+    force = NEAR * float(values.pressure.max(initial=0.0))
+    elastic = float(np.abs(condensed.gap.pressure @ values.pressure).max(initial=0.0))
+    return force, NEAR * elastic
+
+
+def _slack(condensed: Condensed, values: ContactState, side: float) -> FloatArray:
+    """What is left of friction (n,) on one side."""
+    result: FloatArray = (
+        condensed.friction * values.pressure[condensed.friction_nodes] - side * values.traction
+    )
+    return result
+
+
+def _course(
+    condensed: Condensed, state: CoulombState, change: FloatArray, last: _Course | None
+) -> tuple[_Course, int]:
+    """How the state goes on when the load factors move along ``change`` (L,), and the systems that were made.
+
+    The ``last`` course, along the same change, led to the state: its sets are tried first, and known.
+    """
+    v, before = state.values, state.sets
+    force, length = _limits(condensed, v)
+    bare = v.pressure <= force
+    near = {side: _slack(condensed, v, side) <= force for side in (1.0, -1.0)}
+    grazing = bare[condensed.friction_nodes]
+    # A node under pressure can give way only on the side on which friction is exhausted.
+    side = np.where(grazing, 0.0, np.where(near[1.0], 1.0, -1.0))
+    watch = AdmissibleChanges(
+        bare, v.gap <= length, grazing | near[1.0] | near[-1.0] | (before.slip_sign != 0.0), side
+    )
+    watch.side[before.slip_sign != 0.0] = np.where(grazing, 0.0, before.slip_sign)[before.slip_sign != 0.0]
+
+    made = 0
+
+    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
+        nonlocal made
+        if last is not None and sets.key == last.sets.key:
+            return last.system, last.rates, last.rates.slip
+        made += 1
+        course = _course_of(condensed, sets, change)
+        return course.system, course.rates, course.rates.slip
+
+    sets, system, rates, _ = primal_dual_active_set(condensed, before, watch, solve)
+    return _Course(sets, system, rates), made
+
+
+def _next_event(condensed: Condensed, state: CoulombState, course: _Course) -> float:
+    """How much further the sets hold, as part of the stage."""
+    sets, rates = course.sets, course.rates
+    force, length = _limits(condensed, state.values)
+    v = state.values
+    sides = (1.0, -1.0)
+    return min(
+        _until(v.gap, rates.gap, length, ~sets.closed),
+        _until(v.pressure, rates.pressure, force, sets.closed),
+        *(_until(_slack(condensed, v, d), _slack(condensed, rates, d), force, sets.stuck) for d in sides),
+    )
+
+
+def _until(value: FloatArray, rate: FloatArray, limit: float, chosen: BoolArray) -> float:
+    """Until the first of the chosen values comes to zero; those at their limit already have been seen to."""
+    falling = chosen & (value > limit) & (rate < 0.0)
+    return float((value[falling] / -rate[falling]).min(initial=np.inf))
+
+
+def _jump(
+    condensed: Condensed,
+    state: CoulombState,
+    begin: FloatArray,
+    change: FloatArray,
+    fraction: float,
+    ceiling: float,
+) -> tuple[CoulombState, float, int]:
+    """The first state found a finite way ahead, and where it is."""
+    for size in JUMPS:
+        ahead = min(fraction + size, ceiling)
+        try:
+            found, solves = increment(condensed, state, begin + ahead * change)
+        except NoStateError as error:
+            failure = error
+            continue
+        return found, ahead, solves
+    raise failure

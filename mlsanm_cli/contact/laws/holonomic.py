@@ -1,0 +1,154 @@
+"""Regularised contact with friction that depends on the total slip alone: for loads that never turn back.
+
+The hyperbola (p + eta) h = eta delta and, with the total slip s of a node and a small slip e,
+t sqrt(s^2 + e^2) = -mu (p + eta) s. An auxiliary unknown r makes it quadratic. x = (p, h, q, t, r)::
+
+    r1 = (p + eta) h - eta delta
+    r2 = h - gap(f, q, p, t)
+    r3 = balance(f, q, p, t)
+    r4 = t r + mu (p + eta) s(f, q, p, t)
+    r5 = r^2 - s(f, q, p, t)^2 - e^2
+
+Tractions may pass mu p by mu eta, and a turning load is answered as if the slip had been elastic.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.coupling import Coupling, GapTangent, Local
+
+
+class HolonomicTangent:
+    """Factorised tangent; gaps and auxiliary unknowns are eliminated."""
+
+    def __init__(self, problem: HolonomicContact, x: FloatArray, lam: float) -> None:
+        c, law = problem.condensed, problem.law
+        p, h, _, t, r = problem.split(x)
+        s = problem.slip(x, lam)
+        self._problem, self._r, self._s, self._pull = problem, r, s, t / r
+        # d(r4) = r dt + mu s dp + lever ds, after r dr = s ds.
+        lever = self._pull * s + c.friction * (p + law.eta)[c.friction_nodes]
+        local = Local(
+            gap=(p + law.eta) / law.pressure,
+            pressure=h / (law.pressure * law.gap),
+            slip=lever * law.slip / problem.work,
+            traction=r / problem.work,
+            friction_slope=c.friction * s / problem.work,
+        )
+        self._tangent = GapTangent(problem.coupling, problem.coupling.tangent(local), local)
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution (2m + k + 2n,)."""
+        problem, law = self._problem, self._problem.law
+        one, two, three, four, five = problem.split(rhs)
+        known = five * law.slip**2 / (2.0 * self._r)
+        four = four - self._pull * self._r * known / problem.work
+        p, h, q, t = self._tangent.solve(one, two, three, four)
+        s = problem.coupling.slips @ np.concatenate([p, t, q]) * law.slip
+        return np.concatenate([p, h, q, t, known + self._s * s / self._r])
+
+
+class HolonomicContact:
+    """The problem over one stage, in the form the continuation driver asks for."""
+
+    def __init__(self, coupling: Coupling, start: FloatArray, end: FloatArray) -> None:
+        self.coupling, self.condensed, self.law = coupling, coupling.condensed, coupling.law
+        condensed, law = self.condensed, self.law
+        self.start, self.change = start, end - start
+        self.m, self.k, self.n = (
+            len(v) for v in (condensed.weight, coupling.motion, condensed.friction_nodes)
+        )
+        self.size = 2 * self.m + self.k + 2 * self.n
+        limit = condensed.friction * law.pressure
+        self.small: FloatArray = law.stick_compliance * limit
+        self.work: FloatArray = limit * law.slip
+        slips = np.full(self.n, law.slip)
+        self.scale = np.concatenate(
+            [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion, limit, slips]
+        )
+
+    def factors(self, lam: float) -> FloatArray:
+        """Load factors (L,) at path parameter ``lam``."""
+        return self.start + lam * self.change
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, ...]:
+        """Pressures (m,), gaps (m,), motions (k,), tractions (n,), auxiliary unknowns (n,)."""
+        m, k, n = self.m, self.k, self.n
+        ends = np.cumsum([m, m, k, n])
+        return tuple(np.split(x, ends, axis=-1))
+
+    def slip(self, x: FloatArray, lam: float) -> FloatArray:
+        """Slips (n,)."""
+        p, _, q, t, _ = self.split(x)
+        rows = slice(self.m, self.m + self.n)
+        shifted = self.coupling.constant[rows] + self.coupling.load[rows] @ self.factors(lam)
+        return np.asarray((shifted + self.coupling.slips @ np.concatenate([p, t, q])) * self.law.slip)
+
+    def with_auxiliary(self, x: FloatArray, lam: float) -> FloatArray:
+        """``x`` (2m + k + n,) with the auxiliary unknowns that go with it."""
+        whole = np.concatenate([x, self.small])
+        whole[-self.n :] = np.hypot(self.slip(whole, lam), self.small)
+        return whole
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        """Dimensionless residual (2m + k + 2n,)."""
+        p, h, q, t, r = self.split(x)
+        m, n, law, c = self.m, self.n, self.law, self.condensed
+        linear = self.coupling(self.factors(lam), np.concatenate([p, t, q]))
+        s = linear[m : m + n] * law.slip
+        return np.concatenate(
+            [
+                ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap),
+                h / law.gap - linear[:m],
+                linear[m + n :],
+                (t * r + c.friction * (p + law.eta)[c.friction_nodes] * s) / self.work,
+                (r**2 - s**2 - self.small**2) / law.slip**2,
+            ]
+        )
+
+    def tangent(self, x: FloatArray, lam: float) -> HolonomicTangent:
+        """Factorised derivative by x; numpy's LinAlgError where it is singular."""
+        return HolonomicTangent(self, x, lam)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        """Derivative by the path parameter (2m + k + 2n,)."""
+        c, law, m, n = self.condensed, self.law, self.m, self.n
+        p = self.split(x)[0]
+        linear = self.coupling.load @ self.change
+        moved = linear[m : m + n] * law.slip
+        return np.concatenate(
+            [
+                np.zeros(self.m),
+                -linear[:m],
+                linear[m + n :],
+                c.friction * (p + law.eta)[c.friction_nodes] * moved / self.work,
+                -2.0 * self.slip(x, lam) * moved / law.slip**2,
+            ]
+        )
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        """Right-hand side of order k from the coefficients (k, 2m + k + 2n) of lower orders."""
+        rhs = np.zeros(self.size)
+        if len(x) < 2:
+            return rhs
+        c, law = self.condensed, self.law
+        p, h, q, t, r = self.split(x[1:])
+        s = np.hstack([p, t, q]) @ self.coupling.slips.T
+        s += np.outer(lam[1:], self.coupling.load[self.m : self.m + self.n] @ self.change)
+        s *= law.slip
+        one, _, _, four, five = self.split(rhs)
+        one[:] = np.einsum("ij,ij->j", p, h[::-1]) / (-law.pressure * law.gap)
+        rubbed = np.einsum("ij,ij->j", t, r[::-1]) + c.friction * np.einsum(
+            "ij,ij->j", p[:, c.friction_nodes], s[::-1]
+        )
+        four[:] = -rubbed / self.work
+        squares = np.einsum("ij,ij->j", r, r[::-1]) - np.einsum("ij,ij->j", s, s[::-1])
+        five[:] = -squares / law.slip**2
+        return rhs
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        """Whether every gap is open and every auxiliary unknown positive."""
+        p, h, _, _, r = self.split(x)
+        return bool((h > 0.0).all() and (p > -self.law.eta).all() and (r > 0.0).all())

@@ -1,0 +1,47 @@
+"""How far a state is from obeying the exact laws of contact and friction, and its balances."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.response.condensed import Condensed
+
+NOTHING = 1e-6
+"""Pressures that move the surfaces by less than this part of what the platens do are round-off."""
+
+
+def kkt_residual(
+    condensed: Condensed,
+    unknowns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    closed: BoolArray,
+    held: FloatArray,
+) -> float:
+    """Largest violation of contact conditions, friction and balances in one state.
+
+    ``unknowns`` are load factors, motions, pressures and tractions, ``closed`` (m,) the closed nodes,
+    ``held`` (n,) the slips at which sticking nodes rest, nan on the others. It is relative to the peak
+    pressure, the elastic gap and the forces.
+    """
+    factors, motion, pressure, traction = unknowns
+    gap_map, balance = condensed.gap, condensed.balance
+    moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
+    softest = condensed.softest
+    least = NOTHING * moved / softest if softest > 0.0 else 0.0
+    typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
+    elastic = max(float(np.abs(gap_map.pressure @ pressure).max(initial=0.0)), least * softest) or 1.0
+    gap, slip, lack = (one(*unknowns) for one in (gap_map, condensed.slip, balance))
+    limit = condensed.friction * pressure[condensed.friction_nodes]
+    size = np.maximum(np.abs(pressure), least)
+    force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
+    force += np.abs(balance.traction) @ (condensed.friction * size[condensed.friction_nodes])
+    stuck = np.isfinite(held)
+    parts = (
+        np.abs(gap[closed]).max(initial=0.0) / elastic,
+        max(0.0, -gap[~closed].min(initial=0.0)) / elastic,
+        max(0.0, -pressure.min(initial=0.0)) / typical,
+        np.abs(slip[stuck] - held[stuck]).max(initial=0.0) / elastic,
+        max(0.0, (np.abs(traction) - limit).max(initial=0.0)) / typical,
+        (np.abs(lack) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),
+    )
+    return float(max(parts))

@@ -1,0 +1,303 @@
+"""Regularised contact with Coulomb friction and its memory, quadratic between two changes of what rubs.
+
+The hyperbola (p + eta) h = eta delta stands for the normal contact. Friction acts where p is above a small
+threshold p_0. A sticking node is held where it came to rest by an asperity of softness c, s + c t = anchor; a
+slipping one carries t = d mu (p - p_0) with the sense d = +-1; an open one nothing. So no traction leaves
+Coulomb's cone, whatever the history, and none jumps where a node opens or closes. The sets change where p_0
+or a friction limit is reached, or where a slipping node comes to rest: between these events the equations
+are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
+
+    r1 = (p + eta) h - eta delta
+    r2 = h - gap(f, q, p, t)
+    r3 = balance(f, q, p, t)
+    r4 = s(f, q, p, t) + c t - anchor  |  t - d mu (p - p_0)  |  t
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus
+from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling, GapTangent, Local
+from mlsanm_cli.contact.response.dense import SingularSystemError
+from mlsanm_cli.kernels.hyperbola import hyperbola_orders
+from mlsanm_cli.parts import dgetrf, dgetrs
+
+UNBOUNDED = 1e8
+"""Rates above so many times the reference pressure or slip per stage are those of a singular system."""
+
+
+SAME = 1e-7
+"""Unknowns within this part of their scale share a tangent."""
+
+
+class CoupledRubbingTangent:
+    """Factorised tangent over whatever bodies answer with."""
+
+    def __init__(self, problem: RegularizedFriction, x: FloatArray) -> None:
+        self._problem, law = problem, problem.law
+        p, h, _, _ = problem.split(x)
+        stuck = problem.sets.stuck
+        local = Local(
+            gap=(p + law.eta) / law.pressure,
+            pressure=h / (law.pressure * law.gap),
+            slip=np.where(stuck, 1.0, 0.0),
+            traction=np.where(stuck, 0.0, 1.0 / problem.limit),
+            friction_slope=np.where(stuck, 0.0, -problem.friction_slope / problem.limit),
+        )
+        self._tangent = GapTangent(problem.base, problem.base.tangent(local), local)
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution (2m + k + n,)."""
+        return np.concatenate(self._tangent.solve(*self._problem.split(rhs)))
+
+
+class RubbingTangent:
+    """The same with dense compliances, quicker: tractions of nodes that do not stick are eliminated too."""
+
+    def __init__(self, problem: RegularizedFriction, base: DenseCoupling, x: FloatArray) -> None:
+        self._problem, self._base = problem, base
+        law, m = problem.law, problem.m
+        p, h, _, _ = problem.split(x)
+        self._stress = (p + law.eta) / law.pressure
+        matrix = problem.reduced.copy(order="F")
+        matrix[:m] *= self._stress[:, None]
+        matrix[np.arange(m), np.arange(m)] += h / (law.pressure * law.gap)
+        # Pivots are chosen among the rows, which are dimensionless, and not among unknowns of unlike units.
+        self._factor, self._pivots, info = dgetrf(matrix, overwrite_a=1)
+        if info != 0:
+            raise np.linalg.LinAlgError("singular tangent of the contact problem")
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution (2m + k + n,)."""
+        problem, law, base = self._problem, self._problem.law, self._base
+        m, n, stuck = problem.m, problem.n, problem.stuck
+        one, two, three, four = problem.split(rhs)
+        held = four[stuck]
+        known = four * problem.limit
+        known[stuck] = 0.0
+        # Right-hand sides of a series know no tractions.
+        if four.any() and known.any():
+            by_known = base.matrix[:, m : m + n] @ known
+            two = two + by_known[:m]
+            held = held - by_known[m + stuck]
+            three = three - by_known[m + n :]
+        reduced = np.concatenate([one - self._stress * two, held, three])
+        solution, _ = dgetrs(self._factor, self._pivots, reduced, overwrite_b=1)
+        p, q = solution[:m], solution[m + len(stuck) :]
+        t = known + problem.friction_slope * p[problem.condensed.friction_nodes]
+        t[stuck] = solution[m : m + len(stuck)]
+        h = (two + problem.reduced[:m] @ solution) * law.gap
+        return np.concatenate([p, h, q, t])
+
+    def orders(
+        self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
+    ) -> None:
+        """Fill the orders of a series from 2 on."""
+        problem, law = self._problem, self._problem.law
+        hyperbola_orders(
+            x,
+            lam,
+            slope,
+            normal,
+            size,
+            self._factor.T,
+            self._pivots.astype(np.int64),
+            problem.reduced.T,
+            problem.m,
+            law.pressure * law.gap,
+            law.gap,
+            problem.stuck,
+            problem.friction_slope,
+            problem.condensed.friction_nodes,
+        )
+
+
+@dataclass
+class Tally:
+    """How many tangents have been factorised since it was last asked."""
+
+    count: int = 0
+
+    def taken(self) -> int:
+        """The count, which begins anew."""
+        count, self.count = self.count, 0
+        return count
+
+
+class RegularizedFriction:
+    """The problem over one stage with given ``sets``, in the form the continuation driver asks for.
+
+    The slips of ``base`` are softened by the asperities; ``stick_reference`` (n,) are the values of s + c t
+    at which sticking nodes came to rest. ``tally`` counts the tangents of a whole path.
+    """
+
+    def __init__(
+        self,
+        base: Coupling,
+        start: FloatArray,
+        end: FloatArray,
+        sets: ContactStatus,
+        stick_reference: FloatArray,
+        tally: Tally | None = None,
+    ) -> None:
+        self.tally = tally or Tally()
+        condensed, law = base.condensed, base.law
+        self.base, self.condensed, self.law = base, condensed, law
+        self.start, self.end, self.change = start, end, end - start
+        self.sets, self.stick_reference = sets, stick_reference
+        self.m, self.k, self.n = len(condensed.weight), len(base.motion), len(condensed.friction_nodes)
+        self.size = 2 * self.m + self.k + self.n
+        self.limit = condensed.friction * law.pressure
+        self.stuck = np.flatnonzero(sets.stuck)
+        self.friction_slope = sets.slip_sign * condensed.friction
+        self.scale = np.concatenate(
+            [np.full(self.m, law.pressure), np.full(self.m, law.gap), base.motion, self.limit]
+        )
+        moved = base.load @ self.change
+        rubbed = np.zeros(self.n)
+        rubbed[self.stuck] = moved[self.m + self.stuck]
+        self._load_derivative = np.concatenate(
+            [np.zeros(self.m), -moved[: self.m], moved[self.m + self.n :], rubbed]
+        )
+        self._ready: tuple[FloatArray, RubbingTangent | CoupledRubbingTangent] | None = None
+
+    @cached_property
+    def reduced(self) -> FloatArray:
+        """Rows of gaps, sticking nodes' slips and balances over pressures, their tractions and motions.
+
+        The tractions of slipping nodes go with their pressures. Dense couplings only.
+        """
+        assert isinstance(self.base, DenseCoupling)
+        m, n = self.m, self.n
+        # LAPACK takes columns: they are the rows of the transposed matrices.
+        columns = self.base.matrix.T
+        kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(columns))])
+        reduced = columns.take(kept, axis=0).take(kept, axis=1)
+        friction_nodes = np.flatnonzero(self.friction_slope)
+        dragged = columns.take(m + friction_nodes, axis=0).take(kept, axis=1)
+        reduced[self.condensed.friction_nodes[friction_nodes]] += (
+            dragged * self.friction_slope[friction_nodes, None]
+        )
+        return reduced.T
+
+    def factors(self, lam: float) -> FloatArray:
+        """Load factors (L,) at path parameter ``lam``."""
+        return self.start + lam * self.change
+
+    def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Pressures (m,), gaps (m,), motions (k,), tractions (n,)."""
+        m, k = self.m, self.k
+        return x[..., :m], x[..., m : 2 * m], x[..., 2 * m : 2 * m + k], x[..., 2 * m + k :]
+
+    def pressed(self, p: FloatArray) -> FloatArray:
+        """What of the pressures friction goes with (n,): they less the law's threshold."""
+        return p[self.condensed.friction_nodes] - self.law.threshold
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        """Dimensionless residual (2m + k + n,)."""
+        p, h, q, t = self.split(x)
+        m, n, law = self.m, self.n, self.law
+        linear = self.base(self.factors(lam), np.concatenate([p, t, q]))
+        hyperbola = ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap)
+        rub = (t - self.friction_slope * self.pressed(p)) / self.limit
+        rub[self.stuck] = linear[m + self.stuck] - self.stick_reference[self.stuck] / law.slip
+        return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m + n :], rub])
+
+    def tangent(self, x: FloatArray, lam: float) -> RubbingTangent | CoupledRubbingTangent:
+        """Factorised derivative by x; numpy's LinAlgError where it is singular.
+
+        Points that differ by no more than a correction at an event share their tangent: what that costs, the
+        residuals of the series show.
+        """
+        if self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
+            self._ready = (x.copy(), self._factorised(x))
+        return self._ready[1]
+
+    @property
+    def expanded_at(self) -> FloatArray | None:
+        """The unknowns (size,) where the tangent was made that is at hand; None if there is none."""
+        return None if self._ready is None else self._ready[0]
+
+    def _factorised(self, x: FloatArray) -> RubbingTangent | CoupledRubbingTangent:
+        self.tally.count += 1
+        if isinstance(self.base, DenseCoupling):
+            return RubbingTangent(self, self.base, x)
+        return CoupledRubbingTangent(self, x)
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        """Derivative by the path parameter (2m + k + n,)."""
+        return self._load_derivative
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        """Right-hand side of order k from the coefficients (k, 2m + k + n) of lower orders."""
+        rhs = np.zeros(self.size)
+        if len(x) > 1:
+            p, h, _, _ = self.split(x[1:])
+            rhs[: self.m] = np.einsum("ij,ij->j", p, h[::-1]) / (-self.law.pressure * self.law.gap)
+        return rhs
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        """Whether every gap is open, that is, the state lies on the meaningful branch."""
+        p, h, _, _ = self.split(x)
+        return bool((h > 0.0).all() and (p > -self.law.eta).all())
+
+    def slip_rate(self, x: FloatArray, lam: float) -> FloatArray:
+        """About how fast slips (n,) change at x, by the last tangent there is."""
+        tangent = self.tangent(x, lam) if self._ready is None else self._ready[1]
+        p, _, q, t = self.split(-tangent.solve(self._load_derivative))
+        rows = slice(self.m, self.m + self.n)
+        moved = self.base.load[rows] @ self.change + self.base.slips @ np.concatenate([p, t, q])
+        return np.asarray(moved * self.law.slip)
+
+    def rates(self, x: FloatArray, lam: float) -> tuple[ContactState, FloatArray]:
+        """Rates of the state and of s + c t (n,), in the form in which :func:`primal_dual_active_set` judges
+        them.
+
+        An open node closes where its pressure grows, which is told as the gap that its own compliance needs
+        for that. Raises SingularSystemError where nothing resists the load.
+        """
+        slope = -self.tangent(x, lam).solve(self._load_derivative)
+        p, _, q, t = self.split(slope)
+        base, rows = self.base, slice(self.m, self.m + self.n)
+        slipped = base.load[rows] @ self.change + base.slips @ np.concatenate([p, t, q])
+        if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
+            raise SingularSystemError
+        gap = np.where(self.sets.closed, 0.0, -p * np.diagonal(self.condensed.gap.pressure))
+        platens, _ = base.split_motions(q)
+        values = ContactState(np.where(self.sets.closed, p, 0.0), t, platens, gap, slipped * self.law.slip)
+        return values, slipped * self.law.slip
+
+    def within_cone(self, x: FloatArray) -> FloatArray:
+        """The unknowns with sticking nodes' tractions within their limits, which round-off and residual of an
+        event may pass: by nothing beside the reference pressure, but perhaps not beside their own."""
+        x = x.copy()
+        p, _, _, t = self.split(x)
+        limit = self.condensed.friction * np.maximum(self.pressed(p), 0.0)
+        t[self.stuck] = np.clip(t, -limit, limit)[self.stuck]
+        return x
+
+    def rested(self, x: FloatArray, lam: float) -> RegularizedFriction:
+        """The same problem with its sticking nodes at rest where they are in x."""
+        problem = copy(self)
+        problem.stick_reference = np.where(
+            self.sets.stuck, self.stick_coordinate(x, lam), self.stick_reference
+        )
+        return problem
+
+    def aside(self) -> RegularizedFriction:
+        """The same problem for states that the path does not go on from: it keeps the tangent at hand, which
+        theirs would take the place of."""
+        return copy(self)
+
+    def stick_coordinate(self, x: FloatArray, lam: float) -> FloatArray:
+        """Slips less what the asperities' softness explains, s + c t (n,)."""
+        p, _, q, t = self.split(x)
+        rows = slice(self.m, self.m + self.n)
+        shifted = self.base.constant[rows] + self.base.load[rows] @ self.factors(lam)
+        return np.asarray((shifted + self.base.slips @ np.concatenate([p, t, q])) * self.law.slip)

@@ -1,0 +1,219 @@
+"""The search for sets of open, sticking and slipping nodes that obey all rules.
+
+Nodes that break their own rule are exchanged (Hüeber, Stadler and Wohlmuth 2008, doi:10.1137/060671061), many
+at once at first, one by one should a set come back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus
+from mlsanm_cli.contact.laws.sliding import slides_freely
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.dense import SingularSystemError
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.values import dataclass
+
+ROUND_OFF = 1e-10
+ALL, WORST, ONE = range(3)
+"""Which of the nodes that break a rule are exchanged at once: the more of them, the sooner the search ends,
+or comes to sets that free what friction holds, or to some it has had."""
+
+
+@dataclass(frozen=True, eq=False)
+class AdmissibleChanges:
+    """Which rules count: closed nodes that may open (m,), open ones that may close (m,), sticking and closing
+    ones that may slip (n,) and to which ``side`` (n,): 1, -1, or 0 for both."""
+
+    opening: BoolArray
+    closing: BoolArray
+    slipping: BoolArray
+    side: FloatArray
+
+
+class UnbalancedError(NumericalError):
+    """No contact pressure balances the loads."""
+
+
+class NoStateError(NumericalError):
+    """No sets of open, sticking and slipping nodes obey all rules; ``sliding`` where nothing
+    holds a platen along its contacts."""
+
+    def __init__(self, sliding: bool) -> None:
+        super().__init__(
+            "no contact state balances the loads",
+            "a force-controlled platen may push its body away from the contact, or nothing resists its "
+            "direction; prescribe that direction's displacement instead",
+        )
+        self.sliding = sliding
+
+
+class EndlessError(NoStateError):
+    """The search came to no end, as it may where the compliance does not resist all pressures."""
+
+    def __init__(self, passes: int) -> None:
+        NumericalError.__init__(
+            self,
+            f"the active set found no contact state in {passes} passes",
+            "the clouds may be too coarse where the surfaces touch, or unlike on the two of them; with much "
+            "friction there may also be no gradual way on",
+        )
+        self.sliding = False
+
+
+class FloatingError(NoStateError):
+    """Nothing touched before, and still nothing is pressed: free motions could be any."""
+
+    def __init__(self) -> None:
+        NumericalError.__init__(
+            self,
+            "nothing tells where what contacts alone hold goes, as nothing presses on it yet",
+            "move it by a force instead of a displacement, or draw the surfaces touching",
+        )
+        self.sliding = False
+
+
+System = TypeVar("System")
+
+
+def primal_dual_active_set(
+    condensed: Condensed,
+    first: ContactStatus,
+    watch: AdmissibleChanges,
+    solve: Callable[[ContactStatus], tuple[System, ContactState, FloatArray]],
+) -> tuple[ContactStatus, System, ContactState, int]:
+    """Sets that obey every watched rule, their system and values, and how many systems it took.
+
+    ``solve`` gives the system of some sets, the values that the rules are about, and the slips (n,) whose
+    signs must be against friction; SingularSystemError where there are none. Raises NoStateError.
+    """
+    sets, seen, care = first, set[bytes](), ALL
+    others: Iterator[ContactStatus] | None = None
+    limit = 60 + 12 * len(first.closed)
+    for count in range(1, limit + 1):
+        try:
+            system, values, slipped = solve(sets)
+        except SingularSystemError:
+            if care == ONE:
+                others = _divided(condensed, sets) if others is None else others
+                another = next(others, None)
+                if another is None:
+                    raise NoStateError(sliding=slides_freely(condensed, sets)) from None
+                sets = first = another
+                care = ALL
+                seen.clear()
+                continue
+            # Too many exchanges at once have freed what friction holds.
+            sets, care = first, care + 1
+            seen.clear()
+            continue
+        better, wrong = _exchange(condensed, sets, watch, values, slipped)
+        if not wrong.any():
+            return sets, system, values, count
+        if sets.key in seen and care < ONE:
+            care += 1
+            seen.clear()
+        seen.add(sets.key)
+        if care == ALL:
+            sets = better
+        elif care == WORST:
+            off = np.where(wrong, _violation(condensed, sets, values, slipped), 0.0)
+            sets = _only(condensed, sets, better, off >= 0.5 * off.max())
+        else:
+            sets = _only(condensed, sets, better, np.arange(len(wrong)) == np.flatnonzero(wrong)[0])
+    raise EndlessError(limit)
+
+
+def _divided(condensed: Condensed, sets: ContactStatus) -> Iterator[ContactStatus]:
+    """The same sets with one node that sticks, where those that slip one way and those that slip the other
+    meet: a body that both hold rests there, and when its last sticking node gives way another one comes to
+    rest."""
+    if sets.stuck.any():
+        return
+    for own in condensed.tangential.values():
+        slip_sign = sets.slip_sign[own]
+        rubs = np.flatnonzero(slip_sign)
+        change = np.flatnonzero(slip_sign[rubs[1:]] != slip_sign[rubs[:-1]])
+        for node in own.start + rubs[np.unique(np.concatenate([change, change + 1]))]:
+            stuck, turned = sets.stuck.copy(), sets.slip_sign.copy()
+            stuck[node], turned[node] = True, 0.0
+            yield ContactStatus(sets.closed, stuck, turned)
+
+
+def _exchange(
+    condensed: Condensed,
+    sets: ContactStatus,
+    watch: AdmissibleChanges,
+    values: ContactState,
+    slipped: FloatArray,
+) -> tuple[ContactStatus, BoolArray]:
+    """The sets with every node that breaks its rule exchanged, and which nodes (m,) these are.
+
+    A node that closes, or slips with friction, is judged by the pressure and traction that its own compliance
+    asks for to undo its overlap and its slip.
+    """
+    rub = condensed.friction_nodes
+    own = np.diagonal(condensed.whole)
+    own_normal, own_tangential = own[: len(sets.closed)], own[len(sets.closed) :][: len(sets.stuck)]
+    p, t = values.pressure, values.traction
+    largest = max(np.abs(p).max(initial=0.0), np.abs(t).max(initial=0.0))
+    force = ROUND_OFF * max(largest, moving(condensed, values))
+    opening = sets.closed & watch.opening & (p < -force)
+    closing = ~sets.closed & watch.closing & (values.gap < -ROUND_OFF * np.abs(values.gap).max(initial=0.0))
+    closed = (sets.closed & ~opening) | closing
+    asked = np.where(sets.stuck, t, t - slipped / own_tangential)
+    limit = condensed.friction * np.where(closing, p - values.gap / own_normal, p)[rub]
+    side = np.where(watch.side == 0.0, np.sign(asked), watch.side)
+    over = side * asked - limit
+    still = closed[rub] & sets.closed[rub]
+    slips = still & sets.stuck & watch.slipping & (over > force)
+    with_friction = sets.slip_sign * slipped > ROUND_OFF * np.abs(slipped).max(initial=0.0)
+    turns = still & with_friction & ((over <= 0.0) | (side == sets.slip_sign))
+    reverses = still & with_friction & ~turns
+    rubs = closing[rub] & watch.slipping & (over > 0.0)
+    holds = closing[rub] & ~rubs
+    stuck = (sets.stuck & still & ~slips) | turns | holds
+    slip_sign = np.where(
+        slips | reverses | rubs, side, np.where(turns | ~closed[rub] | holds, 0.0, sets.slip_sign)
+    )
+    wrong = opening | closing
+    wrong[rub] |= slips | turns | reverses
+    return ContactStatus(closed, stuck, slip_sign), wrong
+
+
+def _violation(
+    condensed: Condensed, sets: ContactStatus, values: ContactState, slipped: FloatArray
+) -> FloatArray:
+    """By how much places (m,) may break their rules, as pressures."""
+    rub, m = condensed.friction_nodes, len(sets.closed)
+    own = np.diagonal(condensed.whole)
+    p, t = values.pressure, values.traction
+    off = np.where(sets.closed, np.maximum(-p, 0.0), np.maximum(-values.gap / own[:m], 0.0))
+    beyond = np.maximum(np.abs(t) - condensed.friction * np.maximum(p[rub], 0.0), 0.0)
+    against = np.abs(slipped / own[m : m + len(rub)])
+    off[rub] += np.where(sets.stuck, beyond, np.where(sets.closed[rub], against, 0.0))
+    return off
+
+
+def moving(condensed: Condensed, values: ContactState) -> float:
+    """A pressure that would move the surfaces as far as the platens do."""
+    moved = float(np.abs(condensed.gap.motion @ values.motion).max(initial=0.0))
+    return moved / condensed.softest if moved else 0.0
+
+
+def _only(
+    condensed: Condensed, sets: ContactStatus, better: ContactStatus, chosen: BoolArray
+) -> ContactStatus:
+    """The exchange of the ``chosen`` nodes (m,) alone."""
+    own = chosen[condensed.friction_nodes]
+    closed = np.where(chosen, better.closed, sets.closed)
+    stuck, slip_sign = (
+        np.where(own, better.stuck, sets.stuck),
+        np.where(own, better.slip_sign, sets.slip_sign),
+    )
+    return ContactStatus(closed, stuck, slip_sign)

@@ -1,0 +1,63 @@
+"""When a body that a force pushes along its contacts is held by nothing there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.errors import NumericalError
+
+TILT = 0.2
+"""A platen whose motion opens or closes the contact by less than this part of it is resisted by friction."""
+ROUND_OFF = 1e-9
+
+
+class SlidingError(NumericalError):
+    """All of a contact slips and nothing else carries the load: there is no state beyond this one."""
+
+    def __init__(self, fraction: float, where: str = "") -> None:
+        super().__init__(
+            f"the contact slides as a whole{where}",
+            "prescribe the displacement instead of the force to go on",
+        )
+        self.fraction = fraction
+
+
+def slides_freely(condensed: Condensed, sets: ContactStatus) -> bool:
+    """Whether some motion of force-controlled platens runs along slipping contacts alone.
+
+    It may be any combination of their unknown motions, so that directions of axes mean nothing. It moves no
+    sticking node and hardly opens or closes closed ones; contacts that it does not move have no say.
+    """
+    free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
+    slipping = sets.slip_sign != 0.0
+    if not slipping.any() or not len(free):
+        return False
+    size = np.sqrt(condensed.weight)[:, None]
+    across = (size * condensed.gap.motion[:, free])[sets.closed]
+    tangential = size[condensed.friction_nodes] * condensed.slip.motion[:, free]
+    largest = np.sqrt((across**2).sum(axis=0) + (tangential**2).sum(axis=0))
+    units = np.diag(1.0 / np.where(largest > 0.0, largest, 1.0))
+    motions = units @ _unmoved(tangential[sets.stuck] @ units)
+    if not motions.size:
+        return False
+    both = np.vstack([across, tangential[slipping]]) @ motions
+    left, values, _ = np.linalg.svd(both, full_matrices=False)
+    moving = left[: len(across), values > ROUND_OFF]
+    # The singular values are the parts of orthonormal motions that go across.
+    return bool(
+        moving.shape[1] and (np.linalg.svd(moving, compute_uv=False).min() if len(moving) else 0.0) < TILT
+    )
+
+
+def _unmoved(rows: FloatArray) -> FloatArray:
+    """An orthonormal basis (k, d) of the motions that the ``rows`` (r, k) do not see."""
+    if not len(rows):
+        return np.eye(rows.shape[1])
+    # Their triangle has the same singular values, and is much smaller.
+    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+    seen = int((values > ROUND_OFF).sum())
+    basis: FloatArray = right[seen:].T
+    return basis

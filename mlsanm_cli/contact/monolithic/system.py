@@ -1,0 +1,254 @@
+"""The contact problem with the bodies' displacements among its unknowns: the route of the literature.
+
+Every tangent is one large sparse matrix of all bodies with the contact's rows in it, factorised anew at each
+step. It is the baseline that condensation is compared with, so it has the same operators and elimination
+order. The displacements u of all bodies, one body after the other, come behind the platens' motions, and the
+bodies' equations behind the balances, in the numbering of :mod:`mlsanm_cli.contact.laws.coupling`::
+
+    gap      h = h0 + R_n u + beyond_n (p, t)     (R from the observers)
+    slip     s = F R_t u + beyond_t (p, t)
+    balance  0 = forces(f, p, t) + reactions(u)
+    bodies   0 = K u - sources(f, q, p, t)
+
+Displacements count in units of the elastic change of the gaps, a body's equations in units of what such a
+displacement of one node does to its own. Least squares are written as normal equations for the factor only:
+what a state lacks is formed from the rows themselves, and every solve refined with it, or half the digits
+would be lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.laws.coupling import Local, row_scales, slip_places
+from mlsanm_cli.contact.laws.regularization import Regularization
+from mlsanm_cli.contact.monolithic.elimination import Elimination, plan_elimination
+from mlsanm_cli.contact.response.balance import Forces, balance_of_movers
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows, slip_rows, spring_rows
+from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.response.short_waves import slip_fit
+from mlsanm_cli.mechanics.scene import Platen, Scene
+from mlsanm_cli.operators.linear.interface import DirectSolver
+from mlsanm_cli.operators.refinement import Progress, refine
+from mlsanm_cli.values import dataclass
+
+ELASTIC = 10.0
+"""The elastic change of the gaps over the law's reference gap."""
+REFINED = 1e-11
+"""Tangent solves are refined until the next update is foreseen to change less, relatively."""
+
+
+@dataclass(frozen=True, eq=False)
+class SparseCoupling:
+    """Gaps, slips, balances and what the bodies' equations have too much, over y = (p, t, q, u).
+
+    ``contact`` (m + n + k, r) are the rows of the first three, ``gaps`` (m, r) and ``slips`` (n, r) those of
+    them; ``scale`` (2N,) is what the bodies' equations are divided by.
+    """
+
+    condensed: Condensed
+    law: Regularization
+    scene: Scene
+    constant: FloatArray
+    load: FloatArray
+    motion: FloatArray
+    contact: sparse.csr_array
+    gaps: sparse.csr_array
+    slips: sparse.csr_array
+    scale: FloatArray
+    elimination: Elimination
+
+    def softened(self) -> SparseCoupling:
+        """With what the law's asperities give way counted among the slips."""
+        places, added = slip_places(self.condensed), self.law.stick_compliance / self.law.slip
+        contact = self.contact + _entries(places, places, added, self.contact.shape)
+        square = _entries(places, places, added, (len(self.constant),) * 2)
+        elimination = self.elimination.with_added(square)
+        return replace(self, contact=contact, slips=contact[places], elimination=elimination)
+
+    def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The platens' motions and the displacements u among all motions (..., k + 2N)."""
+        count = len(self.law.motion)
+        return motion[..., :count], motion[..., count:]
+
+    def __call__(self, f: FloatArray, y: FloatArray) -> FloatArray:
+        """All rows (r,) in one state."""
+        top = len(self.contact.indptr) - 1
+        known = self.constant[:top] + self.load[:top] @ f + self.contact @ y
+        return np.concatenate([known, self._excess(f, y)])
+
+    def times(self, y: FloatArray) -> FloatArray:
+        """The rows (r,) that y causes alone."""
+        return np.concatenate([self.contact @ y, self._excess(np.zeros(self.load.shape[1]), y)])
+
+    def _excess(self, f: FloatArray, y: FloatArray) -> FloatArray:
+        """What the bodies' equations have too much (2N,)."""
+        m, n, k = len(self.condensed.weight), len(self.condensed.friction_nodes), len(self.law.motion)
+        p, t, q, u = np.split(y, np.cumsum([m, n, k]))
+        causes = np.concatenate([f, q, p, t])
+        parts = [
+            self.scene.bodies[name].system.residual_vector(self.condensed.sources[name] @ causes, u[own])
+            for name, own in self.scene.places.items()
+        ]
+        return np.concatenate(parts) / self.scale
+
+    def tangent(self, local: Local) -> SparseTangent:
+        """Factorise; numpy's LinAlgError where that is singular."""
+        return SparseTangent(self, local)
+
+
+class SparseTangent:
+    """LU factors of the tangent over y = (p, t, q, u), and the refinement of what they give."""
+
+    def __init__(self, coupling: SparseCoupling, local: Local) -> None:
+        self._coupling = coupling
+        m, size = len(local.gap), len(coupling.constant)
+        slips, friction_nodes = slip_places(coupling.condensed), coupling.condensed.friction_nodes
+        self._rows = np.ones(size)
+        self._rows[:m], self._rows[slips] = local.gap, local.slip
+        rows = np.concatenate([np.arange(m), slips, slips])
+        columns = np.concatenate([np.arange(m), slips, friction_nodes])
+        values = np.concatenate([local.pressure, local.traction, local.friction_slope])
+        self._local = _entries(rows, columns, values, (size, size))
+        self._factor = coupling.elimination.factor(self._rows, self._local)
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution (r,)."""
+        plan = self._coupling.elimination
+        scales = plan.scale[: len(rhs)]
+
+        def update(z: FloatArray) -> FloatArray:
+            y = scales * z[:, 0]
+            lack = rhs - self._rows * self._coupling.times(y) - self._local @ y
+            return plan.solve(self._factor, lack)[:, None]
+
+        first = plan.solve(self._factor, rhs)[:, None]
+        return np.asarray(scales * refine(first, update, Progress.of(first, REFINED))[0][:, 0])
+
+
+def sparse_coupling(
+    scene: Scene, condensed: Condensed, law: Regularization, solver: DirectSolver
+) -> SparseCoupling:
+    """The linear part of the problem on the candidates, loads and platens of ``condensed``.
+
+    Of the condensed problem's solutions nothing is used, but for friction its ``beyond``.
+    """
+    m, n, k = len(condensed.weight), len(condensed.friction_nodes), len(law.motion)
+    places = scene.places
+    total = max(own.stop for own in places.values())
+    columns = Columns(len(scene.loads), k + total, m, n)
+    equations, loads = {}, np.zeros((total, columns.loads))
+    for name, own in places.items():
+        # The contact's unknowns in the order of the rows they go with.
+        caused = condensed.sources[name][:, _contact_columns(columns.loads, m, n, k)]
+        system = scene.bodies[name].system
+        equations[name] = system.equations(sparse.csc_array(caused))
+        for number in range(columns.loads):
+            source = condensed.sources[name][:, [number]].toarray()[:, 0]
+            loads[own, number] = system.residual_vector(source, np.zeros(own.stop - own.start))
+    elastic = ELASTIC * law.gap
+    largest = [abs(one.matrix).max(axis=1).toarray().ravel() for one in equations.values()]
+    scale = elastic * np.concatenate(largest)
+    motion = np.concatenate([law.motion, np.full(total, elastic)])
+    unknowns = np.concatenate([np.full(m, law.pressure), condensed.friction * law.pressure, motion])
+    contact, constant, load = _contact_rows(scene, condensed, law, columns)
+    return SparseCoupling(
+        condensed=condensed,
+        law=law,
+        scene=scene,
+        constant=np.concatenate([constant, np.zeros(total)]),
+        load=np.concatenate([load, loads / scale[:, None]]),
+        motion=motion,
+        contact=contact,
+        gaps=contact[:m],
+        slips=contact[m : m + n],
+        scale=scale,
+        elimination=plan_elimination(scene, contact, equations, scale, unknowns, solver),
+    )
+
+
+def _contact_columns(loads: int, m: int, n: int, k: int) -> IntArray:
+    """Where sources (loads, motions, pressures, tractions) have the columns of (p, t, q)."""
+    q, p, t = np.split(np.arange(loads, loads + k + m + n), [k, k + m])
+    return np.concatenate([p, t, q])
+
+
+def _contact_rows(
+    scene: Scene,
+    condensed: Condensed,
+    law: Regularization,
+    columns: Columns,
+) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
+    """Rows of gaps, slips and balances (m + n + k, r), their constants and what loads do to them."""
+    m, n, k = len(condensed.weight), len(condensed.friction_nodes), len(law.motion)
+    chosen = np.concatenate([pairing.candidate for pairing in condensed.pairings])
+    rough = tuple(pairing for pairing in condensed.pairings if pairing.friction)
+    elastic = scene.bodies.items()
+    gaps = sparse.hstack([gap_rows(body, name, condensed.pairings) for name, body in elastic], format="csr")
+    beyond = sparse.csr_array(condensed.beyond)
+    unseen = [beyond[:m], sparse.csr_array((m, k))]
+    rows = [sparse.hstack([*unseen, gaps[chosen]])]
+    if n:
+        sliding = np.concatenate([pairing.candidate for pairing in rough])
+        slips = sparse.hstack([slip_rows(body, name, rough) for name, body in elastic], format="csr")
+        fit = sparse.block_diag([slip_fit(pairing) for pairing in rough], format="csr")
+        unseen = [beyond[m:], sparse.csr_array((n, k))]
+        rows.append(sparse.hstack([*unseen, fit @ slips[sliding]]))
+    balance = _balance(scene, condensed, columns)
+    if k:
+        rows.append(sparse.csr_array(np.hstack([balance.pressure, balance.traction, balance.motion])))
+    scale = row_scales(condensed, law)
+    constant = np.concatenate([condensed.gap.constant, np.zeros(n), balance.constant])
+    load = np.concatenate([np.zeros((m + n, columns.loads)), balance.load])
+    whole = sparse.csr_array(sparse.vstack(rows, format="csr"))
+    return sparse.csr_array(sparse.diags_array(1.0 / scale) @ whole), constant / scale, load / scale[:, None]
+
+
+def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
+    """What the platens lack, the stress behind them told by the displacements."""
+    first, measured, springs = len(scene.unknown_motions), {}, {}
+
+    def told(body: str, rows: sparse.csr_array) -> LinearMap:
+        whole, own = columns.zeros(rows.shape[0]), scene.places[body]
+        whole.motion[:, first + own.start : first + own.stop] = rows.toarray()
+        return whole
+
+    for platen, motion in scene.unknown_motions:
+        assert isinstance(platen, Platen), "checked with the case"
+        for owner in platen.bodies:
+            for surface in scene.bodies[owner].soft_springs:
+                springs[owner, surface] = told(owner, spring_rows(scene.bodies[owner], surface))
+        for held in platen.held:
+            (owner, surface), body = held, scene.bodies[held[0]]
+            if motion.alone or held in measured:
+                continue
+            rows = reaction_rows(body, surface, platen.center)
+            measured[held] = told(owner, rows)
+            # Stresses come from the displacements beyond those of free expansion.
+            for heating in scene.heated(owner):
+                expansion = heating.reaction(body, surface, platen.center)
+                measured[held].load[:, heating.number] -= expansion
+    apart = len(scene.loads) + first
+    sources = {
+        name: sparse.csc_array(
+            sparse.hstack(
+                [own[:, :apart], sparse.csc_array((own.shape[0], columns.motions - first)), own[:, apart:]],
+                format="csc",
+            )
+        )
+        for name, own in condensed.sources.items()
+    }
+    drivers = Drivers(len(scene.loads), columns.motions, condensed.pairings)
+    return balance_of_movers(Forces(scene, drivers, sources, measured, springs))
+
+
+def _entries(
+    rows: IntArray, columns: IntArray, values: FloatArray, shape: tuple[int, int]
+) -> sparse.csr_array:
+    return sparse.csr_array((values, (rows, columns)), shape=shape)

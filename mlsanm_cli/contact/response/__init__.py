@@ -1,0 +1,1 @@
+"""How bodies respond to contact tractions: near field, remainder, condensation."""

@@ -1,0 +1,205 @@
+"""Forces: what loads, supports and contacts exert on the bodies, and the balance of platens and bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.linear_map import Columns, LinearMap, stack
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint, RigidMotion, Scene
+from mlsanm_cli.values import dataclass
+
+Held = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Everything that pushes on a body, as force x, y and moment (3 rows) in the condensed unknowns.
+
+    ``sources[body]`` (r, drivers) are the bodies' right-hand sides, of which what acts on their pieces is
+    known. ``measured[body, surface]`` is what :func:`reaction_rows` finds, moments about that platen's
+    centre; ``springs[body, surface]`` the force of soft springs, moments about the origin.
+    """
+
+    scene: Scene
+    drivers: Drivers
+    sources: Mapping[str, sparse.csc_array]
+    measured: Mapping[Held, LinearMap]
+    springs: Mapping[Held, LinearMap]
+
+    @property
+    def pairings(self) -> tuple[Pairing, ...]:
+        """The contacts."""
+        return self.drivers.pairings
+
+    @property
+    def columns(self) -> Columns:
+        """The columns of the unknowns."""
+        return self.drivers.unknowns
+
+    def contact(self, pairing: Pairing, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
+        """What a contact exerts on one of its bodies."""
+        drivers = self.drivers
+        if pairing.near is not None:
+            result = drivers.unknowns.zeros(3)
+            pressure, traction = pairing.near.resultants(body == pairing.slave_body, center)
+            result.pressure[:, drivers.spans[pairing.name]] = pressure
+            if pairing.friction:
+                result.traction[:, drivers.tangential[pairing.name]] = traction
+            return result
+        total, resultants = np.zeros((3, drivers.columns.total)), self._resultants(body, center)
+        spans = [drivers.places(pairing)]
+        if pairing.friction:
+            spans.append(drivers.tangential_places(pairing))
+        for span in spans:
+            total[:, span] = (resultants @ self.sources[body][:, span]).toarray()
+        return drivers.by_unknowns(total)
+
+    def mismatch(self, pairing: Pairing) -> LinearMap:
+        """What a contact exerts on both its bodies together (2 rows): nothing, if each feels what the other
+        does; rigid obstacles feel it all."""
+        if pairing.master_body is None:
+            return self.columns.zeros(2)
+        both = [self.contact(pairing, body) for body in pairing.bodies]
+        return (both[0] + both[1]).take(slice(0, 2))
+
+    def applied(self, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
+        """What prescribed tractions and body forces, and the springs, add up to on a body."""
+        elastic, resultants = self.scene.bodies[body], self._resultants(body, center)
+        total = np.zeros((3, self.columns.loads))
+        for load in self.scene.surface_loads:
+            if load.body == body and not load.held:
+                total[:, load.number] += resultants @ load.source(elastic)
+        for force in self.scene.body_forces:
+            if force.body == body:
+                total[:, force.number] += resultants @ elastic.force_source(force.values)
+        result = self.columns.of_loads(total)
+        for where, pull in self.springs.items():
+            if where[0] == body:
+                result = result + pull.combined(_about(center))
+        return result
+
+    def _resultants(self, body: str, center: tuple[float, float]) -> sparse.csr_array:
+        return self.scene.bodies[body].resultants(center)
+
+    def others(self, mover: Platen | FloatingBody) -> LinearMap:
+        """All but held surfaces on a mover's bodies, moments about the mover's centre."""
+        total = self.columns.zeros(3)
+        for body in mover.bodies:
+            total = total + self.applied(body, mover.center)
+            for pairing in self.pairings:
+                if body in pairing.bodies:
+                    total = total + self.contact(pairing, body, mover.center)
+        return total
+
+    def mover(self, mover: RigidConstraint, motion: RigidMotion) -> LinearMap:
+        """The force (1 row) that the mover must exert on what it moves in one component."""
+        row = slice(motion.component, motion.component + 1)
+        if isinstance(mover, Obstacle):
+            pairing = next(p for p in self.pairings if p.name == mover.contact)
+            return self.contact(pairing, pairing.slave_body, mover.center).take(row)
+        if isinstance(mover, FloatingBody) or motion.alone:
+            return -self.others(mover).take(row)
+        parts = [self.measured[held].take(row) for held in mover.held]
+        return sum(parts[1:], parts[0])
+
+
+def balance_of_movers(forces: Forces) -> LinearMap:
+    """One row per unknown motion: the force the mover must exert less the force applied to it.
+
+    Nothing exerts a force on a loose body but its contacts and tractions, which must so balance.
+    """
+    rows = []
+    for mover, motion in forces.scene.unknown_motions:
+        rows.append(forces.mover(mover, motion) + -forces.columns.of_loads(motion.force[None, :]))
+    return stack(rows, forces.columns)
+
+
+def reported_forces(forces: Forces) -> dict[str, LinearMap]:
+    """Force x, y (2 rows) that each load and each support exerts on its body, by name."""
+    scene, columns = forces.scene, forces.columns
+    report: dict[str, LinearMap] = {}
+    for load in scene.surface_loads:
+        if load.held:
+            total = forces.measured[load.body, load.surface]
+        else:
+            body, sums = scene.bodies[load.body], np.zeros((3, columns.loads))
+            sums[:, load.number] = body.resultants() @ load.source(body)
+            total = columns.of_loads(sums)
+        name, told = scene.loads[load.number], total.take(slice(0, 2))
+        # A load on several surfaces acts on one after the other.
+        report[name] = report[name] + told if name in report else told
+    for mover in scene.rigid_constraints:
+        for number in mover.loads:
+            rows = [columns.zeros(1), columns.zeros(1)]
+            for motion in mover.motions:
+                if motion.component > 1:
+                    continue
+                if motion.prescribed is None:
+                    own = np.zeros((1, columns.loads))
+                    own[0, number] = motion.force[number]
+                    rows[motion.component] = columns.of_loads(own)
+                elif number == next((n for n in mover.loads if motion.prescribed[n]), mover.loads[0]):
+                    # Several loads may move one platen in this component: its force is told once.
+                    rows[motion.component] = forces.mover(mover, motion)
+            report[scene.loads[number]] = stack(rows, columns)
+    for force in scene.body_forces:
+        elastic, sums = scene.bodies[force.body], np.zeros((2, columns.loads))
+        sums[:, force.number] = (elastic.resultants() @ elastic.force_source(force.values))[:2]
+        report[scene.loads[force.number]] = columns.of_loads(sums)
+    for heating in scene.heatings:
+        report[scene.loads[heating.number]] = columns.zeros(2)
+    for name, places in scene.supports.items():
+        total = columns.zeros(3)
+        for where in places:
+            if where in forces.measured:
+                total = total + forces.measured[where]
+            if where in forces.springs:
+                total = total + forces.springs[where]
+        report[name] = total.take(slice(0, 2))
+    return report
+
+
+def moments_of_plates(forces: Forces) -> dict[str, LinearMap]:
+    """The moment (1 row) about its hinge that each plate that turns exerts on its bodies, by its name."""
+    return {
+        platen.name: forces.mover(platen, motion)
+        for platen in forces.scene.platens
+        for motion in platen.motions
+        if motion.component == ROTATION
+    }
+
+
+def body_imbalance(forces: Forces) -> LinearMap:
+    """Sum of all forces on each body (2 rows per body), those of held surfaces from the stress there, and on
+    masters the opposite of what their slaves receive.
+
+    Least squares keep it to round-off; of square schemes it tells the discretisation error.
+    Components held at single nodes are left out.
+    """
+    rows = []
+    for name in forces.scene.bodies:
+        total = forces.applied(name)
+        for pairing in forces.pairings:
+            if name == pairing.slave_body:
+                total = total + forces.contact(pairing, name)
+            if name == pairing.master_body:
+                total = total + -forces.contact(pairing, pairing.slave_body)
+        for surface in forces.scene.bodies[name].gripped:
+            total = total + forces.measured[name, surface]
+        for component in (0, 1):
+            hidden = forces.scene.held_nodes.get(name, (False, False))[component]
+            row = slice(component, component + 1)
+            rows.append(forces.columns.zeros(1) if hidden else total.take(row))
+    return stack(rows, forces.columns)
+
+
+def _about(center: tuple[float, float]) -> FloatArray:
+    """What makes force x, y and moment about a ``center`` (3,) from those about the origin (3, 3)."""
+    return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [center[1], -center[0], 1.0]])

@@ -1,0 +1,172 @@
+"""Bonded surfaces: their tractions follow from all other unknowns and need no law.
+
+Surfaces that are one neither part nor slide: what loads f, motions q, pressures p and tractions t of the
+other contacts move of them, their own pressures and tractions take back. These are linear in f, q, p, t and
+are taken out of the contact problem, so that no contact law knows of them.
+
+Least squares follow tractions the less the shorter their waves are, and tractions are singular where bonds
+end. So they are linear between knots that are COARSE spacings apart, and the means of displacements with the
+same functions are alike on both sides. With every node a knot tractions oscillate: the energy of a bimetal
+strip was 36 % off; what keeps friction smooth (:mod:`mlsanm_cli.contact.response.short_waves`) would make the
+bond a soft one, by 30 % there. Between 2 and 4 spacings the strip's curvature is Timoshenko's to 3e-7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
+from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.values import dataclass
+
+COARSE = 3.0
+"""Distance of the knots, in spacings of the coarser surface."""
+ROUND_OFF = 1e-9
+APART = 3.0
+"""Nodes farther apart than so many spacings belong to two stretches of a bond."""
+
+
+@dataclass(frozen=True)
+class Bonds:
+    """The bonded contacts ``pairings``, with the ``spans`` of their nodes among those of all of them.
+
+    ``pressure`` and ``traction`` (b,) are told by the unknowns of the other contacts, which stand at ``free``
+    (m,) among all pressures and ``sliding`` (n,) among all tractions.
+    """
+
+    pairings: tuple[Pairing, ...]
+    spans: Mapping[str, slice]
+    pressure: LinearMap
+    traction: LinearMap
+    free: BoolArray
+    sliding: BoolArray
+
+    @classmethod
+    def none(cls) -> Bonds:
+        """No bonds at all."""
+        nothing, no = Columns(0, 0, 0).zeros(0), np.zeros(0, dtype=bool)
+        return cls((), {}, nothing, nothing, no, no)
+
+    def whole(self, unknowns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The unknowns f, q, p, t with the pressures and tractions of all contacts."""
+        f, q, p, t = unknowns
+        if not self.pairings:
+            return f, q, p, t
+        pressure, traction = np.zeros(len(self.free)), np.zeros(len(self.sliding))
+        pressure[self.free], traction[self.sliding] = p, t
+        pressure[~self.free], traction[~self.sliding] = self.pressure(f, q, p, t), self.traction(f, q, p, t)
+        return f, q, pressure, traction
+
+    def values(self, name: str, unknowns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Pressures and tractions (m,) of one bond."""
+        own = self.spans[name]
+        return self.pressure.take(own)(*unknowns), self.traction.take(own)(*unknowns)
+
+    def reduced(self, linear: LinearMap) -> LinearMap:
+        """A map of all unknowns as one of those of the other contacts."""
+        if not self.pairings:
+            return linear
+        pressure, traction = linear.pressure[:, ~self.free], linear.traction[:, ~self.sliding]
+        own = self.pressure.combined(pressure) + self.traction.combined(traction)
+        return own + LinearMap(
+            linear.constant,
+            linear.load,
+            linear.motion,
+            linear.pressure[:, self.free],
+            linear.traction[:, self.sliding],
+        )
+
+
+def bind(
+    scene: Scene, pairings: tuple[Pairing, ...], drivers: Drivers, gap: LinearMap, slip: LinearMap
+) -> Bonds:
+    """Solve for the bonded tractions by the candidates' gaps (m,) and slips (n,) of all ``pairings``.
+
+    Surfaces that are drawn apart a little stay so. Raises NumericalError where tractions have no answer.
+    """
+    bonded = tuple(pairing for pairing in pairings if pairing.bonded)
+    if not bonded:
+        return Bonds.none()
+    free, sliding = np.ones(len(gap.constant), dtype=bool), np.ones(len(slip.constant), dtype=bool)
+    spans, first = {}, 0
+    for pairing in bonded:
+        own = drivers.spans[pairing.name]
+        free[own], sliding[drivers.tangential[pairing.name]] = False, False
+        spans[pairing.name] = slice(first, first + own.stop - own.start)
+        first += own.stop - own.start
+    held = [gap.take(~free), slip.take(~sliding)]
+    matrix = np.concatenate([np.hstack([one.pressure[:, ~free], one.traction[:, ~sliding]]) for one in held])
+    rest = [
+        np.hstack([one.load, one.motion, one.pressure[:, free], one.traction[:, sliding]]) for one in held
+    ]
+    shapes = [_shapes(pairing, scene) for pairing in bonded]
+    whole = _diagonal([*shapes, *shapes])
+    weight = np.concatenate([pairing.weight[pairing.candidate] for pairing in bonded])
+    means = (np.tile(weight, 2)[:, None] * whole).T
+    try:
+        system = DenseSystem(means @ matrix @ whole, whole.shape[1])
+        solved = -whole @ system.solve(means @ np.concatenate(rest))
+    except SingularSystemError as error:
+        raise NumericalError(
+            f"the tractions of contact {bonded[0].name} do not follow from its bond",
+            f"make the spacings along {' and '.join(bonded[0].names)} more alike",
+        ) from error
+    ends = np.cumsum([gap.load.shape[1], gap.motion.shape[1], int(free.sum())])
+    maps = [LinearMap(np.zeros(first), *np.split(half, ends, axis=1)) for half in np.split(solved, 2)]
+    return Bonds(bonded, spans, maps[0], maps[1], free, sliding)
+
+
+def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:
+    """The functions (m, c), linear between knots, of which a bond's pressures and tractions are made."""
+    chosen = pairing.candidate
+    spacing = np.maximum(pairing.spacing[chosen], _facing_spacing(pairing, scene))
+    arc = pairing.arc[chosen]
+    if pairing.all_around:
+        around = arc[0] + pairing.slave.curve.length
+        knots = _knots(np.append(arc, around), np.append(spacing, spacing[0]), least=3)
+        hats = _hats(arc, knots)
+        return np.column_stack([hats[:, 0] + hats[:, -1], hats[:, 1:-1]])
+    cuts = np.flatnonzero(np.diff(arc) > APART * np.maximum(spacing[1:], spacing[:-1])) + 1
+    parts = zip(np.split(arc, cuts), np.split(spacing, cuts), strict=True)
+    return _diagonal([_hats(own, _knots(own, length)) for own, length in parts])
+
+
+def _facing_spacing(pairing: Pairing, scene: Scene) -> FloatArray:
+    """Spacings (m,) of the master opposite the candidates."""
+    master, body = pairing.master, pairing.master_body
+    assert master is not None, "nothing is bonded to an obstacle"
+    assert body is not None
+    cloud = scene.bodies[body].model.cloud
+    around = master.curve.length if master.curve.closed else None
+    place = master.curve.closest(pairing.partner[pairing.candidate])
+    return np.asarray(np.interp(place, master.arc_length, cloud.spacing[master.index], period=around))
+
+
+def _knots(arc: FloatArray, spacing: FloatArray, least: int = 1) -> FloatArray:
+    """Knots from the first to the last of nodes at ``arc`` (m,), ``least`` intervals between them."""
+    if len(arc) == 1:
+        return arc
+    share = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(arc) / (spacing[1:] + spacing[:-1]))])
+    count = max(least, int(share[-1] / COARSE + ROUND_OFF))
+    return np.asarray(np.interp(np.linspace(0.0, share[-1], count + 1), share, arc))
+
+
+def _hats(arc: FloatArray, knots: FloatArray) -> FloatArray:
+    """Values (m, c) at ``arc`` (m,) of the functions that are 1 at one of the ``knots`` (c,) each."""
+    return np.stack([np.interp(arc, knots, unit) for unit in np.eye(len(knots))], axis=1)
+
+
+def _diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
+    """A matrix of blocks along its diagonal."""
+    rows, columns = (np.cumsum([0, *(block.shape[axis] for block in blocks)]).tolist() for axis in (0, 1))
+    result = np.zeros((rows[-1], columns[-1]))
+    for block, row, column in zip(blocks, rows[:-1], columns[:-1], strict=True):
+        result[row : row + block.shape[0], column : column + block.shape[1]] = block
+    return result

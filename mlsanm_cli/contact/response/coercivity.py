@@ -1,0 +1,89 @@
+"""Stability certificate of a contact: does the compliance resist every pressure its nodes can carry?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.mechanics.body import BodyModel
+
+ROUND_OFF = 1e-9
+SUPPORTED = 1e-6
+"""Lack of balance below this part of the forces is round-off, as that of a body with supports."""
+
+
+def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[int] = ()) -> float:
+    """Smallest resistance to pressures, and with friction tractions, on the ``chosen`` candidates (m,), of
+    bodies of which those with the numbers ``loose`` are held by contact alone.
+
+    See :func:`relative_resistance`. Nodes that never touch have no say: the outermost candidates, whose
+    pressure only half arrives on the master, resist little and bear nothing.
+    """
+    kept = np.flatnonzero(chosen)
+    friction_nodes = np.flatnonzero(chosen[condensed.friction_nodes])
+    gap, slip = condensed.gap, condensed.slip
+    compliance = np.block(
+        [
+            [gap.pressure[np.ix_(kept, kept)], gap.traction[np.ix_(kept, friction_nodes)]],
+            [
+                slip.pressure[np.ix_(friction_nodes, kept)],
+                slip.traction[np.ix_(friction_nodes, friction_nodes)],
+            ],
+        ]
+    )
+    place = np.concatenate([kept, condensed.friction_nodes[friction_nodes]])
+    unbalanced = np.zeros((0, len(place)))
+    if any(pairing.near is not None for pairing in condensed.pairings):
+        # Displacements in closed form of bodies that nothing holds count from anywhere, also where symmetry
+        # forbids what would balance them.
+        rows = [2 * body + component for body in loose for component in (0, 1)]
+        parts = [
+            np.hstack([one.pressure[:, kept], one.traction[:, friction_nodes]])
+            for one in (condensed.balance, condensed.imbalance.take(np.array(rows, dtype=np.int64)))
+        ]
+        size = np.linalg.norm(condensed.weight[place])
+        parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > SUPPORTED * size]
+        unbalanced = np.concatenate(parts)
+    return relative_resistance(condensed.weight[place], condensed.modulus[place], compliance, unbalanced)
+
+
+def relative_resistance(
+    weight: FloatArray, modulus: FloatArray, compliance: FloatArray, unbalanced: FloatArray | None = None
+) -> float:
+    """Smallest quotient of p^T sym(W A) p, A the ``compliance`` (m, m) and W the ``weight`` (m,), and of
+    sum 2 w^2 p^2 / (pi E*), E* the contact ``modulus`` (m,).
+
+    The latter is what a half-plane has for a pressure that changes sign from node to node, the one it resists
+    least (Johnson, Contact Mechanics, 1985, section 13.2: a wave of length l moves the surface by p l /
+    (pi E*)). Sound discretisations reach 0.3 to 1.5 whatever the spacing, its grading and the units; where it
+    is nearly zero or negative, pressures oscillate from node to node at will. Only pressures that have
+    nothing ``unbalanced`` (r, m) are looked at.
+    """
+    scale = np.sqrt(0.5 * np.pi * modulus)
+    relative = compliance * scale[:, None] * (scale / weight)[None, :]
+    relative = 0.5 * (relative + relative.T)
+    if unbalanced is not None and len(unbalanced):
+        free = _balanced(unbalanced * (scale / weight))
+        relative = free.T @ relative @ free
+    return float(np.linalg.eigvalsh(relative)[0]) if relative.size else np.inf
+
+
+def _balanced(unbalanced: FloatArray) -> FloatArray:
+    """An orthonormal basis (m, d) of all that has nothing ``unbalanced`` (r, m): forces and moments, each of
+    its own unit."""
+    sizes = np.linalg.norm(unbalanced, axis=1, keepdims=True)
+    _, values, right = np.linalg.svd(unbalanced / np.where(sizes > 0.0, sizes, 1.0))
+    basis: FloatArray = right[int((values > ROUND_OFF).sum()) :].T
+    return basis
+
+
+def stiffness_ratio(pairing: Pairing, models: Mapping[str, BodyModel]) -> float:
+    """How many times stiffer the slave is than the master; 0 on an obstacle."""
+    slave, *masters = (
+        models[body].material.contact_compliance(pairing.normal).mean() for body in pairing.bodies
+    )
+    return float(sum(master / slave for master in masters))

@@ -1,0 +1,451 @@
+"""The contact problem condensed on its own unknowns.
+
+The bulk is linear, so with the load factors f, the candidates' pressures p, the tractions t of contacts with
+friction, and the unknown rigid motions q of platens, obstacles and loose bodies::
+
+    gap     h = h0 + H f + C q + A_nn p + A_nt t
+    slip    s = S f + D q + A_tn p + A_tt t
+    balance 0 = B f + G q + F_n p + F_t t           (one row per unknown motion)
+
+p acts on the slave along the master's outward normal, t along the tangent, the normal turned by -90 degrees;
+s is the slip of the slave relative to the master along it. The matrices A are the compliance. Each body is
+factorised once; of the solutions to its columns only the functionals needed are found. Both are left out
+where a memo has the functionals already.
+
+A scene that is its own mirror image has symmetric pressures, and its bodies answer to the symmetric part of
+each: half to a node's pressure, half to that of its image. Twice that on the node's own side and nothing on
+the other is the same for symmetric pressures, and leaves the compliance positive for others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.balance import (
+    Forces,
+    balance_of_movers,
+    body_imbalance,
+    moments_of_plates,
+    reported_forces,
+)
+from mlsanm_cli.contact.response.bonds import Bonds, bind
+from mlsanm_cli.contact.response.dense import scales
+from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.linear_map import LinearMap, stack
+from mlsanm_cli.contact.response.load_vectors import body_load_vectors
+from mlsanm_cli.contact.response.near_answers import add_fields, add_singular, near_answers
+from mlsanm_cli.contact.response.near_fields import fields_of
+from mlsanm_cli.contact.response.observation import Observed, ResponseFunctionals, observe, used_columns
+from mlsanm_cli.contact.response.offsets import of_fits, of_obstacles
+from mlsanm_cli.contact.response.short_waves import resolved
+from mlsanm_cli.mechanics.near_field import as_complex
+from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.values import dataclass
+
+EVEN = 1e-9
+"""Gaps that differ by less than this part of the spacing are equal."""
+ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """All that the contact laws need to know.
+
+    ``pairings`` are the contacts that may come apart; those of ``bonds`` follow from them.
+    ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their
+    surface lengths, ``modulus`` (m,) the contact modulus E* there. ``tangential[contact]`` are the places of
+    a contact with friction among the tractions (n,); ``friction_nodes`` (n,) are the numbers of these nodes
+    among the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,),
+    ``slip`` to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to
+    what the movers lack (k,). ``beyond`` (m + n, m + n) is what of the gaps and slips the displacements' own
+    do not tell (:func:`resolved`).
+
+    ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
+    its force (2,) on the slave and ``mismatches`` to what that on the master differs by from the opposite of
+    it; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes`` maps each probe to its
+    displacement and stress (5,), ``moments`` each plate that turns to the moment on its bodies about its
+    hinge. ``solves`` counts columns. ``content`` is a digest of all but the coefficients of friction.
+    """
+
+    pairings: tuple[Pairing, ...]
+    spans: Mapping[str, slice]
+    weight: FloatArray
+    modulus: FloatArray
+    tangential: Mapping[str, slice]
+    friction_nodes: IntArray
+    friction: FloatArray
+    gap: LinearMap
+    slip: LinearMap
+    watched: LinearMap
+    balance: LinearMap
+    beyond: FloatArray
+    forces: Mapping[str, LinearMap]
+    contact_forces: Mapping[str, LinearMap]
+    imbalance: LinearMap
+    sources: Mapping[str, sparse.csc_array]
+    solutions: Mapping[str, FloatArray]
+    solves: int
+    content: str
+    bonds: Bonds = field(default_factory=Bonds.none)
+    probes: Mapping[str, LinearMap] = field(default_factory=dict)
+    moments: Mapping[str, LinearMap] = field(default_factory=dict)
+    drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
+    mismatches: Mapping[str, LinearMap] = field(default_factory=dict)
+
+    @property
+    def reported(self) -> tuple[Pairing, ...]:
+        """All contacts, bonded ones too, in the order of the case."""
+        return self.drivers.pairings
+
+    def pairing_of(self, name: str) -> Pairing:
+        """The contact of a name that may come apart."""
+        return next(pairing for pairing in self.pairings if pairing.name == name)
+
+    @cached_property
+    def whole(self) -> FloatArray:
+        """Gaps, slips and lacking balance (m + n + k) per pressure, traction and motion."""
+        parts = (self.gap, self.slip, self.balance)
+        return np.block([[part.pressure, part.traction, part.motion] for part in parts])
+
+    @cached_property
+    def softest(self) -> float:
+        """The largest gap that a unit pressure makes anywhere, 0 without candidates."""
+        return float(np.abs(self.gap.pressure).max(initial=0.0))
+
+    @cached_property
+    def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Factors on the rows and columns of :attr:`whole`, and the transpose of it multiplied by them."""
+        rows, columns = scales(self.whole, len(self.gap.constant) + len(self.slip.constant))
+        return rows, columns, np.ascontiguousarray((rows[:, None] * (self.whole * columns)).T)
+
+    def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
+        """Per contact, which paired nodes (w,) are no candidates and yet overlap in one state."""
+        overlap = self.watched(f, q, p, t) < 0.0
+        masks = {}
+        for pairing in self.pairings:
+            mask = np.zeros(len(pairing.position), dtype=bool)
+            mask[~pairing.candidate] = overlap[self.watched_of(pairing.name)]
+            masks[pairing.name] = mask
+        return masks
+
+    def watched_of(self, name: str) -> slice:
+        """Where the paired nodes of a contact that are no candidates stand among all of these."""
+        first = 0
+        for pairing in self.pairings:
+            last = first + int((~pairing.candidate).sum())
+            if pairing.name == name:
+                return slice(first, last)
+            first = last
+        raise KeyError(name)
+
+    def source(
+        self, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
+    ) -> sparse.csc_array:
+        """Right-hand side (r, 1) of a body in one state."""
+        return sparse.csc_array((self.sources[body] @ self._drive((f, q, p, t)))[:, None])
+
+    def _drive(self, unknowns: Sequence[FloatArray]) -> FloatArray:
+        """The drivers (drivers,) of one state."""
+        return self.drivers.drive(*self.bonds.whole(unknowns))
+
+    def overlap(self, gap: FloatArray) -> bool:
+        """Whether some ``gap`` (m,) is negative by more than surfaces drawn touching may have it."""
+        return bool((gap < -EVEN * self.weight).any())
+
+    def closest(self, gap: FloatArray) -> BoolArray:
+        """The nodes (m,) with the smallest ``gap`` (m,) of every contact, enough to hold all that moves
+        rigidly, if possible."""
+        ordered = {name: np.sort(gap[span]) for name, span in self.spans.items()}
+        chosen = np.zeros(len(gap), dtype=bool)
+        for count in 2 ** np.arange(len(gap).bit_length() + 1):
+            for name, span in self.spans.items():
+                widest = ordered[name][:count].max(initial=-np.inf)
+                chosen[span] |= gap[span] <= widest + EVEN * self.weight[span]
+            held = np.concatenate([self.gap.motion[chosen], self.balance.motion])
+            size = np.abs(held).max(axis=0, initial=0.0)
+            if np.linalg.matrix_rank(held / np.where(size > 0.0, size, 1.0), ROUND_OFF) == held.shape[1]:
+                break
+        return chosen
+
+    def solution(
+        self, scene: Scene, body: str, unknowns: Sequence[FloatArray]
+    ) -> tuple[FloatArray, sparse.csc_array]:
+        """Solution (2N, 1) of a body's elastic system in a state f, q, p, t, and its right-hand side (r, 1).
+
+        One solve; none where there is no contact, since ``solutions`` (2n, loads + motions) of so few columns
+        are kept.
+        """
+        f, q, p, t = unknowns
+        source = self.source(body, f, q, p, t)
+        if body in self.solutions:
+            return (self.solutions[body] @ self._drive(unknowns))[:, None], source
+        return scene.bodies[body].system.solve(source), source
+
+    def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
+        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts included and last."""
+        solution = self.solution(scene, body, unknowns)[0][:, 0]
+        rest = (solution + scene.loose_patterns(body) @ unknowns[1]).reshape(-1, 2)
+        return np.asarray(rest + self.near_fields(scene, body, unknowns)[0])
+
+    def near_fields(
+        self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Displacements (e, 2) and stresses (e, 3) of the fields in closed form at ``points`` (e, 2) of a
+        body, or at its nodes, in a state f, q, p, t. What its elastic system tells is the rest of both."""
+        model = scene.bodies[body].model
+        place = as_complex(model.nodes if points is None else points)
+        displacement, stress = np.zeros((len(place), 2)), np.zeros((len(place), 3))
+        for pairing in self.reported:
+            if pairing.near is None or body not in pairing.bodies:
+                continue
+            pressure, traction = self.contact_values(pairing, unknowns)
+            if not (pressure.any() or traction.any()):
+                continue
+            for own, slave, sign in pairing.sides:
+                if own == body:
+                    loads = pressure[:, None], traction[:, None]
+                    found = fields_of(pairing.near, model.kernel, slave, place, *loads)
+                    displacement, stress = (
+                        displacement + sign * found[0][:, :, 0],
+                        stress + sign * found[1][:, :, 0],
+                    )
+        return displacement, stress
+
+    def contact_values(
+        self, pairing: Pairing, unknowns: Sequence[FloatArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Pressures and tractions (m,) of one contact's candidates, bonded or not."""
+        if pairing.bonded:
+            return self.bonds.values(pairing.name, unknowns)
+        _, _, pressures, tractions = unknowns
+        pressure = pressures[self.spans[pairing.name]]
+        if pairing.name not in self.tangential:
+            return pressure, np.zeros_like(pressure)
+        return pressure, tractions[self.tangential[pairing.name]]
+
+    def checked_displacements(
+        self,
+        scene: Scene,
+        body: str,
+        states: Sequence[Sequence[FloatArray]],
+        start: FloatArray | None = None,
+    ) -> tuple[list[FloatArray], FloatArray]:
+        """The same in several states, and what solving the body's elastic system once more is worth in each
+        (c,), relatively: what it changed, or of solutions that are kept would change.
+
+        They are solved for together, from a ``start`` (2N, 1) if a solution near them is known.
+        """
+        system, patterns = scene.bodies[body].system, scene.loose_patterns(body)
+        stacked = [self.source(body, *state) for state in states]
+        sources = sparse.csc_array(sparse.hstack(stacked, format="csc"))
+        if body in self.solutions:
+            solution = np.hstack([self.solution(scene, body, state)[0] for state in states])
+            worth = system.residual(sources, solution)
+        else:
+            solution, worth = system.solve_with_error(sources, start)
+        moved = [patterns @ state[1] for state in states]
+        return [(solution[:, k] + one).reshape(-1, 2) for k, one in enumerate(moved)], worth
+
+
+@dataclass(frozen=True)
+class Answers:
+    """How the bodies of a scene answer to their ``sources`` (r, drivers), seen by an ``observation`` (rows,
+    drivers), and without contact the ``solutions`` (n, drivers) themselves. Contact grids have no part in it
+    but by their samples."""
+
+    observation: ResponseFunctionals
+    sources: Mapping[str, sparse.csc_array]
+    observed: FloatArray
+    solutions: Mapping[str, FloatArray]
+
+    @classmethod
+    def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE) -> Answers:
+        """Solve for them, with the fields in closed form added."""
+        observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
+        sources = {name: body_load_vectors(scene, name, pairings, drivers.columns) for name in scene.bodies}
+        observed, solutions = observe(observation, sources, drivers.columns, memo)
+        if any(pairing.near is not None for pairing in pairings):
+            observed += near_answers(observation, drivers)
+        return cls(observation, sources, observed, solutions)
+
+    def smooth(self, pairing: Pairing) -> FloatArray:
+        """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""
+        near, drivers = pairing.near, _drivers(self.observation.scene, self.observation.pairings)
+        assert near is not None
+        columns = drivers.of_samples(pairing)
+        seen = self.observation.parted(self.observed).gaps[pairing.name]
+        return seen[: 2 * near.count, columns]
+
+
+def condense(
+    scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE, answers: Answers | None = None
+) -> Condensed:
+    """Condense the scene on the candidates of ``pairings``, with its bodies' ``answers`` if these are known.
+
+    Coefficients of friction above 0 are in none of the matrices, so that all of them share what is kept.
+    """
+    content = digest(scene, _split_motions(pairings))
+
+    def made() -> Condensed:
+        known = answers or Answers.of(scene, pairings, memo)
+        return _condensed(scene, pairings, content, known)
+
+    kept = memo.value("condensed", content, made)
+    drivers, loose = replace(kept.drivers, pairings=pairings), _loose(pairings)
+    return replace(kept, pairings=loose, drivers=drivers, friction=_friction(loose))
+
+
+def _loose(pairings: tuple[Pairing, ...]) -> tuple[Pairing, ...]:
+    """The contacts that may come apart."""
+    return tuple(pairing for pairing in pairings if not pairing.bonded)
+
+
+def _split_motions(pairings: tuple[Pairing, ...]) -> list[Pairing]:
+    """The pairings but for coefficients of friction."""
+    return [
+        pairing if pairing.bonded else replace(pairing, friction=float(pairing.friction > 0.0))
+        for pairing in pairings
+    ]
+
+
+def _drivers(scene: Scene, pairings: tuple[Pairing, ...]) -> Drivers:
+    return Drivers(len(scene.loads), len(scene.unknown_motions), pairings)
+
+
+def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answers: Answers) -> Condensed:
+    drivers, sources = _drivers(scene, pairings), answers.sources
+    like = drivers.columns.like(answers.observation.images[1])
+    seen = answers.observation.parted(answers.observed)
+
+    nodal = tuple(pairing for pairing in pairings if pairing.near is None)
+    candidate = _candidates(pairings)
+    gaps = [_gaps(scene, drivers, pairing, seen.gaps[pairing.name]) for pairing in pairings]
+    gap = stack(gaps, drivers.unknowns)
+    side = np.concatenate([np.zeros(0, dtype=np.int64), *(pairing.side for pairing in pairings)])
+    gap.pressure[:] *= 1.0 + np.outer(side, side[candidate])
+    gap = gap + of_obstacles(scene, pairings, drivers.unknowns, "normal")
+    gap = gap + of_fits(scene, pairings, drivers.unknowns)
+    weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
+    forces = Forces(
+        scene,
+        drivers,
+        sources,
+        {where: drivers.by_unknowns(rows) for where, rows in seen.held.items()},
+        {where: drivers.by_unknowns(rows) for where, rows in seen.sprung.items()},
+    )
+    modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
+    gap, watched = gap.take(candidate), gap.take(~candidate)
+    slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.rough]
+    slip = stack(slips, drivers.unknowns) + of_obstacles(scene, drivers.rough, drivers.unknowns, "tangent")
+    slip = slip.take(_candidates(drivers.rough))
+    rough = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
+    along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
+    gap, slip, beyond = resolved(gap, slip, rough, drivers.spans, drivers.tangential, along)
+    bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _loose(pairings))
+    reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.rough)
+    kept, looked_at = np.flatnonzero(np.concatenate([free, sliding])), ~_tied(pairings, watched=True)
+    return Condensed(
+        pairings=loose.pairings,
+        spans=loose.spans,
+        weight=weight[free],
+        modulus=modulus[free],
+        tangential=loose.tangential,
+        friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.rough]),
+        friction=_friction(loose.pairings),
+        gap=reduced(gap.take(free)),
+        slip=reduced(slip.take(sliding)),
+        watched=reduced(watched.take(looked_at)),
+        balance=reduced(balance_of_movers(forces)),
+        beyond=beyond[np.ix_(kept, kept)] if bonds.pairings else beyond,
+        forces={name: reduced(one) for name, one in reported_forces(forces).items()},
+        contact_forces={
+            pairing.name: reduced(forces.contact(pairing, pairing.slave_body).take(slice(0, 2)))
+            for pairing in pairings
+        },
+        imbalance=reduced(body_imbalance(forces)),
+        moments={name: reduced(one) for name, one in moments_of_plates(forces).items()},
+        bonds=bonds,
+        sources=sources,
+        solutions=answers.solutions,
+        solves=sum(len(np.unique(like[used_columns(source)])) for source in sources.values()),
+        content=content,
+        probes={
+            probe.name: reduced(_seen(scene, probe, drivers, rows))
+            for probe, rows in zip(scene.probes, seen.probes, strict=True)
+        },
+        drivers=drivers,
+        mismatches={pairing.name: reduced(forces.mismatch(pairing)) for pairing in pairings},
+    )
+
+
+def _tied(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolArray:
+    """Which candidates of contacts, or places that are ``watched``, are those of bonds."""
+    parts = [pairing.bonded & (pairing.candidate != watched) for pairing in pairings]
+    counted = [part[pairing.candidate != watched] for part, pairing in zip(parts, pairings, strict=True)]
+    return np.concatenate([np.zeros(0, dtype=bool), *counted])
+
+
+def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray) -> LinearMap:
+    """A contact's gaps (w,) by what was seen of them."""
+    if pairing.near is None:
+        return drivers.by_unknowns(seen, pairing.gap)
+    result = drivers.by_unknowns(_means(pairing, seen, 0), pairing.gap)
+    add_singular(result, scene, drivers, pairing, 0)
+    return result
+
+
+def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> LinearMap:
+    """The slips (w,) of a contact with friction."""
+    if pairing.near is None:
+        return drivers.by_unknowns(seen.slips[pairing.name])
+    result = drivers.by_unknowns(_means(pairing, seen.gaps[pairing.name], 1))
+    add_singular(result, scene, drivers, pairing, 1)
+    return result
+
+
+def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
+    """Gaps, or slips, of a contact on a grid of its own and of what is watched beyond (w, drivers)."""
+    assert pairing.near is not None
+    means = pairing.near.means[which]
+    return np.concatenate([means @ seen[: means.shape[1]], seen[means.shape[1] :]])
+
+
+def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> LinearMap:
+    """What a probe observes: displacement, and the stress of all but free expansion."""
+    free = stress_of_expansion(scene.bodies[probe.body].model.material)
+    for heating in scene.heated(probe.body):
+        rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
+    result = drivers.by_unknowns(rows)
+    add_fields(result, drivers, scene, probe)
+    return result
+
+
+def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:
+    """1/E* (m,) of a contact's bodies at its candidates, along ``direction`` (w, 2); obstacles are rigid."""
+    chosen = direction[pairing.candidate]
+    parts = [scene.bodies[body].model.material.contact_compliance(chosen) for body in pairing.bodies]
+    return np.asarray(np.sum(parts, axis=0))
+
+
+def _friction(pairings: tuple[Pairing, ...]) -> FloatArray:
+    """Coefficients (n,) of the contacts that have friction."""
+    return np.concatenate(
+        [[], *(np.full(int(p.candidate.sum()), p.friction) for p in pairings if p.friction)]
+    )
+
+
+def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:
+    return np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
+
+
+def _numbers(spans: list[slice]) -> IntArray:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(s.start, s.stop) for s in spans)])

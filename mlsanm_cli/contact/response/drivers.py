@@ -1,0 +1,139 @@
+"""What acts on bodies, and how it follows from the unknowns of the contact problem.
+
+Bodies answer to drivers: load factors, motions, pressures and tractions of nodes, and forces x and y at the
+samples of contacts on a grid of their own (:mod:`mlsanm_cli.contact.geometry.near`), which stand for all the
+pressures and tractions there. Drivers are counted like the unknowns, forces x with pressures, forces y with
+tractions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.values import dataclass
+
+
+def spans(names: Iterable[str], counts: Sequence[int]) -> dict[str, slice]:
+    """Places of every contact's nodes when they are counted through all contacts."""
+    ends = np.cumsum([0, *counts]).tolist()
+    return {name: slice(a, b) for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """The drivers of ``pairings`` besides so many ``loads`` and unknown ``motions``."""
+
+    loads: int
+    motions: int
+    pairings: tuple[Pairing, ...]
+
+    @property
+    def rough(self) -> tuple[Pairing, ...]:
+        """The contacts with friction."""
+        return tuple(pairing for pairing in self.pairings if pairing.friction)
+
+    @property
+    def alongside(self) -> tuple[Pairing, ...]:
+        """The contacts that have drivers among the tractions."""
+        return tuple(pairing for pairing in self.pairings if pairing.friction or pairing.near is not None)
+
+    @cached_property
+    def spans(self) -> dict[str, slice]:
+        """Places of every contact among the unknown pressures."""
+        counts = [int(pairing.candidate.sum()) for pairing in self.pairings]
+        return spans([pairing.name for pairing in self.pairings], counts)
+
+    @cached_property
+    def tangential(self) -> dict[str, slice]:
+        """Places of the contacts with friction among the unknown tractions."""
+        counts = [int(pairing.candidate.sum()) for pairing in self.rough]
+        return spans([pairing.name for pairing in self.rough], counts)
+
+    @cached_property
+    def normal_drivers(self) -> dict[str, slice]:
+        """Places of every contact among the drivers that are pressures or forces x."""
+        return spans([pairing.name for pairing in self.pairings], [_count(one) for one in self.pairings])
+
+    @cached_property
+    def tangential_drivers(self) -> dict[str, slice]:
+        """The same among tractions or forces y."""
+        return spans([pairing.name for pairing in self.alongside], [_count(one) for one in self.alongside])
+
+    @cached_property
+    def unknowns(self) -> Columns:
+        """The columns of the unknowns."""
+        counts = [sum(int(one.candidate.sum()) for one in some) for some in (self.pairings, self.rough)]
+        return Columns(self.loads, self.motions, counts[0], counts[1])
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The columns of the drivers."""
+        counts = [sum(_count(one) for one in some) for some in (self.pairings, self.alongside)]
+        return Columns(self.loads, self.motions, counts[0], counts[1])
+
+    def places(self, pairing: Pairing) -> slice:
+        """A contact's pressures, or forces x, among all drivers."""
+        own, first = self.normal_drivers[pairing.name], self.loads + self.motions
+        return slice(first + own.start, first + own.stop)
+
+    def tangential_places(self, pairing: Pairing) -> slice:
+        """A contact's tractions, or forces y, among all drivers."""
+        own = self.tangential_drivers[pairing.name]
+        first = self.loads + self.motions + self.columns.pressures
+        return slice(first + own.start, first + own.stop)
+
+    def of_samples(self, pairing: Pairing) -> IntArray:
+        """The forces (2k,), x and then y, at the samples of a contact on a grid of its own among all
+        drivers."""
+        assert pairing.near is not None
+        own = np.arange(pairing.near.count)
+        return np.concatenate([self.places(pairing).start + own, self.tangential_places(pairing).start + own])
+
+    def by_unknowns(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
+        """What ``rows`` (r, drivers) observe, by the unknowns."""
+        result = self.unknowns.zeros(len(rows))
+        result.load[:] = rows[:, : self.loads]
+        result.motion[:] = rows[:, self.loads : self.loads + self.motions]
+        for pairing in self.pairings:
+            own, places = self.spans[pairing.name], self.places(pairing)
+            if pairing.near is None:
+                result.pressure[:, own] = rows[:, places]
+                if pairing.friction:
+                    along = self.tangential_places(pairing)
+                    result.traction[:, self.tangential[pairing.name]] = rows[:, along]
+                continue
+            both = np.hstack([rows[:, places], rows[:, self.tangential_places(pairing)]])
+            normal, tangent = pairing.near.driven
+            result.pressure[:, own] = both @ normal
+            if pairing.friction:
+                result.traction[:, self.tangential[pairing.name]] = both @ tangent
+        if constant is not None:
+            result.constant[:] = constant
+        return result
+
+    def drive(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> FloatArray:
+        """The drivers (drivers,) of one state."""
+        total = np.zeros(self.columns.total)
+        total[: self.loads], total[self.loads : self.loads + self.motions] = f, q
+        for pairing in self.pairings:
+            pressure = p[self.spans[pairing.name]]
+            traction = t[self.tangential[pairing.name]] if pairing.friction else None
+            if pairing.near is None:
+                total[self.places(pairing)] = pressure
+                if traction is not None:
+                    total[self.tangential_places(pairing)] = traction
+                continue
+            normal, tangent = pairing.near.driven
+            forces = normal @ pressure if traction is None else normal @ pressure + tangent @ traction
+            total[self.places(pairing)], total[self.tangential_places(pairing)] = np.split(forces, 2)
+        return total
+
+
+def _count(pairing: Pairing) -> int:
+    return int(pairing.candidate.sum()) if pairing.near is None else pairing.near.drivers

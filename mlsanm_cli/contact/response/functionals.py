@@ -1,0 +1,95 @@
+"""Functionals of a body's displacements: gaps, slips, and forces of held surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.near_field import as_real
+from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
+
+
+def gap_rows(body: ElasticBody, name: str, pairings: tuple[Pairing, ...]) -> sparse.csr_array:
+    """A body's share (w, 2n) in the change of every place's gap, contact after contact."""
+    return _stacked(body, [_changes(body, name, pairing, tangential=False) for pairing in pairings])
+
+
+def slip_rows(body: ElasticBody, name: str, pairings: tuple[Pairing, ...]) -> sparse.csr_array:
+    """A body's share (w, 2n) in every place's slip, contact after contact."""
+    return _stacked(body, [_changes(body, name, pairing, tangential=True) for pairing in pairings])
+
+
+def _stacked(body: ElasticBody, blocks: list[sparse.csr_array]) -> sparse.csr_array:
+    nothing = sparse.csr_array((0, body.model.unknowns))
+    return sparse.csr_array(sparse.vstack([nothing, *blocks], format="csr"))
+
+
+def _changes(body: ElasticBody, name: str, pairing: Pairing, tangential: bool) -> sparse.csr_array:
+    direction = pairing.tangent if tangential else pairing.normal
+    if pairing.near is None:
+        return relative_rows(body, name, pairing, direction)
+    means = pairing.near.means[1 if tangential else 0]
+    some = sampled_rows(body, name, pairing, direction)
+    count = means.shape[1]
+    return _stacked(body, [sparse.csr_array(means @ some[:count]), some[count:]])
+
+
+def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray) -> sparse.csr_array:
+    """A body's share (2k + v, 2n) in what is observed of a contact on a grid of its own: motions x and y of
+    the slave relative to the master at all samples, and along a ``direction`` (w, 2) at the v nodes that are
+    watched."""
+    near = pairing.near
+    assert near is not None
+    samples = sparse.csr_array((2 * near.count, body.model.unknowns))
+    for own, slave, sign in pairing.sides:
+        if own == name:
+            points = as_real(near.facing.side(near.samples, slave)[0])
+            along = [body.model.values_along(points, np.tile(axis, (near.count, 1))) for axis in np.eye(2)]
+            samples = sparse.csr_array(samples + sign * sparse.vstack(along, format="csr"))
+    watched = np.flatnonzero(~pairing.candidate)
+    beyond = relative_rows(body, name, pairing, direction, watched)
+    return sparse.csr_array(sparse.vstack([samples, beyond], format="csr"))
+
+
+def relative_rows(
+    body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray, at: IntArray | None = None
+) -> sparse.csr_array:
+    """Motion (w, 2n) of the slave relative to the master along a ``direction`` (w, 2), of all or some nodes.
+
+    The slave moves with its node, the master with its moving least-squares value at the virtual node.
+    """
+    at = np.arange(len(pairing.position)) if at is None else at
+    nodes = len(body.model.nodes)
+    block = sparse.csr_array((len(at), 2 * nodes))
+    if not len(at):
+        return block
+    if pairing.slave_body == name:
+        block = block + nodal_pairs(pairing.node[at], direction[at], nodes)
+    if pairing.master_body == name:
+        block = block - body.model.values_along(pairing.partner[at], direction[at])
+    return sparse.csr_array(block)
+
+
+def reaction_rows(body: ElasticBody, surface_name: str, center: tuple[float, float]) -> sparse.csr_array:
+    """Force x, y and moment about ``center`` (3, 2n) of a held surface on its body, over the components that
+    it holds: the stress along the surface, which the equilibrium of the body's pieces keeps."""
+    return body.reaction_rows(surface_name, center)
+
+
+def spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
+    """Force x, y and moment about the origin (3, 2n) of the soft springs along a surface on their body."""
+    index, nodes = body.model.cloud.surfaces[surface_name].index, len(body.model.nodes)
+    total = sparse.csr_array((3, 2 * nodes))
+    for component, spring in enumerate(body.soft_springs[surface_name]):
+        along = body.resultants()[:, body.condition_rows(surface_name, component)]
+        total = total - spring * (along @ nodal_rows(index, component, nodes))
+    return sparse.csr_array(total)
+
+
+def resultant(forces: FloatArray, points: FloatArray, center: tuple[float, float]) -> FloatArray:
+    """Force x, y and moment (3, ...) per unit of each of ``forces`` (b, 2) acting at ``points`` (b, 2)."""
+    arm = points - np.array(center)
+    return np.stack([forces[:, 0], forces[:, 1], arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0]])

@@ -1,0 +1,147 @@
+"""What the fields in closed form of contacts on grids of their own add to all that is observed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.contact.response.near_fields import fields_of
+from mlsanm_cli.contact.response.observation import ResponseFunctionals
+from mlsanm_cli.mechanics.corner import Forces
+from mlsanm_cli.mechanics.near_field import as_complex, by_component
+from mlsanm_cli.mechanics.probes import Probe
+from mlsanm_cli.mechanics.remainder import reaction_of, spring_pull_of
+from mlsanm_cli.mechanics.scene import Scene
+
+
+def near_answers(observation: ResponseFunctionals, drivers: Drivers) -> FloatArray:
+    """What is to be added to all that is observed (sum of counts, drivers), but for the singular part of what
+    contacts do to themselves, and for probes."""
+    scene = observation.scene
+    total = np.zeros((sum(observation.counts), drivers.columns.total))
+    firsts = np.concatenate([[0], np.cumsum(observation.counts)])
+    for pairing in drivers.pairings:
+        if pairing.near is None:
+            continue
+        columns = drivers.of_samples(pairing)
+        for body, slave, sign in pairing.sides:
+            elastic = scene.bodies[body]
+            forces = pairing.near.forces(elastic.model.kernel, slave)
+            blocks = [
+                *(_on_contact(scene, one, pairing, body, forces, slave) for one in observation.pairings),
+                *(_along(one, body, forces, one.tangent) for one in observation.rough),
+                *(
+                    reaction_of(elastic, surface, scene.center(owner, surface), forces)
+                    if owner == body
+                    else None
+                    for owner, surface in observation.held
+                ),
+                *(None for _ in scene.probes),
+                *(
+                    spring_pull_of(elastic, surface, forces) if owner == body else None
+                    for owner, surface in observation.sprung
+                ),
+            ]
+            for block, first, last in zip(blocks, firsts[:-1], firsts[1:], strict=True):
+                if block is not None:
+                    total[first:last, columns] += sign * block
+    return total
+
+
+def _on_contact(
+    scene: Scene, seen: Pairing, by: Pairing, body: str, forces: Forces, slave: bool
+) -> FloatArray | None:
+    """What forces at the samples of a contact ``by`` move of another that is ``seen``, or of itself, by the
+    field in one body."""
+    if body not in seen.bodies:
+        return None
+    if seen.near is None:
+        return _along(seen, body, forces, seen.normal)
+    total = np.zeros((2 * seen.near.count, 2 * len(forces.place)))
+    for own, is_slave, sign in seen.sides:
+        if own != body:
+            continue
+        if seen.name == by.name and is_slave == slave:
+            total += sign * seen.near.smooth(scene.bodies[body].model.kernel, slave)
+        else:
+            place = seen.near.facing.side(seen.near.samples, is_slave)[0]
+            total += sign * by_component(forces.displacement(place))
+    beyond = _along(seen, body, forces, seen.normal, ~seen.candidate)
+    return np.concatenate([total, beyond])
+
+
+def _along(
+    pairing: Pairing,
+    body: str,
+    forces: Forces,
+    direction: FloatArray,
+    chosen: BoolArray | slice = slice(None),
+) -> FloatArray:
+    """Motions (e, 2k) of a contact's slave relative to its master along a ``direction`` (w, 2), as far as the
+    field in one body makes them, at all or some ``chosen`` places (w,)."""
+    along = direction[chosen]
+    total = np.zeros((len(along), 2 * len(forces.place)))
+    for own, slave, sign in pairing.sides:
+        if own == body:
+            moved = forces.displacement(as_complex((pairing.points if slave else pairing.partner)[chosen]))
+            total += sign * np.einsum("ec,ekcd->edk", along, moved).reshape(total.shape)
+    return total
+
+
+def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int) -> None:
+    """Add to the gaps (``which`` 0) or slips (1) of a contact what its own pressures and tractions do by the
+    singular part of their fields."""
+    near = pairing.near
+    assert near is not None
+    log, turn = np.zeros((2, 2)), np.zeros((2, 2))
+    for body, slave, _ in pairing.sides:
+        more = near.singular(scene.bodies[body].model.kernel, slave)
+        log, turn = log + more[0], turn + more[1]
+    count = len(near.hats.place)
+    means = 1.0 / near.hats.weight[:, None]
+    own = near.directions[which]
+
+    def by(other: int) -> FloatArray:
+        total = near.hats.pairs(log, turn, own, near.directions[other])
+        for _, slave, _ in pairing.sides:
+            total += near.cornered(slave, which, other)
+        return means * (total @ near.uneven(np.eye(count)) if near.covers else total)
+
+    linear.pressure[:count, drivers.spans[pairing.name]] += by(0)
+    if pairing.friction:
+        linear.traction[:count, drivers.tangential[pairing.name]] += by(1)
+
+
+def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:
+    """Add to what a probe observes the fields in closed form."""
+    for pairing in drivers.pairings:
+        near = pairing.near
+        if near is None:
+            continue
+        for body, slave, sign in pairing.sides:
+            if body == probe.body:
+                unit, nothing = np.eye(len(near.hats.place)), np.zeros((len(near.hats.place),) * 2)
+                pressed = _probed(near, scene, body, slave, probe, unit, nothing)
+                linear.pressure[:, drivers.spans[pairing.name]] += sign * pressed
+                if pairing.friction:
+                    rubbed = _probed(near, scene, body, slave, probe, nothing, unit)
+                    linear.traction[:, drivers.tangential[pairing.name]] += sign * rubbed
+
+
+def _probed(
+    near: Near,
+    scene: Scene,
+    body: str,
+    slave: bool,
+    probe: Probe,
+    pressure: FloatArray,
+    traction: FloatArray,
+) -> FloatArray:
+    """Displacement and stress (5, c) at a probe by nodal ``pressure`` and ``traction`` (m, c)."""
+    kernel = scene.bodies[body].model.kernel
+    displacement, stress = fields_of(near, kernel, slave, as_complex(probe.point), pressure, traction)
+    return np.concatenate([displacement[0], stress[0]])

@@ -1,0 +1,206 @@
+"""What is observed of the bodies' answers to contact and loads, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.functionals import (
+    gap_rows,
+    reaction_rows,
+    sampled_rows,
+    slip_rows,
+    spring_rows,
+)
+from mlsanm_cli.contact.response.linear_map import Columns
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.probes import ROWS, probe_rows
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.memo import Arrays, Memo, digest
+from mlsanm_cli.values import dataclass
+
+Surface: TypeAlias = tuple[str, str]
+"""Its body and its name."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Rows of what was observed, kind by kind, as :class:`ResponseFunctionals` has them; ``gaps`` by
+    contact."""
+
+    gaps: Mapping[str, FloatArray]
+    slips: Mapping[str, FloatArray]
+    held: Mapping[Surface, FloatArray]
+    probes: list[FloatArray]
+    sprung: Mapping[Surface, FloatArray]
+
+
+@dataclass(frozen=True)
+class ResponseFunctionals:
+    """Rows in this order: of the ``pairings`` the gaps of nodes, or what is sampled of contacts on grids of
+    their own; slips of the ``rough`` ones, which have friction and pressures of nodes; reactions of ``held``
+    surfaces; what the scene's probes see; pulls of ``sprung`` surfaces."""
+
+    scene: Scene
+    pairings: tuple[Pairing, ...]
+    rough: tuple[Pairing, ...]
+    held: tuple[Surface, ...]
+    sprung: tuple[Surface, ...]
+
+    @classmethod
+    def of(cls, scene: Scene, pairings: tuple[Pairing, ...]) -> ResponseFunctionals:
+        """All that the contact problem of a scene needs and reports."""
+        rough = tuple(pairing for pairing in pairings if pairing.friction and pairing.near is None)
+        held = tuple((name, s) for name, body in scene.bodies.items() for s in body.gripped)
+        sprung = tuple((name, s) for name, body in scene.bodies.items() for s in body.soft_springs)
+        return cls(scene, pairings, rough, held, sprung)
+
+    @property
+    def counts(self) -> list[int]:
+        """Rows of every contact's gaps, every rough one's slips, every held surface, every probe and every
+        sprung surface."""
+        gaps = [_rows_of(pairing) for pairing in self.pairings]
+        slips = [len(pairing.position) for pairing in self.rough]
+        pulls = [3] * len(self.sprung)
+        return [*gaps, *slips, *(3 for _ in self.held), *(ROWS for _ in self.scene.probes), *pulls]
+
+    @property
+    def of_stress(self) -> slice:
+        """Rows that stresses make, of held surfaces: free expansion, which has none, is no part of them."""
+        counts, first = self.counts, len(self.pairings) + len(self.rough)
+        return slice(sum(counts[:first]), sum(counts[: first + len(self.held)]))
+
+    @cached_property
+    def images(self) -> tuple[IntArray, IntArray]:
+        """Which row (sum of counts,) says the same as each, and which pressure (m,) does: in scenes that are
+        their own mirror images, of a node and its image those of the one farther along; elsewhere itself."""
+        rows, first = np.arange(sum(self.counts)), 0
+        pressures = [np.zeros(0, dtype=np.int64)]
+        for pairing in self.pairings:
+            if pairing.near is not None:
+                first += _rows_of(pairing)
+                pressures.append(np.arange(pairing.near.drivers) + sum(map(len, pressures)))
+                continue
+            own = np.arange(len(pairing.position))
+            same = own if pairing.image is None else np.maximum(own, pairing.image)
+            rows[first : first + len(own)] = first + same
+            number = np.cumsum(pairing.candidate) - 1 + sum(map(len, pressures))
+            pressures.append(number[same[pairing.candidate]])
+            first += len(own)
+        return rows, np.concatenate(pressures)
+
+    def rows(self, name: str) -> sparse.csr_array:
+        """What each row (sum of counts, n) takes of the unknowns of one body."""
+        scene, body = self.scene, self.scene.bodies[name]
+        gaps = [
+            gap_rows(body, name, (pairing,))
+            if pairing.near is None
+            else sampled_rows(body, name, pairing, pairing.normal)
+            for pairing in self.pairings
+        ]
+        slips = [slip_rows(body, name, (pairing,)) for pairing in self.rough]
+        reactions = [
+            reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None
+            for owner, surface in self.held
+        ]
+        probed = [probe_rows(body.model, p.point) if p.body == name else None for p in scene.probes]
+        pulls = [spring_rows(body, surface) if owner == name else None for owner, surface in self.sprung]
+        blocks = [
+            sparse.csr_array((count, body.model.unknowns)) if block is None else block
+            for count, block in zip(self.counts, [*gaps, *slips, *reactions, *probed, *pulls], strict=True)
+        ]
+        return sparse.csr_array(
+            sparse.vstack([sparse.csr_array((0, body.model.unknowns)), *blocks], format="csr")
+        )
+
+    def parted(self, observed: FloatArray) -> Observed:
+        """What was observed, (sum of counts, c), taken apart."""
+        parts = np.split(observed, np.cumsum(self.counts)[:-1]) if self.counts else []
+
+        def taken(count: int) -> list[FloatArray]:
+            some, parts[:] = parts[:count], parts[count:]
+            return some
+
+        gaps = dict(zip((p.name for p in self.pairings), taken(len(self.pairings)), strict=True))
+        slips = dict(zip((p.name for p in self.rough), taken(len(self.rough)), strict=True))
+        held = dict(zip(self.held, taken(len(self.held)), strict=True))
+        probes = taken(len(self.scene.probes))
+        return Observed(
+            gaps, slips, held, probes, dict(zip(self.sprung, taken(len(self.sprung)), strict=True))
+        )
+
+
+def _rows_of(pairing: Pairing) -> int:
+    """How many rows are observed of a contact's gaps, or of its samples and what is watched."""
+    if pairing.near is None:
+        return len(pairing.position)
+    return 2 * pairing.near.count + int((~pairing.candidate).sum())
+
+
+def observe(
+    observation: ResponseFunctionals, sources: Mapping[str, sparse.csc_array], columns: Columns, memo: Memo
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """What is observed, (sum of counts, total), of the bodies' answers to their ``sources`` (r, total) and
+    motions; without contact also the answers (n, total) themselves."""
+    scene, quick = observation.scene, bool(observation.pairings)
+    own_rows, back = np.unique(observation.images[0], return_inverse=True)
+    like = columns.like(observation.images[1])
+    observed = np.zeros((sum(observation.counts), columns.total))
+    solutions = {}
+    # Memory is shortest while the last factor is made, so that it had better be a small one.
+    for name, body in sorted(scene.bodies.items(), key=lambda item: -item[1].model.unknowns):
+        rows = observation.rows(name)
+        observed[observation.of_stress, : columns.loads] -= _expansion(observation, name)
+        used = used_columns(sources[name])
+        solved = np.zeros((rows.shape[1], 0 if quick else columns.total))
+        # Loads by themselves: when their magnitudes change, the others' answers still hold.
+        for some in (used[used < columns.loads], used[used >= columns.loads]):
+            own, again = np.unique(like[some], return_inverse=True)
+            answer = _answer(body, sources[name][:, own], rows[own_rows], quick, memo)
+            observed[:, some] += answer["observed"][np.ix_(back, again)]
+            if not quick:
+                solved[:, some] = answer["solution"]
+        if not quick:
+            solutions[name] = solved
+        observed[:, columns.motion_places] += rows @ scene.loose_patterns(name)
+    return observed, solutions
+
+
+def _expansion(observation: ResponseFunctionals, name: str) -> FloatArray:
+    """What of the rows of held surfaces' stresses (3 per surface, L) is free expansion of one body."""
+    scene = observation.scene
+    found = np.zeros((len(observation.held), 3, len(scene.loads)))
+    for heating in scene.heated(name):
+        for place, (owner, surface) in enumerate(observation.held):
+            if owner == name:
+                center = scene.center(owner, surface)
+                found[place, :, heating.number] += heating.reaction(scene.bodies[name], surface, center)
+    return found.reshape(-1, len(scene.loads))
+
+
+def used_columns(source: sparse.csc_array) -> IntArray:
+    """Numbers of the columns that have entries."""
+    return np.flatnonzero(np.diff(source.indptr))
+
+
+def _answer(
+    body: ElasticBody, sources: sparse.csc_array, rows: sparse.csr_array, quick: bool, memo: Memo
+) -> Arrays:
+    """What ``rows`` (o, n) observe of the answers to ``sources`` (r, c), (o, c); unless ``quick``, which
+    serves for functionals, also the answers (n, c) themselves."""
+
+    def solve() -> Arrays:
+        if quick:
+            return {"observed": body.system.functionals(rows, sources), "solution": np.zeros((0, 0))}
+        solution = body.system.solve(sources)
+        return {"observed": np.asarray(rows @ solution), "solution": solution}
+
+    if not sources.shape[1]:
+        return {"observed": np.zeros((rows.shape[0], 0)), "solution": np.zeros((rows.shape[1], 0))}
+    return memo.arrays("answers", digest(body.equations.content, sources, rows, quick), solve)

@@ -1,0 +1,234 @@
+"""Picture of the deformed bodies, coloured by a nodal scalar, with the nodes and the reference outlines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.io.plots.figures import picture
+from mlsanm_cli.io.plots.marks import Marks, draw_marks, ends
+from mlsanm_cli.values import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
+    from matplotlib.tri import Triangulation
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Window = tuple[float, float, float, float]
+
+# A Delaunay triangle is part of the body if its circumcircle, which holds no node, is no larger than this
+# many times the distance between neighbours; larger ones lie in a hole or beside a concave side.
+_LARGEST_CIRCLE = 2.5
+# Width of the dot at a node in node spacings.
+_DOT = 0.25
+_OUTLINE = "#8c8c8c"
+_FRAME = "#D55E00"
+_PANELS_WIDTH = 9.0
+_MAX_HEIGHT = 7.0
+
+
+@dataclass(frozen=True)
+class CloudBody:
+    """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), and ``scalar`` (n,) for the colour.
+
+    ``triangles`` (t, 3) fill it; without them they are guessed from the distances between the nodes.
+    """
+
+    points: FloatArray
+    displacement: FloatArray
+    scalar: FloatArray
+    triangles: IntArray | None = None
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """Distances to the nearest node (n,), triangles (t, 3) filling the body, outline as node pairs (k, 2)."""
+
+    spacing: FloatArray
+    triangles: IntArray
+    outline: IntArray
+
+
+def plot_cloud(
+    path: Path,
+    bodies: Sequence[CloudBody],
+    label: str,
+    title: str,
+    scale: float = 1.0,
+    window: Window | None = None,
+    *,
+    marks: Marks | None = None,
+) -> None:
+    """Draw the deformed bodies coloured by the scalar, linear between neighbouring nodes.
+
+    ``scale`` multiplies the displacements and is named in the picture; ``window`` (x0, x1, y0, y1) adds a
+    second panel that shows this part. ``label`` names the scalar; dots are the nodes, grey lines the outlines
+    before deformation; ``marks`` show what acts on them. Raises ValueError for wrong shapes, RunError if
+    ``path`` cannot be written.
+    """
+    if not bodies:
+        raise ValueError("no body to draw")
+    for body in bodies:
+        count = len(body.points)
+        if body.displacement.shape != (count, 2) or body.scalar.shape != (count,):
+            wrong = f"displacement {body.displacement.shape}, scalar {body.scalar.shape}"
+            raise ValueError(f"{wrong}: expected n = {count} rows")
+    marks = marks or Marks()
+    whole = window_of(bodies, scale, marks)
+    views = [whole] if window is None else [whole, window]
+    with picture(path, *_size(list(map(_width, views)))) as figure:
+        draw_cloud(figure, bodies, label, title, scale, views, range_of(bodies), marks)
+
+
+def draw_cloud(
+    figure: Figure,
+    bodies: Sequence[CloudBody],
+    label: str,
+    title: str,
+    scale: float,
+    views: Sequence[Window],
+    limits: tuple[float, float],
+    marks: Marks | None = None,
+) -> None:
+    """Draw the bodies into a figure, a panel for each view, with colours between the ``limits``."""
+    shapes = [_shape(body) for body in bodies]
+    size = float(np.ptp(np.concatenate([body.points for body in bodies]), axis=0).max())
+    panels = figure.subplots(1, len(views), squeeze=False, width_ratios=list(map(_width, views)))[0]
+    for axes, view in zip(panels, views, strict=True):
+        for body, shape in zip(bodies, shapes, strict=True):
+            colours = _draw_body(axes, body, shape, scale)
+            colours.set_clim(*limits)
+            _draw_nodes(axes, body.points + scale * body.displacement, shape.spacing)
+        if marks is not None:
+            # A detail is too near for arrows as long as a part of the scene.
+            shown = marks if view is views[0] else Marks(obstacles=marks.obstacles)
+            draw_marks(axes, shown, size)
+        _finish(axes, view)
+    times = "" if scale == 1.0 else f", displacements x {scale:g}"
+    panels[0].set_title(f"{title}{times}")
+    if len(views) > 1:
+        panels[0].add_patch(_frame(views[1]))
+        panels[1].set_title("detail in the frame")
+    figure.colorbar(colours, ax=list(panels), label=label, pad=0.02, shrink=0.9)
+
+
+def _width(view: Window) -> float:
+    """Width over height."""
+    return (view[1] - view[0]) / (view[3] - view[2])
+
+
+def _shape(body: CloudBody) -> _Shape:
+    from matplotlib.tri import Triangulation
+
+    given = body.triangles
+    if given is None:
+        given = Triangulation(body.points[:, 0], body.points[:, 1]).triangles.astype(np.int64)
+    triangles = given
+    sides = triangles[:, [[0, 1], [1, 2], [2, 0]]]
+    vectors = body.points[sides[..., 1]] - body.points[sides[..., 0]]
+    lengths = np.linalg.norm(vectors, axis=2)
+    # The nearest neighbour of a node is always joined to it by a side of a Delaunay triangle.
+    spacing = np.full(len(body.points), np.inf)
+    for end in (0, 1):
+        np.minimum.at(spacing, sides[..., end].ravel(), lengths.ravel())
+    # Circumradius = product of the sides / (4 area), compared without dividing by an area that may vanish.
+    double_area = np.abs(vectors[:, 0, 0] * vectors[:, 1, 1] - vectors[:, 0, 1] * vectors[:, 1, 0])
+    largest = _LARGEST_CIRCLE * spacing[triangles].max(axis=1)
+    guessed = lengths.prod(axis=1) <= 2.0 * double_area * largest
+    kept = guessed if body.triangles is None else np.ones(len(triangles), dtype=bool)
+    unique, counts = np.unique(np.sort(sides[kept].reshape(-1, 2), axis=1), axis=0, return_counts=True)
+    return _Shape(spacing, triangles[kept], unique[counts == 1])
+
+
+def _draw_body(axes: Axes, body: CloudBody, shape: _Shape, scale: float) -> ScalarMappable:
+    from matplotlib.collections import LineCollection
+
+    deformed = body.points + scale * body.displacement
+    colours = axes.tripcolor(
+        _triangulation(deformed, shape.triangles),
+        body.scalar,
+        shading="gouraud",
+        cmap="viridis",
+        rasterized=True,
+    )
+    axes.add_collection(LineCollection(list(body.points[shape.outline]), colors=_OUTLINE, linewidths=0.8))
+    axes.add_collection(LineCollection(list(deformed[shape.outline]), colors="black", linewidths=0.5))
+    return colours
+
+
+def _triangulation(points: FloatArray, triangles: IntArray) -> Triangulation:
+    from matplotlib.tri import Triangulation
+
+    return Triangulation(points[:, 0], points[:, 1], triangles)
+
+
+def _draw_nodes(axes: Axes, points: FloatArray, spacing: FloatArray) -> None:
+    """Dots as wide as a part of the spacing, so that they darken fine and coarse regions alike."""
+    from matplotlib.collections import EllipseCollection
+
+    width = (_DOT * spacing).tolist()
+    dots = EllipseCollection(
+        width,
+        width,
+        [0.0] * len(width),
+        units="xy",
+        offsets=points,
+        offset_transform=axes.transData,
+        facecolors="black",
+        linewidths=0.0,
+        alpha=0.6,
+        rasterized=True,
+    )
+    axes.add_collection(dots)
+
+
+def _finish(axes: Axes, view: Window) -> None:
+    axes.grid(False)
+    axes.set_xlim(view[0], view[1])
+    axes.set_ylim(view[2], view[3])
+    axes.set_aspect("equal")
+    axes.locator_params(axis="x", nbins=6)
+    axes.set_xlabel("x")
+    axes.set_ylabel("y")
+
+
+def _frame(window: Window) -> Rectangle:
+    from matplotlib.patches import Rectangle
+
+    corner, size = (window[0], window[2]), (window[1] - window[0], window[3] - window[2])
+    return Rectangle(corner, *size, fill=False, edgecolor=_FRAME, linewidth=1.0)
+
+
+def range_of(bodies: Sequence[CloudBody]) -> tuple[float, float]:
+    """Range of the colours: all values, and zero."""
+    low = min(float(np.min(body.scalar, initial=0.0)) for body in bodies)
+    high = max(float(np.max(body.scalar, initial=0.0)) for body in bodies)
+    return low, high if high > low else low + 1.0
+
+
+def window_of(bodies: Sequence[CloudBody], scale: float, marks: Marks | None = None) -> Window:
+    """The box around reference and deformed nodes, and the signs, with a margin of 3 percent."""
+    deformed = [body.points + scale * body.displacement for body in bodies]
+    points = np.concatenate([*deformed, *(body.points for body in bodies)])
+    size = float(np.ptp(points, axis=0).max())
+    points = points if marks is None else np.concatenate([points, ends(marks, size)])
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.03 * size or 1.0
+    x0, y0 = (low - margin).tolist()
+    x1, y1 = (high + margin).tolist()
+    return x0, x1, y0, y1
+
+
+def _size(widths: Sequence[float]) -> tuple[float, float]:
+    """Figure size in inches for panels of equal height, ``widths`` times as wide as high."""
+    height = min((_PANELS_WIDTH if len(widths) > 1 else 6.0) / sum(widths), _MAX_HEIGHT)
+    return max(height * sum(widths), 3.0) + 0.7 * len(widths) + 0.8, height + 0.9

@@ -1,0 +1,56 @@
+"""Curves of one or several runs in one picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, picture
+from mlsanm_cli.values import dataclass
+
+FloatArray = NDArray[np.float64]
+_STYLES = ("-", "--", ":", "-.")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Places ``x`` (k,), values ``y`` (k,), nan where there are none, and what to call them; without
+    ``joined`` single points."""
+
+    x: FloatArray
+    y: FloatArray
+    label: str
+    joined: bool = True
+
+
+def plot_curves(path: Path, curves: Sequence[Curve], x_label: str, y_label: str, title: str) -> None:
+    """Draw curves over each other, colours first and styles of lines after them.
+
+    Raises ValueError for curves whose lengths differ or for none, RunError if ``path`` cannot be written.
+    """
+    if not curves:
+        raise ValueError("no curve to draw")
+    with picture(path, 7.2, 4.2) as figure:
+        axes = figure.subplots()
+        for index, curve in enumerate(curves):
+            if curve.x.shape != curve.y.shape:
+                raise ValueError(f"{curve.label}: x has shape {curve.x.shape}, y {curve.y.shape}")
+            axes.plot(
+                curve.x,
+                curve.y,
+                label=curve.label,
+                color=COLOURS[index % len(COLOURS)],
+                linestyle=_STYLES[index // len(COLOURS) % len(_STYLES)] if curve.joined else "none",
+                marker=MARKERS[index % len(MARKERS)],
+                markersize=2.2 if curve.joined else 5.0,
+                markeredgewidth=0.0,
+                linewidth=1.0,
+            )
+        axes.set_title(title)
+        axes.set_xlabel(x_label)
+        axes.set_ylabel(y_label)
+        if len(curves) > 1:
+            axes.legend(loc="best")

@@ -1,0 +1,158 @@
+"""Curves of a run: pressure along a contact, and quantities along the load path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, REFERENCE_COLOUR, picture
+from mlsanm_cli.values import dataclass
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FloatArray = NDArray[np.float64]
+# Pressures below this part of the peak do not widen the range shown.
+_VISIBLE = 1e-3
+
+
+@dataclass(frozen=True)
+class ReferenceCurve:
+    """A known pressure profile: ``arc`` (k,) increasing, ``pressure`` (k,), and what to call it."""
+
+    arc: FloatArray
+    pressure: FloatArray
+    label: str
+
+
+def plot_pressure(
+    path: Path,
+    contact: str,
+    arc: FloatArray,
+    pressure: FloatArray,
+    level_labels: Sequence[str],
+    reference: ReferenceCurve | None = None,
+    arc_label: str = "arc length",
+    *,
+    pressure_label: str = "pressure",
+    told: str = "",
+) -> None:
+    """Draw the pressure at every node of one contact for several load levels.
+
+    ``arc`` (m,), ``pressure`` (levels, m), one label per level. Nodes are drawn as markers, so that an
+    oscillation from node to node shows. With ``reference``, which belongs to the last level, the difference
+    to it is drawn below in percent of its peak. Raises ValueError for wrong shapes, RunError if ``path``
+    cannot be written. ``told`` follows the contact in the title.
+    """
+    if pressure.shape != (len(level_labels), len(arc)) or not level_labels:
+        raise ValueError(f"pressure has shape {pressure.shape}, expected {(len(level_labels), len(arc))}")
+    left, right = visible_range(arc, pressure, reference)
+    inside = (arc >= left) & (arc <= right)
+    shades = _shades(len(level_labels))
+    with picture(path, 7.2, 4.8 if reference else 3.8) as figure:
+        if reference is None:
+            upper = lower = figure.subplots()
+        else:
+            upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
+        for colour, label, values in zip(shades, level_labels, pressure, strict=True):
+            upper.plot(arc[inside], values[inside], label=label, color=colour, **_nodes(int(inside.sum())))
+        if reference is not None:
+            upper.plot(
+                reference.arc,
+                reference.pressure,
+                label=reference.label,
+                color=REFERENCE_COLOUR,
+                linestyle="--",
+                linewidth=1.0,
+            )
+            _draw_difference(lower, arc[inside], pressure[-1][inside], reference, shades[-1])
+        alone = len(level_labels) == 1 and reference is None
+        parts = [contact, *([level_labels[0]] if alone else []), *([told] if told else [])]
+        upper.set_title(f"Contact pressure, {', '.join(parts)}")
+        upper.set_ylabel(pressure_label)
+        low, high = float(pressure[:, inside].min(initial=0.0)), float(pressure[:, inside].max(initial=0.0))
+        upper.set_ylim(min(0.0, 1.05 * low), 1.05 * high if high > 0.0 else None)
+        if not alone:
+            figure.legend(loc="outside right upper")
+        lower.set_xlabel(arc_label)
+        lower.set_xlim(left, right)
+        figure.align_ylabels()
+
+
+def plot_path(
+    path: Path,
+    x: FloatArray,
+    curves: Mapping[str, FloatArray],
+    x_label: str,
+    y_label: str,
+    title: str = "Load path",
+    joined: bool = True,
+) -> None:
+    """Draw quantities along the load path, one marker per step.
+
+    ``x`` (S+1,), for instance the position or a platen's displacement, and curves of the same length; without
+    ``joined`` only the markers, for steps between which nothing is known. Raises
+    ValueError for other lengths, RunError if ``path`` cannot be written.
+    """
+    for label, values in curves.items():
+        if values.shape != x.shape:
+            raise ValueError(f"curve {label} has shape {values.shape}, expected {x.shape}")
+    with picture(path, 6.0, 3.8) as figure:
+        axes = figure.subplots()
+        for index, (label, values) in enumerate(curves.items()):
+            style = _nodes(len(x)) | {"marker": MARKERS[index % len(MARKERS)]}
+            style |= {} if joined else {"linestyle": "none", "markersize": 5.0}
+            axes.plot(x, values, label=label, color=COLOURS[index % len(COLOURS)], **style)
+        axes.set_title(title)
+        axes.set_xlabel(x_label)
+        axes.set_ylabel(y_label)
+        if len(curves) > 1:
+            axes.legend(loc="best")
+
+
+def _draw_difference(
+    axes: Axes, arc: FloatArray, pressure: FloatArray, reference: ReferenceCurve, colour: Any
+) -> None:
+    """The last level minus the reference, which is zero outside its own range, in percent of its peak."""
+    expected = np.interp(arc, reference.arc, reference.pressure, left=0.0, right=0.0)
+    peak = float(np.abs(reference.pressure).max())
+    difference = 100.0 * (pressure - expected) / peak if peak > 0.0 else pressure - expected
+    axes.axhline(0.0, color=REFERENCE_COLOUR, linestyle="--", linewidth=1.0)
+    axes.plot(arc, difference, color=colour, **_nodes(len(arc)))
+    axes.set_ylabel("difference\n[% of peak]")
+
+
+def visible_range(
+    arc: FloatArray, pressure: FloatArray, reference: ReferenceCurve | None
+) -> tuple[float, float]:
+    """The part of the surface to show: where there is pressure, a quarter more on both sides."""
+    peak = float(np.nanmax(pressure, initial=0.0))
+    loaded = arc[(pressure > _VISIBLE * peak).any(axis=0)] if peak > 0.0 else arc
+    if reference is not None:
+        loaded = np.concatenate([loaded, reference.arc[reference.pressure > 0.0]])
+    first, last = float(arc.min(initial=np.inf)), float(arc.max(initial=-np.inf))
+    if not first < last:
+        # One node or none: no length to show.
+        return (first - 0.5, first + 0.5) if len(arc) else (0.0, 1.0)
+    left, right = float(loaded.min()), float(loaded.max())
+    margin = 0.25 * (right - left) or 0.25 * (last - first)
+    return max(left - margin, first), min(right + margin, last)
+
+
+def _shades(count: int) -> list[Any]:
+    """One blue for one level; from light to dark for several, so that grey prints keep their order."""
+    if count == 1:
+        return [COLOURS[0]]
+    from matplotlib import colormaps
+
+    return [colormaps["viridis"](0.82 * (1.0 - index / (count - 1))) for index in range(count)]
+
+
+def _nodes(count: int) -> dict[str, Any]:
+    """Line and marker sizes that keep ``count`` nodes apart."""
+    size = 4.0 if count <= 40 else 2.8 if count <= 120 else 1.6
+    return {"marker": "o", "markersize": size, "linewidth": 0.9, "markeredgewidth": 0.0}

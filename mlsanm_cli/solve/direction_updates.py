@@ -1,0 +1,106 @@
+"""By how much bodies that move turn the directions in which contacts press, to first order.
+
+Directions vary along a contact as the normals of the flatter surface do, which the other one is pressed to.
+As bodies turn and move along each other the patch moves on the more curved one to where its normal has the
+direction of the pressures: so it is for all small rigid motions of both, if the normals are those drawn.
+
+A body that nothing resists in a direction, as a plate that may slide on two round posts, is held there. Where
+it bends, the posts press on it along normals that have turned, and at first order nothing but the hold could
+balance what these pushes differ by: no place nearby would. What the directions have in common is taken off
+them, so that the hold carries nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.response.condensed import Condensed
+
+CARRIED = 1e-8
+"""What holds carry of all that presses is no more than this part of it."""
+ASIDE = 0.01
+"""Curvatures are looked at over this part of the range on both sides."""
+
+
+def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
+    """Angles in radian, counter-clockwise, by which directions turn of contacts that touch in one patch."""
+    found = {}
+    for pairing in condensed.pairings:
+        span = condensed.spans[pairing.name]
+        closed = np.flatnonzero(state.active[span])
+        if pairing.near is None or not len(closed) or closed[-1] - closed[0] >= len(closed):
+            continue
+        share = pairing.near.hats.weight * state.pressure[span]
+        if share.sum() > 0.0:
+            found[pairing.name] = _turn(pairing.near, float(share @ pairing.near.hats.place / share.sum()))
+    return found
+
+
+def _turn(near: Near, middle: float) -> float:
+    """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved."""
+    aside = ASIDE * (near.last - near.first)
+    base = near.facing.slave_first
+    s = np.array([middle, middle - aside, middle + aside])
+    place, inward = near.facing.side(s, base)
+    there, outward = near.facing.side(s, not base)
+    bends = [
+        abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1]) for at, one in ((place, inward), (there, outward))
+    ]
+    return float(np.angle(inward[0] / -outward[0])) if bends[0] > bends[1] else 0.0
+
+
+def unturned(
+    condensed: Condensed,
+    state: ExactState,
+    turned: Mapping[str, float],
+    held: Sequence[Mapping[str, FloatArray]],
+) -> dict[str, float]:
+    """By which angles the directions of contacts on grids have to turn beyond those to which they are
+    ``turned``, so that what they exert in a state does no work along motions that are ``held``, as rigid
+    motions (3,) of bodies about the origin; those that do none already are left out.
+
+    Bodies held against turning feel a moment, and no force: directions tell nothing of it.
+    """
+    held = [motion for motion in held if not any(way[2] for way in motion.values())]
+    if not held:
+        return {}
+    work, along, names = np.zeros(len(held)), list[FloatArray](), list[str]()
+    pressed = 0.0
+    for pairing in condensed.pairings:
+        span = condensed.spans[pairing.name]
+        size = float(condensed.weight[span] @ state.pressure[span])
+        if pairing.near is None or not size:
+            continue
+        force = pairing.near.resultants(True, (0.0, 0.0))[0] @ state.pressure[span]
+        middle = condensed.weight[span] * state.pressure[span] @ pairing.near.hats.place / size
+        places = pairing.near.facing.side(np.array([middle]), True)[0][0]
+        more = turned.get(pairing.name, 0.0) - pairing.near.facing.turn
+        # As the force turns about the middle of its patch.
+        push = complex(force[0], force[1]) * np.exp(1j * more)
+        moment = force[2] + (np.conj(places) * (push - complex(force[0], force[1]))).imag
+        quarter = 1j * push
+        own = np.zeros(len(held))
+        for number, motion in enumerate(held):
+            ways = [motion.get(str(body), np.zeros(3)) for body in (pairing.slave_body, pairing.master_body)]
+            way = ways[0] - ways[1]
+            work[number] += way @ np.array([push.real, push.imag, moment])
+            own[number] = way @ np.array([quarter.real, quarter.imag, (np.conj(places) * quarter).imag])
+        if np.abs(own).max(initial=0.0) > ASIDE * size * _reach(held):
+            along.append(own / np.sqrt(size))
+            names.append(pairing.name)
+        pressed += size
+    if not along or np.abs(work).max() <= CARRIED * pressed * _reach(held):
+        return {}
+    sizes = [float(condensed.weight[condensed.spans[n]] @ state.pressure[condensed.spans[n]]) for n in names]
+    least = np.linalg.lstsq(np.stack(along, axis=1), -work, rcond=ASIDE)[0] / np.sqrt(sizes)
+    return {name: float(angle) for name, angle in zip(names, least, strict=True)}
+
+
+def _reach(held: Sequence[Mapping[str, FloatArray]]) -> float:
+    """The size of the held motions."""
+    return max(float(np.hypot(*way[:2])) for motion in held for way in motion.values())

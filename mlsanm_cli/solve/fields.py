@@ -1,0 +1,90 @@
+"""Fields of the bodies in states of the path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.probes import stress_of_expansion
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.state import State
+from mlsanm_cli.values import dataclass
+
+TOGETHER = 4
+"""States solved for together: twice the work of one; more would only take more memory."""
+
+
+NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,),
+    strain (n, 3) as xx, yy, xy, heat included, and what its elastic system tells of the displacement,
+    ``rest`` (N, 2), ghosts last."""
+
+    displacement: FloatArray
+    stress: FloatArray
+    stress_zz: FloatArray
+    von_mises: FloatArray
+    strain: FloatArray
+    rest: FloatArray
+
+
+def fields_of(
+    built: CondensedScene, states: Sequence[State], stress: bool, starts: Mapping[str, FloatArray] = NO_STARTS
+) -> list[tuple[dict[str, Fields], float]]:
+    """Of each state the fields of all bodies, stresses only if asked for, and how well its linear systems are
+    solved.
+
+    States are solved for together. ``starts`` are solutions (2N, 1) that may be near, by body.
+    """
+    found: list[tuple[dict[str, Fields], float]] = []
+    for first in range(0, len(states), TOGETHER):
+        some = states[first : first + TOGETHER]
+        bodies = {name: _displacements(built, name, some, starts.get(name)) for name in built.scene.bodies}
+        for number, state in enumerate(some):
+            # Unlike max of Python, that of numpy loses no nan.
+            worst = float(np.max([worth[number] for _, worth in bodies.values()]))
+            fields = {
+                name: _fields(built, name, state, displacements[number], stress)
+                for name, (displacements, _) in bodies.items()
+            }
+            found.append((fields, worst))
+    return found
+
+
+def _fields(built: CondensedScene, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
+    """Fields of one body by the ``displacement`` (N, 2) of its elastic system, ghosts last."""
+    model = built.scene.bodies[name].model
+    moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns)
+    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    if stress:
+        degrees = built.scene.degrees(name, state.factors)
+        # Ghosts move, but stresses are told at the points of the cloud only.
+        sigma = model.stress(displacement) + stressed[: len(model.cloud.points)]
+        sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
+    across = model.material.out_of_plane_stress(sigma, degrees)
+    whole = (displacement + moved)[: len(model.cloud.points)]
+    strain = model.material.strain(sigma, degrees)
+    return Fields(whole, sigma, across, von_mises(sigma, across), strain, displacement)
+
+
+def _displacements(
+    built: CondensedScene, name: str, states: Sequence[State], start: FloatArray | None
+) -> tuple[list[FloatArray], FloatArray]:
+    """Displacements (N, 2) of a body in each state, ghosts last, and what solving its elastic system once
+    more is worth (c,)."""
+    condensed = built.condensed
+    if not len(states[0].displacement):
+        unknowns = [state.unknowns for state in states]
+        return condensed.checked_displacements(built.scene, name, unknowns, start)
+    solution = np.stack([state.displacement[built.scene.places[name]] for state in states], axis=1)
+    sources = sparse.hstack([condensed.source(name, *state.unknowns) for state in states], format="csc")
+    residual = built.scene.bodies[name].system.residual(sparse.csc_array(sources), solution)
+    return [one.reshape(-1, 2) for one in solution.T], residual

@@ -1,0 +1,65 @@
+"""What a state of the path says of plates, probes and contact nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.io.records import ProbeRecord
+from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.mechanics.scene import Platen
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.state import State
+
+
+def slave_points(built: CondensedScene, pairing: Pairing) -> FloatArray:
+    """Reference positions (m, 2) of a contact's candidates."""
+    return pairing.points[pairing.candidate]
+
+
+def slave_arc(pairing: Pairing) -> FloatArray:
+    """Arc lengths (m,) of a contact's candidates along the slave surface."""
+    return pairing.arc[pairing.candidate]
+
+
+def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:
+    """Displacement (2,) of the platen or obstacle that each load moves, in one state or before any."""
+    found: dict[str, FloatArray] = {}
+    unknown = 0
+    for mover in built.scene.rigid_constraints:
+        moved = np.zeros(2)
+        for motion in mover.motions:
+            free = motion.prescribed is None
+            if state is not None and motion.component < 2:
+                value = (
+                    state.motion[unknown] if motion.prescribed is None else motion.prescribed @ state.factors
+                )
+                moved[motion.component] = value
+            unknown += free
+        found |= {built.scene.loads[number]: moved for number in mover.loads}
+    return found
+
+
+def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, float]]:
+    """``rotation`` (radian) and ``moment`` on its bodies about its hinge, of every plate that turns."""
+    found, unknown = {}, 0
+    for mover in built.scene.rigid_constraints:
+        for motion in mover.motions:
+            if isinstance(mover, Platen) and motion.component == ROTATION:
+                given = motion.prescribed
+                angle = state.motion[unknown] if given is None else given @ state.factors
+                moment = built.condensed.moments[mover.name](*state.unknowns)[0]
+                found[mover.name] = {"rotation": float(angle), "moment": float(moment)}
+            unknown += motion.prescribed is None
+    return found
+
+
+def probe_record(built: CondensedScene, name: str, state: State) -> ProbeRecord:
+    """What a probe observes in one state."""
+    values = built.condensed.probes[name](*state.unknowns)
+    body, point = next((probe.body, probe.point) for probe in built.scene.probes if probe.name == name)
+    stress, material = values[2:], built.scene.bodies[body].model.material
+    across = material.out_of_plane_stress(stress[None], built.scene.degrees(body, state.factors, point))
+    return ProbeRecord(values[:2], stress, float(von_mises(stress[None], across)[0]))

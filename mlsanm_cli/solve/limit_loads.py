@@ -1,0 +1,92 @@
+"""Paths that end at a limit load, by name: what slides, tips or comes off, and at which part of the loads."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.limit_load import LimitLoad, limit_load
+from mlsanm_cli.contact.laws.set_search import UnbalancedError
+from mlsanm_cli.contact.laws.sliding import SlidingError
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
+from mlsanm_cli.mechanics.scene import Obstacle, Scene
+
+CLOSE = 0.85
+"""A path that comes so far towards a limit load, and no further, ends there."""
+TAKES_PART = 1e-3
+"""Bodies take part in a motion by at least this part of what moves most."""
+RUBBED = 0.5
+"""What slides takes up more than this part of the loads' work by friction."""
+
+
+def at_limit(
+    scene: Scene, condensed: Condensed, stages: FloatArray, last: float, error: NumericalError
+) -> NumericalError:
+    """The error that ended a path along ``stages`` (T + 1, L) at the position ``last``, in words of the limit
+    load if it came close to one; else the error itself."""
+    if isinstance(error, SlidingError):
+        return error
+    stage = min(int(last), len(stages) - 2)
+    named = _told(scene, condensed, stages, stage, last - stage)
+    if named is None:
+        return error
+    told, hint = named
+    return NumericalError(f"{told} (the path came to {last:.6g}: {error.message})", hint)
+
+
+def beyond_limit(
+    scene: Scene, condensed: Condensed, stages: FloatArray, error: UnbalancedError
+) -> UnbalancedError:
+    """The error that no state balances the loads at the end of some stage, in words of the limit load."""
+    for stage in range(len(stages) - 1):
+        named = _told(scene, condensed, stages, stage, None)
+        if named is not None:
+            return UnbalancedError(*named)
+    return error
+
+
+def _told(
+    scene: Scene, condensed: Condensed, stages: FloatArray, stage: int, came: float | None
+) -> tuple[str, str] | None:
+    """Message and hint of a limit load within a stage; None if it has none, or a path ``came`` to another
+    part of it."""
+    begin, end = stages[stage], stages[stage + 1]
+    limit = limit_load(condensed, begin, end - begin)
+    if limit is None or (came is not None and not CLOSE * limit.part <= came):
+        return None
+    names, how = _mechanism(scene, limit)
+    moved = [name for name, a, b in zip(scene.loads, begin, end, strict=True) if a != b]
+    return (
+        f"{names} {how} at position {stage + limit.part:.6g}: beyond it no pressures and tractions balance "
+        f"the loads",
+        f"apply {100.0 * limit.part:.3g} % of what stage {stage + 1} adds to {', '.join(moved)} at most, or "
+        f"hold {names} with a [[support]]",
+    )
+
+
+def _mechanism(scene: Scene, limit: LimitLoad) -> tuple[str, str]:
+    """Who moves, and what that is called."""
+    sizes: dict[str, float] = {}
+    turns = False
+    for (mover, motion), part in zip(scene.unknown_motions, limit.motion, strict=True):
+        if isinstance(mover, Obstacle):
+            name, points = f"the obstacle of contact {mover.contact}", np.zeros((1, 2))
+        else:
+            name, points = f"body {mover.body}", scene.bodies[mover.body].model.cloud.points
+        pattern = rigid_pattern(points, mover.center, motion.component)
+        moved = abs(float(part)) * float(np.hypot(*pattern.T).max())
+        sizes[name] = max(sizes.get(name, 0.0), moved)
+        turns |= motion.component == ROTATION and moved > 0.0
+    largest = max(sizes.values())
+    names = [name for name, size in sizes.items() if size > TAKES_PART * largest]
+    told = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
+    several = len(names) > 1
+    if limit.rubbed > RUBBED:
+        how = "slide" if several else "slides"
+    elif turns and limit.pressed:
+        how = "tip over" if several else "tips over"
+    else:
+        how = "lose contact" if several else "loses contact"
+    return told, how

@@ -1,0 +1,154 @@
+"""The load path: states at its start, after every step, and at the positions where fields are wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray
+from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.solve.checkpoint import BEGINNING, Start
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.load_factors import factors_at
+from mlsanm_cli.solve.state import PathStep, State, stops, wanted_positions
+from mlsanm_cli.values import dataclass
+
+
+@dataclass(frozen=True)
+class LinearMark:
+    """Where a path without contact is: its states do not depend on each other."""
+
+    position: float
+
+
+@dataclass(frozen=True, eq=False)
+class ExactMark:
+    """Where a path without friction is, and its closed nodes (m,), with which the next search begins."""
+
+    position: float
+    active: BoolArray | None
+
+
+def load_path(built: CondensedScene, start: Start = BEGINNING) -> Iterator[PathStep]:
+    """The path of the scene, or what of it is left, polished where the case asks for it."""
+    if not built.case.polished:
+        return path_of(built, start)
+    from mlsanm_cli.solve.polish import PolishMark, polished
+
+    return polished(built, start.mark(PolishMark))
+
+
+def path_of(built: CondensedScene, start: Start = BEGINNING) -> Iterator[PathStep]:
+    """The path of the scene, or what of it is left, by the method its contact law asks for."""
+    if not built.case.touching:
+        return linear_path(built, start.mark(LinearMark))
+    smooth, rough = (
+        built.case.touching[0].regularization.law != "exact",
+        bool(len(built.condensed.friction_nodes)),
+    )
+    # The methods of the other laws are imported where a case asks for them: each brings a package along.
+    if smooth and rough and not built.is_holonomic:
+        from mlsanm_cli.solve.regularized import rubbing_path
+        from mlsanm_cli.solve.regularized_points import RubbingMark
+
+        return _limited(built, start, rubbing_path(built, start.mark(RubbingMark)))
+    if smooth:
+        from mlsanm_cli.solve.series import SmoothMark, smooth_path
+
+        return _limited(built, start, smooth_path(built, start.mark(SmoothMark)))
+    if rough:
+        from mlsanm_cli.solve.event_driven import FrictionMark, friction_path
+
+        return friction_path(built, start.mark(FrictionMark))
+    return exact_path(built, start.mark(ExactMark))
+
+
+def _limited(built: CondensedScene, start: Start, path: Iterator[PathStep]) -> Iterator[PathStep]:
+    """The path as long as it takes no more steps than it may, whatever pieces it is made of."""
+    most = built.case.solver.max_steps
+    for count, step in enumerate(path, start.steps):
+        if count > most:
+            why = f"max steps, more than {most} steps come before position {step.state.position:.9g}"
+            raise NumericalError(f"the path stopped: {why}", "raise solver.max_steps")
+        yield step
+
+
+def linear_path(built: CondensedScene, mark: LinearMark | None) -> Iterator[PathStep]:
+    """A scene without contact: every state is a combination of the loads' own solutions."""
+    wanted = wanted_positions(built)
+    condensed = built.condensed
+    for position in stops(built):
+        if mark is not None and position <= mark.position:
+            continue
+        factors = factors_at(built.stages, position)
+        nothing = np.zeros(0)
+        motion = np.zeros(len(condensed.balance.constant))
+        if len(motion):
+            solved = np.linalg.solve(condensed.balance.motion, -condensed.balance.load @ factors)
+            motion = np.asarray(solved, dtype=np.float64)
+        status = np.zeros(0, dtype=np.int8)
+        state = State(
+            position, factors, nothing, nothing, motion, nothing, nothing, nothing, status, residual=0.0
+        )
+        yield PathStep(
+            state,
+            (state,) if position in wanted else (),
+            solves=0 if position else condensed.solves,
+            mark=LinearMark(position),
+        )
+
+
+def exact_path(built: CondensedScene, mark: ExactMark | None) -> Iterator[PathStep]:
+    """Exact contact at the stages' ends and wherever fields are wanted, each from the set before."""
+    wanted = wanted_positions(built)
+    if mark is None:
+        first, mark = unloaded_state(built), ExactMark(0.0, None)
+        yield PathStep(first, (first,) if 0.0 in wanted else (), mark=mark)
+    for position in stops(built):
+        if position <= mark.position:
+            continue
+        exact = solve_exact(built.condensed, factors_at(built.stages, position), mark.active)
+        mark, step = ExactMark(position, exact.active), exact_step(exact, position)
+        yield replace(step, saved=(step.state,) if position in wanted else (), mark=mark)
+
+
+def exact_step(exact: ExactState, position: float) -> PathStep:
+    """An exact state without friction as a step with nothing saved."""
+    return PathStep(
+        _exact_state(exact, position),
+        (),
+        iterations=exact.solves,
+        factorizations=exact.solves,
+        solves=2 * exact.solves,
+    )
+
+
+def unloaded_state(built: CondensedScene) -> State:
+    """The start of the path: as drawn, unless the surfaces overlap there."""
+    gap, factors = built.condensed.gap, built.stages[0]
+    if built.condensed.overlap(gap.constant):
+        return _exact_state(solve_exact(built.condensed, factors), 0.0)
+    zero, nothing = np.zeros(len(gap.constant)), np.zeros(0)
+    motion = np.zeros(len(built.condensed.balance.constant))
+    status = np.where(gap.constant <= 0.0, SLIP, OPEN).astype(np.int8)
+    return State(0.0, factors, zero, gap.constant, motion, nothing, nothing, nothing, status, residual=0.0)
+
+
+def _exact_state(exact: ExactState, position: float) -> State:
+    nothing = np.zeros(0)
+    return State(
+        position,
+        exact.factors,
+        exact.pressure,
+        exact.gap,
+        exact.motion,
+        nothing,
+        nothing,
+        nothing,
+        np.where(exact.active, SLIP, OPEN).astype(np.int8),
+        exact.residual,
+    )

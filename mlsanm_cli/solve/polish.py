@@ -1,0 +1,165 @@
+"""``solver.polish``: the saved levels of a smooth path end with the exact laws.
+
+Without memory an exact state depends on its load alone: it is found from the sets of nodes that the smooth
+state leaves, in one to three dense solves. So it is for friction that knows the total slip only, whose exact
+state is one increment from the unloaded scene. Friction with memory depends on the whole history, of which
+the smooth path keeps a slightly different one: there the exact history is followed alongside, from event to
+event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.active_set import solve_exact
+from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
+from mlsanm_cli.contact.laws.coulomb import increment, unloaded
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.packing import packed
+from mlsanm_cli.solve.checkpoint import Start
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.event_driven import coulomb_state, friction_path
+from mlsanm_cli.solve.paths import exact_step, path_of, unloaded_state
+from mlsanm_cli.solve.state import PathStep, Polish, State
+from mlsanm_cli.values import dataclass
+
+Polisher = Callable[[State], PathStep]
+"""The exact state at a smooth one's position as a row of its own, with what it cost."""
+
+
+@dataclass(frozen=True, eq=False)
+class PolishMark:
+    """The ``position`` of the last row, that of the last ``polished`` one, how many steps of the smooth path
+    are behind it, and the packed mark of the last of these."""
+
+    position: float
+    polished: float | None
+    steps: int
+    path: NDArray[np.uint8]
+
+
+def polished(built: CondensedScene, mark: PolishMark | None) -> Iterator[PathStep]:
+    """Every saved state and the last one as the exact laws have them, each in a row of its own.
+
+    A saved level inside a step gets the step's series too, for the part of the path before it.
+    """
+    mark = mark or PolishMark(-1.0, None, 0, np.zeros(0, dtype=np.uint8))
+    polish, end, done = _polisher(built, mark.polished), float(len(built.case.stage)), mark.position
+    for step in path_of(built, Start(mark.steps, mark.path.tobytes())):
+        for state in step.saved:
+            if done < state.position != step.state.position:
+                better = _improved(built, polish, state)
+                mark = replace(mark, position=state.position, polished=state.position)
+                yield replace(better, series=step.series, series_attributes=step.series_attributes, mark=mark)
+        packed_mark = np.frombuffer(packed(step.mark), np.uint8)
+        mark = PolishMark(step.state.position, mark.polished, mark.steps + 1, packed_mark)
+        saved = any(state.position == step.state.position for state in step.saved)
+        if not saved and step.state.position != end:
+            yield replace(step, saved=(), mark=mark)
+            continue
+        better = _improved(built, polish, step.state)
+        mark = replace(mark, polished=step.state.position)
+        yield replace(
+            step,
+            state=better.state,
+            saved=better.saved if saved else (),
+            factorizations=step.factorizations + better.factorizations,
+            solves=step.solves + better.solves,
+            warning="; ".join(text for text in (step.warning, better.warning) if text),
+            polish=better.polish,
+            mark=mark,
+        )
+
+
+def _improved(built: CondensedScene, polish: Polisher, state: State) -> PathStep:
+    """A row with the exact state, which takes the smooth one's place; the smooth one if polishing was not
+    asked for and there is no other."""
+    try:
+        row = polish(state)
+    except NumericalError as error:
+        if built.case.solver.polish == "auto":
+            # A body may float where only the smooth law holds it.
+            return PathStep(state, (state,))
+        where = f"at position {state.position:.9g} the exact laws have no state"
+        raise NumericalError(
+            f"{where}: {error.message}", error.hint or "set solver.polish = false"
+        ) from error
+    peak = max(float(end.pressure.max()) for end in built.ends)
+    pressure, traction = row.state.pressure - state.pressure, row.state.traction - state.traction
+    changed = Polish(
+        pressure=float(np.abs(pressure).max(initial=0.0)) / peak,
+        traction=float(np.abs(traction).max(initial=0.0)) / peak,
+        factorizations=row.factorizations,
+        overall=_overall(built, pressure, traction),
+    )
+    return replace(row, saved=(row.state,), polish=changed)
+
+
+def _overall(built: CondensedScene, pressure: FloatArray, traction: FloatArray) -> float:
+    """Changes of pressures (m,) and tractions (n,) over the largest pressures at the ends of the stages, as
+    norms over the surfaces: at edges of contacts single places tell little."""
+    weight, friction_nodes = built.condensed.weight, built.condensed.friction_nodes
+    whole = max(float(weight @ end.pressure**2) for end in built.ends)
+    changed = max(float(weight @ pressure**2), float(weight[friction_nodes] @ traction**2))
+    return float(np.sqrt(changed / whole)) if whole > 0.0 else 0.0
+
+
+def _polisher(built: CondensedScene, before: float | None) -> Polisher:
+    if not len(built.condensed.friction_nodes):
+        return _frictionless(built)
+    return _holonomic(built) if built.is_holonomic else _alongside(built, before)
+
+
+def _frictionless(built: CondensedScene) -> Polisher:
+    def polish(state: State) -> PathStep:
+        if state.position == 0.0:
+            return PathStep(unloaded_state(built), ())
+        return exact_step(solve_exact(built.condensed, state.factors, state.closed), state.position)
+
+    return polish
+
+
+def _holonomic(built: CondensedScene) -> Polisher:
+    """Coulomb's law for the total slip: one increment from the unloaded scene, whatever the load."""
+    c = built.condensed
+
+    def polish(state: State) -> PathStep:
+        stuck = state.status[c.friction_nodes] == STICK
+        slides = state.closed[c.friction_nodes] & ~stuck
+        sets = ContactStatus(state.closed, stuck, np.where(slides, np.sign(state.traction), 0.0))
+        start = replace(unloaded(c, built.stages[0]), sets=sets)
+        found, systems = increment(c, start, state.factors)
+        # Dissipation is a matter of history, which this law does not know.
+        exact = replace(coulomb_state(built, found, state.position), work=state.work)
+        return PathStep(exact, (), factorizations=systems, solves=2 * systems)
+
+    return polish
+
+
+def _alongside(built: CondensedScene, before: float | None) -> Polisher:
+    """The exact history, followed from one level asked for to the next; the last one ``before`` is behind."""
+    exact = friction_path(built)
+    while before is not None and next(exact).state.position != before:
+        pass
+
+    def polish(state: State) -> PathStep:
+        passed: list[PathStep] = []
+        for step in exact:
+            passed.append(step)
+            if step.state.position == state.position:
+                break
+        # Both paths halt at the same levels.
+        assert passed[-1].state.position == state.position
+        return replace(
+            passed[-1],
+            factorizations=sum(step.factorizations for step in passed),
+            solves=sum(step.solves for step in passed),
+            warning="; ".join(step.warning for step in passed if step.warning),
+        )
+
+    return polish

@@ -1,0 +1,303 @@
+"""The load path of the smooth contact law with friction, followed from event to event."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction, Tally
+from mlsanm_cli.contact.laws.set_search import NoStateError
+from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
+from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, StopReason, correct, follow
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, continued
+from mlsanm_cli.solve.regularized_points import (
+    RETURNS,
+    Point,
+    RubbingMark,
+    inside,
+    mark_of,
+    marked,
+    moved,
+    series_of,
+    state_of,
+)
+from mlsanm_cli.solve.series import (
+    at,
+    at_target,
+    behind,
+    coupling_of,
+    drawn,
+    levels_in,
+    path_options,
+    path_step,
+    regularization,
+    states_in,
+    stopped,
+)
+from mlsanm_cli.solve.state import PathStep, wanted_positions
+
+STANDSTILL = 1e-12
+"""Events this close to each other, as parts of a stage, do not move the path on."""
+OPENINGS = 20
+FREE = 1e-3
+"""Before the first load tractions are below this part of their limits."""
+APART = "before the first load friction does not hold what contacts alone hold: the surfaces are drawn apart"
+APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
+
+
+def rubbing_path(built: CondensedScene, mark: RubbingMark | None) -> Iterator[PathStep]:
+    """States of the regularised contact with friction; wanted ones come from the series of their step."""
+    wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
+    if mark is None:
+        point = _first(built, options)
+        state = state_of(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
+        saved = (state,) if 0.0 in wanted else ()
+        yield PathStep(state, saved, factorizations=point.problem.tally.taken(), mark=mark_of(point, 0))
+    else:
+        point = marked(built, mark)
+    for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
+        if mark is not None and (stage < mark.stage or (stage == mark.stage and mark.lam == 1.0)):
+            continue
+        walk = _Walk(stage, wanted, options)
+        if mark is not None and mark.within and stage == mark.stage:
+            steps = walk.go_on(point, mark)
+        else:
+            problem = point.problem
+            staged = RegularizedFriction(
+                problem.base, begin, end, problem.sets, problem.stick_reference, problem.tally
+            )
+            steps = walk.steps(replace(point, problem=staged, lam=0.0))
+        try:
+            yield from steps
+        except NoStateError as error:
+            where = f"beyond position {stage + walk.point.lam:.9g}"
+            if error.sliding:
+                raise _slides(stage, walk.point.lam) from error
+            raise NumericalError(
+                f"{error.message} {where}", 'use contact.regularization.law = "exact", which can jump'
+            ) from error
+        point = walk.point
+
+
+def _slides(stage: int, lam: float) -> SlidingError:
+    return SlidingError(lam, f" at position {stage + lam:.9g}")
+
+
+def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
+    """The state before the first load: as drawn, no traction anywhere.
+
+    Pressed nodes stick from the very start; friction of the others begins when they reach the law's
+    threshold. Raises NumericalError where nothing holds a body or platen.
+    """
+    c, coupling = built.condensed, coupling_of(built, regularization(built)).softened()
+    law = coupling.law
+    nothing, begin = np.zeros(len(c.friction_nodes)), built.stages[0]
+    x = np.concatenate([drawn(built, coupling), nothing])
+    pressure = x[: len(c.weight)]
+    full, tally = law.threshold, Tally()
+
+    def problem_at(pressure: FloatArray, sticking: bool, stick_reference: FloatArray) -> RegularizedFriction:
+        pressed = np.zeros(len(pressure), dtype=bool)
+        pressed[c.friction_nodes] = pressure[c.friction_nodes] > -FREE * law.eta[c.friction_nodes]
+        stuck = pressed[c.friction_nodes] & sticking
+        own = 0.5 * np.maximum(pressure[c.friction_nodes], 0.0)
+        threshold = np.where(stuck, np.minimum(full, own), full)
+        base = replace(coupling, law=replace(law, threshold=threshold))
+        return RegularizedFriction(
+            base, begin, begin, ContactStatus(pressed, stuck, nothing), stick_reference, tally
+        )
+
+    drawn_x, stick_reference, pressure = x, nothing, x[: len(c.weight)]
+    for _ in range(OPENINGS):
+        problem = problem_at(pressure, True, stick_reference)
+        try:
+            x = correct(problem, x, 0.0, options).x
+        except NumericalError as error:
+            if not len(c.balance.constant):
+                raise
+            raise NumericalError(APART, APART_HINT) from error
+        pressure, _, motion, traction = problem.split(x)
+        limit = FREE * c.friction * np.maximum(pressure[c.friction_nodes], 0.0)
+        if (np.abs(traction) <= limit)[problem.sets.stuck].all():
+            break
+        traction[:] = 0.0
+        # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
+        stick_reference = c.slip(begin, coupling.split_motions(motion)[0], pressure, nothing)
+    else:
+        # Tractions that go from node to node, as in wedges and grooves: normals alone may hold the bodies.
+        free = _without_friction(problem_at(drawn_x[: len(c.weight)], False, nothing), drawn_x, options)
+        if free is None:
+            problem = problem_at(pressure, True, stick_reference)
+            return inside(Point(problem, correct(problem, x, 0.0, options).x, 0.0, nothing))
+        pressure, _, motion, _ = free[0].split(free[1])
+        rest = c.slip(begin, coupling.split_motions(motion)[0], pressure, nothing)
+        return Point(problem_at(pressure, True, rest), free[1], 0.0, nothing)
+    return Point(problem, x, 0.0, nothing)
+
+
+def _without_friction(
+    problem: RegularizedFriction,
+    x: FloatArray,
+    options: AnmOptions | NewtonOptions,
+) -> tuple[RegularizedFriction, FloatArray] | None:
+    """The state before the first load where nothing rubs; None where only friction holds bodies."""
+    try:
+        return problem, correct(problem, x, 0.0, options).x
+    except (NumericalError, np.linalg.LinAlgError):
+        return None
+
+
+class _Walk:
+    """One stage: pieces of path between events."""
+
+    def __init__(self, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions) -> None:
+        self.point: Point
+        self._stage, self._wanted, self._options = stage, wanted, options
+        self._levels = levels_in(wanted, stage)
+        self._began, self._standing = 0.0, 0
+        self._held: ContactStatus | None = None
+        self._previous: Branch | None = None
+
+    def steps(self, point: Point) -> Iterator[PathStep]:
+        """Steps from the start of the stage to its end. Raises NoStateError, NumericalError."""
+        self.point = point
+        if not point.problem.change.any():
+            yield from self._waiting()
+            return
+        self._put_on(point, EventFlags.none(point.problem.n))
+        yield from self._pieces()
+
+    def go_on(self, point: Point, mark: RubbingMark) -> Iterator[PathStep]:
+        """Steps from a point within the stage to its end. Raises as `steps` does."""
+        self.point = point
+        self._began, self._standing = mark.began, mark.standing
+        self._held, self._previous = mark.held, mark.piece
+        if mark.no_state is not None:
+            raise NoStateError(mark.no_state)
+        if mark.event:
+            self._count()
+        else:
+            yield from self._piece(resumed=True)
+        yield from self._pieces()
+
+    def _pieces(self) -> Iterator[PathStep]:
+        while self.point.lam < 1.0:
+            if self._loosened() and slides_freely(self.point.problem.condensed, self.point.problem.sets):
+                raise _slides(self._stage, self.point.lam)
+            self._began = self.point.lam
+            yield from self._piece()
+
+    def _piece(self, *, resumed: bool = False) -> Iterator[PathStep]:
+        """Steps to the next event, or to the end of the stage."""
+        begin, barrier = self.point, EventLocator(self.point.problem)
+        follower = follow(
+            begin.problem,
+            begin.x,
+            begin.lam,
+            1.0,
+            self._options,
+            self._previous,
+            barrier,
+            self._levels,
+            resumed=resumed,
+        )
+        for step in follower.steps():
+            if barrier.reached:
+                yield from self._event(step, barrier.hits, behind(follower))
+            else:
+                step = at_target(begin.problem, step) if step.lam == 1.0 else step
+                yield self._step(step, behind(follower))
+        if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
+            raise stopped(self._stage, follower.outcome)
+        self._previous = follower.outcome.piece
+        self._count()
+
+    def _count(self) -> None:
+        """See that the path moves on from event to event. Raises NoStateError."""
+        self._standing = self._standing + 1 if self.point.lam - self._began < STANDSTILL else 0
+        if self._standing > 4 * self.point.problem.n + 50:
+            raise NoStateError(sliding=False)
+
+    def _mark(self, *, event: bool, piece: Branch | None) -> RubbingMark:
+        problem = self.point.problem
+        return replace(
+            mark_of(self.point, self._stage),
+            tangent=problem.expanded_at,
+            event=event,
+            held=self._held,
+            began=self._began,
+            standing=self._standing,
+            piece=piece,
+        )
+
+    def _loosened(self) -> bool:
+        """Whether some node has ceased to stick or to touch: nothing else lets a body go that was held."""
+        before, self._held = self._held, self.point.problem.sets
+        if before is None:
+            return True
+        return bool((before.stuck & ~self._held.stuck).any() or (before.closed & ~self._held.closed).any())
+
+    def _put_on(self, point: Point, hits: EventFlags) -> None:
+        """Put the path on the sets that hold beyond a point."""
+        problem, x = continued(point.problem, point.x, point.lam, hits)
+        # What the event's place, known to the series' tolerance, and the new sets disagree by.
+        for _ in range(RETURNS):
+            lack = problem.residual(x, point.lam)
+            if np.abs(lack).max() <= self._options.goal:
+                break
+            x = x - problem.tangent(x, point.lam).solve(lack)
+        self.point = inside(replace(point, problem=problem, x=x))
+
+    def _event(self, step: Step, hits: EventFlags, piece: Branch | None) -> Iterator[PathStep]:
+        """A step that ends at an event, its end already as the path goes on from it."""
+        before = self.point
+        point, failure = moved(before, step.x, step.lam), None
+        try:
+            self._put_on(point, hits)
+        except NoStateError as error:
+            failure = error
+            self.point = inside(point)
+        problem = self.point.problem
+        residual = float(np.abs(problem.residual(self.point.x, step.lam)).max())
+        step = replace(step, residual=residual)
+        mark = self._mark(event=True, piece=piece)
+        if failure is not None:
+            mark = replace(mark, no_state=failure.sliding)
+        yield replace(self._told(before, step), mark=mark)
+        if failure is not None:
+            raise failure
+
+    def _step(self, step: Step, piece: Branch | None) -> PathStep:
+        before = self.point
+        self.point = moved(before, step.x, step.lam)
+        return replace(self._told(before, step), mark=self._mark(event=False, piece=piece))
+
+    def _told(self, before: Point, step: Step) -> PathStep:
+        """The step from ``before`` to where the path is now."""
+        stage = self._stage
+        end = state_of(self.point, stage, step.residual)
+        places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
+        step, states = states_in(before.problem.aside(), step, stage, places)
+        saved = [
+            state_of(moved(before, before.problem.within_cone(x), lam), stage, residual)
+            for x, lam, residual in states
+        ]
+        series = series_of(before.problem, step.branch, stage)
+        # Points share tangents, of which the followers know nothing.
+        step = replace(step, factorizations=self.point.problem.tally.taken())
+        return path_step(step, end, stage, at(places, saved, end), series)
+
+    def _waiting(self) -> Iterator[PathStep]:
+        """A stage that changes nothing."""
+        residual = float(np.abs(self.point.problem.residual(self.point.x, 1.0)).max())
+        self.point = replace(self.point, lam=1.0)
+        state = state_of(self.point, self._stage, residual)
+        places = [p for p in self._wanted if self._stage < p <= self._stage + 1]
+        saved = tuple(replace(state, position=position) for position in places)
+        yield PathStep(state, saved, mark=mark_of(self.point, self._stage))

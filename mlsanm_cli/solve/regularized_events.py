@@ -1,0 +1,188 @@
+"""Events on the path of the regularised contact with friction: where sets stop to hold, and what follows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus
+from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, primal_dual_active_set
+from mlsanm_cli.contact.response.dense import SingularSystemError
+from mlsanm_cli.continuation import Branch
+from mlsanm_cli.values import dataclass
+
+SAMPLES = 17
+"""A piece of path is looked at in so many places."""
+NEAR = 1e-9
+"""A condition is at its limit where it is this close to it, relative to the reference pressure."""
+SLACK = 1e-9
+"""What begins at its limit may go past it by this much before it counts, relative to the reference pressure:
+states are known to no more, and a node that hardly leaves its limit would come to it again and again."""
+SMALL = 1e-6
+"""Friction limits below this part of the reference pressure are not told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class EventFlags:
+    """Which nodes with friction (n,) an event is about: pressure at zero, friction limit reached on one side
+    (1, -1; else 0), slip come to rest."""
+
+    bare: BoolArray
+    limit: FloatArray
+    rested: BoolArray
+
+    @classmethod
+    def none(cls, count: int) -> EventFlags:
+        """No event."""
+        return cls(np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count, dtype=bool))
+
+
+class EventLocator:
+    """Finds the first event on a piece of path.
+
+    Afterwards ``reached`` tells whether there was one, ``hits`` what it was.
+    """
+
+    def __init__(self, problem: RegularizedFriction) -> None:
+        self._problem = problem
+        self._stuck, self._sliding = (
+            np.flatnonzero(problem.sets.stuck),
+            np.flatnonzero(problem.sets.slip_sign),
+        )
+        self.hits = EventFlags.none(problem.n)
+        self.reached = False
+
+    def __call__(self, piece: Branch) -> float:
+        """The parameter of the first event, or inf."""
+        self.reached = False
+        values, rates = self._conditions(piece)
+        grid = np.linspace(0.0, piece.length, SAMPLES)
+        levels = np.hstack([piece.weights(grid) @ values, piece.derivative_weights(grid) @ rates])
+        scale = self._scales(levels[:, values.shape[1] :], values[0])
+        most = np.where(np.arange(len(scale)) < values.shape[1], 1.0, scale)
+        slack = np.where(levels[0] <= NEAR * scale, np.maximum(-levels[0], 0.0) + SLACK * most, 0.0)
+        past = (levels[1:] + slack < 0.0).any(axis=1)
+        if not past.any():
+            return np.inf
+        row = int(np.argmax(past)) + 1
+        found = [
+            (self._root(piece, values, rates, column, slack[column], grid[row - 1], grid[row]), column)
+            for column in np.flatnonzero(levels[row] + slack < 0.0).tolist()
+        ]
+        a, column = min(found)
+        self.hits, self.reached = self._told(column, values.shape[1]), a < piece.length
+        return a
+
+    def _conditions(self, piece: Branch) -> tuple[FloatArray, FloatArray]:
+        """Coefficients of what must stay positive, and of what must grow: pressures (n, turned for open
+        nodes), friction left on both sides of sticking nodes, slips of slipping ones against friction."""
+        problem, c = self._problem, self._problem.condensed
+        terms, load = piece.terms
+        p, _, q, t = problem.split(terms)
+        pressure = p[:, c.friction_nodes] / problem.law.pressure
+        pressure[0] -= problem.law.threshold / problem.law.pressure
+        sign = np.where(problem.sets.closed[c.friction_nodes], 1.0, -1.0)
+        held = self._stuck
+        limit, friction = c.friction[held] * pressure[:, held], t[:, held] / problem.law.pressure
+        base, rows = problem.base, problem.m + self._sliding
+        slip = np.hstack([p, t, q]) @ base.slips[self._sliding].T
+        slip += np.outer(load, base.load[rows] @ problem.change)
+        rates = -slip * problem.sets.slip_sign[self._sliding]
+        return np.hstack([pressure * sign, limit - friction, limit + friction]), rates
+
+    def _scales(self, rates: FloatArray, first: FloatArray) -> FloatArray:
+        """What the conditions are small against: pressures of the scene, every node's own limit, rates."""
+        n, held = self._problem.n, len(self._stuck)
+        limit = np.maximum(0.5 * (first[n : n + held] + first[n + held :]), SMALL)
+        largest = np.full(rates.shape[1], np.abs(rates).max(initial=0.0) + np.finfo(float).tiny)
+        return np.concatenate([np.ones(n), limit, limit, largest])
+
+    def _root(
+        self,
+        piece: Branch,
+        values: FloatArray,
+        rates: FloatArray,
+        column: int,
+        slack: float,
+        low: float,
+        high: float,
+    ) -> float:
+        def level(a: float) -> float:
+            at = np.array([a])
+            if column < values.shape[1]:
+                return float(piece.weights(at)[0] @ values[:, column]) + slack
+            return float(piece.derivative_weights(at)[0] @ rates[:, column - values.shape[1]]) + slack
+
+        if level(low) <= 0.0:
+            return low
+        from mlsanm_cli.parts import brentq  # for paths with events only
+
+        return float(brentq(level, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps, maxiter=200))
+
+    def _told(self, column: int, levels: int) -> EventFlags:
+        hits, n, held = EventFlags.none(self._problem.n), self._problem.n, len(self._stuck)
+        if column < n:
+            hits.bare[column] = True
+        elif column < levels:
+            first = column < n + held
+            hits.limit[self._stuck[column - n if first else column - n - held]] = 1.0 if first else -1.0
+        else:
+            hits.rested[self._sliding[column - levels]] = True
+        return hits
+
+
+def _expected(problem: RegularizedFriction, x: FloatArray, lam: float, hits: EventFlags) -> ContactStatus:
+    """The sets that an event most likely leads to: closing nodes slip on as they did when they were open."""
+    before, rub = problem.sets, problem.condensed.friction_nodes
+    closed = before.closed.copy()
+    opens, closes = hits.bare & closed[rub], hits.bare & ~closed[rub]
+    closed[rub[hits.bare]] = closes[hits.bare]
+    stuck = (before.stuck | hits.rested) & ~opens & (hits.limit == 0.0)
+    slip_sign = np.where(hits.rested | opens, 0.0, np.where(hits.limit != 0.0, hits.limit, before.slip_sign))
+    if closes.any():
+        slip_sign = np.where(closes, -np.sign(problem.slip_rate(x, lam)), slip_sign)
+    return ContactStatus(closed, stuck | (closes & (slip_sign == 0.0)), slip_sign)
+
+
+def continued(
+    problem: RegularizedFriction, x: FloatArray, lam: float, hits: EventFlags
+) -> tuple[RegularizedFriction, FloatArray]:
+    """The problem with the sets that hold beyond (x, lam), and the state with the event's values made exact.
+
+    Raises NoStateError.
+    """
+    c, before = problem.condensed, problem.sets
+    x = x.copy()
+    p, _, _, t = problem.split(x)
+    pressure, force = problem.pressed(p), NEAR * problem.law.pressure
+    t[hits.limit != 0.0] = (hits.limit * c.friction * pressure)[hits.limit != 0.0]
+    bare = hits.bare | (np.abs(pressure) <= force)
+    slack = {side: c.friction * pressure - side * t <= force for side in (1.0, -1.0)}
+    side = np.where(slack[1.0], 1.0, -1.0)
+    side = np.where(hits.limit != 0.0, hits.limit, np.where(before.slip_sign != 0.0, before.slip_sign, side))
+    side[bare] = 0.0
+    anywhere = np.zeros(problem.m, dtype=bool)
+    anywhere[c.friction_nodes] = bare
+    at_limit = (
+        slack[1.0] | slack[-1.0] | (hits.limit != 0.0) | (before.slip_sign != 0.0) | bare
+    ) & ~hits.rested
+    watch = AdmissibleChanges(anywhere, anywhere, at_limit, side)
+    now = problem.stick_coordinate(x, lam)
+
+    def solve(sets: ContactStatus) -> tuple[RegularizedFriction, ContactState, FloatArray]:
+        stick_reference = np.where(sets.stuck & ~before.stuck, now, problem.stick_reference)
+        system = RegularizedFriction(
+            problem.base, problem.start, problem.end, sets, stick_reference, problem.tally
+        )
+        try:
+            rates, slipped = system.rates(x, lam)
+        except np.linalg.LinAlgError as error:
+            raise SingularSystemError from error
+        return system, rates, slipped
+
+    _, system, _, _ = primal_dual_active_set(c, _expected(problem, x, lam, hits), watch, solve)
+    p, _, _, t = system.split(x)
+    free = ~system.sets.stuck
+    t[free] = (system.friction_slope * system.pressed(p))[free]
+    return system, x

@@ -1,0 +1,154 @@
+"""Exact contact states at the ends of the stages, which scale, refine and judge a path before it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.case import Case
+from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
+from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.solve.limit_loads import beyond_limit
+from mlsanm_cli.solve.load_factors import factors_at
+
+MOST_LEVELS = 40
+"""Of more levels with fields some tell how fine contact grids have to be."""
+
+
+FIRST_PARTS = (0.5, 0.1, 0.01)
+"""Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
+
+
+def _searched(
+    case: Case,
+    scene: Scene,
+    stages: FloatArray,
+    condensed: Condensed,
+    starts: Sequence[ContactStatus],
+    every: bool,
+) -> tuple[ExactState, ...]:
+    """Exact states at the ends of the stages, or ``every`` state that counts with those where fields are
+    wanted."""
+    factors = stages
+    if every:
+        every_so_many = -(-len(case.output.at) // MOST_LEVELS) or 1
+        positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
+        factors = np.stack([factors_at(stages, position) for position in positions])
+    if len(condensed.friction_nodes):
+        return _rubbing_ends(condensed, factors, starts)
+    ends: list[ExactState] = []
+    for number, wanted in enumerate(factors[1:]):
+        start = next(iter(starts[number:]), None)
+        first = _last(ends) if start is None else start.closed
+        try:
+            ends.append(_solved_exactly(condensed, wanted, first))
+        except UnbalancedError as error:
+            if not every:
+                raise beyond_limit(scene, condensed, stages, error) from error
+        except NumericalError:
+            # A body that floats on its way has no exact state there.
+            if not every:
+                raise
+    return tuple(ends)
+
+
+def _solved_exactly(condensed: Condensed, factors: FloatArray, first: BoolArray | None) -> ExactState:
+    """The exact state, searched from a ``first`` set, or where that lets go of a body from the closest."""
+    try:
+        return solve_exact(condensed, factors, first)
+    except NumericalError:
+        return solve_exact(condensed, factors)
+
+
+def _last(ends: Sequence[ExactState]) -> BoolArray | None:
+    return ends[-1].active if ends else None
+
+
+def _exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
+    if len(condensed.friction_nodes):
+        return _rubbing_ends(condensed, stages)
+    ends: list[ExactState] = []
+    for factors in stages[1:]:
+        ends.append(solve_exact(condensed, factors, ends[-1].active if ends else None))
+    return tuple(ends)
+
+
+def _rubbing_ends(
+    condensed: Condensed, stages: FloatArray, starts: Sequence[ContactStatus] = ()
+) -> tuple[ExactState, ...]:
+    """One increment per stage as far as the loads can be carried; of the first at least a part."""
+    ends: list[ExactState] = []
+    state = unloaded(condensed, stages[0])
+    for number, factors in enumerate(stages[1:]):
+        try:
+            state, solves = _incremented(condensed, state, factors, next(iter(starts[number:]), None))
+        except NoStateError:
+            break
+        ends.append(_end(condensed, state, solves))
+    return tuple(ends) if ends else (_first_end(condensed, state, stages[1]),)
+
+
+def _incremented(
+    condensed: Condensed, state: CoulombState, factors: FloatArray, guess: ContactStatus | None
+) -> tuple[CoulombState, int]:
+    if guess is not None:
+        with suppress(NoStateError):
+            return increment(condensed, state, factors, guess=guess)
+    try:
+        return increment(condensed, state, factors)
+    except NoStateError as lost:
+        # What touches without friction is near to what does with it, if loads balance without it.
+        try:
+            free = solve_exact(condensed, factors)
+        except NumericalError:
+            raise lost from None
+        closed, none = free.active, np.zeros(len(condensed.friction_nodes))
+        slip = condensed.slip(factors, free.motion, free.pressure, none) - state.values.slip
+        for stuck in (closed[condensed.friction_nodes], np.zeros(len(none), dtype=bool)):
+            slip_sign = np.where(closed[condensed.friction_nodes] & ~stuck, -np.sign(slip), 0.0)
+            with suppress(NoStateError):
+                return increment(condensed, state, factors, guess=ContactStatus(closed, stuck, slip_sign))
+        raise lost from None
+
+
+def _first_end(condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:
+    """The state after a part of a stage whose end cannot be reached."""
+    for part in FIRST_PARTS:
+        try:
+            found, solves = increment(condensed, state, state.factors + part * (end - state.factors))
+        except NoStateError as error:
+            failure = error
+            continue
+        return _end(condensed, found, solves)
+    raise failure
+
+
+def _end(condensed: Condensed, state: CoulombState, solves: int) -> ExactState:
+    v, stuck = state.values, np.zeros(len(condensed.weight), dtype=bool)
+    stuck[condensed.friction_nodes[state.sets.stuck]] = True
+    kkt_residual = residual(condensed, state)
+    return ExactState(
+        state.factors, v.pressure, v.gap, v.motion, v.traction, state.sets.closed, stuck, solves, kkt_residual
+    )
+
+
+def _touched(condensed: Condensed, ends: tuple[ExactState, ...]) -> Mapping[str, BoolArray]:
+    """Per contact, which paired nodes (w,) are no candidates and yet overlap in one of the states."""
+    found = [condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in ends]
+    return {pair.name: np.any([masks[pair.name] for masks in found], axis=0) for pair in condensed.pairings}
+
+
+def reach_error(contact: str, gap: float) -> NumericalError:
+    """A node that was left out of a contact overlaps the other surface."""
+    return NumericalError(
+        f"contact {contact}: a node left out because of its initial gap has come into contact",
+        f'set contact.{contact}.reach above {gap:.3g}, or to "auto"',
+    )

@@ -1,0 +1,215 @@
+"""Paths that end early, where a ``[[stop]]`` of the case is reached.
+
+Every method can be taken up behind any of its steps and asked for states at any position of the next one. So
+the step in which a limit is passed is taken again, each time with the position that a search for the root
+asks for among those that are saved; of power series that is a look at the series, sharpened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Stop
+from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.packing import packed
+from mlsanm_cli.solve.checkpoint import BEGINNING, Start
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.functionals import platen_displacements, probe_record
+from mlsanm_cli.solve.state import PathStep, State, wanted_positions
+from mlsanm_cli.values import dataclass
+
+CLOSE = 1e-12
+"""Positions are known to this, per stage."""
+NEAR = 1e-10
+"""Limits are reached within this part of them."""
+MOST_LOOKS = 100
+SAMPLES = 65
+AXES = {"x": 0, "y": 1}
+Follow = Callable[[CondensedScene, Start], Iterator[PathStep]]
+"""A path, or what of it is left."""
+
+
+@dataclass(frozen=True, eq=False)
+class StopMark:
+    """Where a path with stops is: their ``values`` (k,) less their limits, negative before them, which of
+    them have been so (k,), the number of the one that ended the path, or -1, and the path's own mark,
+    packed."""
+
+    values: FloatArray
+    armed: NDArray[np.uint8]
+    by: int
+    path: NDArray[np.uint8]
+
+
+class _Unknown(Exception):
+    """A path passes by a position that was asked for."""
+
+
+class Stoppable:
+    """The path of a scene, or what of it is left, step by step until a stop of the case is reached.
+
+    ``reached`` is that stop, once the path has ended at it.
+    """
+
+    def __init__(self, built: CondensedScene, start: Start, follow: Follow) -> None:
+        """``follow`` gives the path. Raises RunError where a stop asks for what the scene does not know."""
+        self._built, self._start, self._follow = built, start, follow
+        self.reached: Stop | None = None
+        for stop in built.case.stop:
+            if stop.what == "force" and stop.of not in _forces(built):
+                raise RunError(
+                    f"[[stop]]: the force of {stop.of} is not known",
+                    f"there are: {', '.join(_forces(built))}",
+                )
+
+    def steps(self) -> Iterator[PathStep]:
+        """The steps; the last one ends at the stop, whose state is among the saved ones."""
+        stops = self._built.case.stop
+        if not stops:
+            yield from self._follow(self._built, self._start)
+            return
+        mark = self._start.mark(StopMark)
+        if mark is None:
+            mark = StopMark(np.zeros(len(stops)), np.zeros(len(stops), np.uint8), -1, np.zeros(0, np.uint8))
+        if mark.by >= 0:
+            self.reached = stops[mark.by]
+            return
+        begin = Start(self._start.steps, mark.path.tobytes()) if len(mark.path) else BEGINNING
+        before: float | None = None
+        for step in self._follow(self._built, begin):
+            values = np.array([residual_vector(self._built, stop, step.state) for stop in stops])
+            passed = [k for k in range(len(stops)) if mark.armed[k] and values[k] >= 0.0]
+            passed += [k for k, stop in enumerate(stops) if stop.what == "fold" and turning(step) is not None]
+            if passed:
+                ends = [(self._end(k, begin, before, mark, step), k) for k in passed]
+                end, number = min(ends, key=lambda one: one[0].state.position)
+                self.reached = stops[number]
+                yield replace(end, mark=StopMark(values, mark.armed, number, np.zeros(0, np.uint8)))
+                return
+            inner = np.frombuffer(packed(step.mark), np.uint8)
+            armed = np.asarray(mark.armed | (values < 0.0), dtype=np.uint8)
+            mark = StopMark(values, armed, -1, inner)
+            begin, before = Start(begin.steps + 1, inner.tobytes()), step.state.position
+            yield replace(step, mark=mark)
+
+    def _end(
+        self, number: int, begin: Start, before: float | None, mark: StopMark, step: PathStep
+    ) -> PathStep:
+        """The ``step`` on from ``begin``, where the path stood ``before``, with its end where a stop is
+        reached."""
+        stop, last = self._built.case.stop[number], step.state.position
+        if stop.what == "fold":
+            highest = turning(step)
+            assert highest is not None
+            return self._to(begin, highest - CLOSE * max(1.0, highest)) or _ended(step)
+        value = residual_vector(self._built, stop, step.state)
+        found = {last: (value, step)}
+        first = last if before is None else before
+
+        def beyond(place: float) -> float:
+            if place in (first, last):
+                return float(mark.values[number]) if place == first else value
+            end = self._to(begin, place)
+            if end is None:
+                raise _Unknown
+            found[place] = residual_vector(self._built, stop, end.state), end
+            return found[place][0]
+
+        if last - first > CLOSE * max(1.0, last) and value > 0.0:
+            # For paths that end early only.
+            from mlsanm_cli.parts import brentq
+
+            with suppress(_Unknown):
+                brentq(beyond, first, last, xtol=CLOSE * max(1.0, last), maxiter=MOST_LOOKS)
+        slack = NEAR * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
+        return _ended(found[min(place for place, (value, _) in found.items() if value >= -slack)][1])
+
+    def _to(self, begin: Start, place: float) -> PathStep | None:
+        """The step that leads to a position, which ends there; None if the path passes it by."""
+        case = self._built.case
+        at = tuple(sorted({*wanted_positions(self._built), place}))
+        output = case.output.model_copy(update={"at": at})
+        built = replace(self._built, case=case.model_copy(update={"output": output}))
+        near = CLOSE * max(1.0, place)
+        for step in self._follow(built, begin):
+            for state in (*step.saved, step.state):
+                if abs(state.position - place) <= near:
+                    earlier = tuple(one for one in step.saved if one.position < state.position)
+                    return replace(step, state=state, saved=(*earlier, state))
+            if step.state.position > place:
+                return None
+        return None
+
+
+def residual_vector(built: CondensedScene, stop: Stop, state: State) -> float:
+    """By how much a state is beyond a stop's limit; negative before it, -1 of a fold."""
+    if stop.what == "fold":
+        return -1.0
+    value = value_of(built, stop, state)
+    if stop.above is not None:
+        return value - stop.above
+    assert stop.below is not None
+    return stop.below - value
+
+
+def value_of(built: CondensedScene, stop: Stop, state: State) -> float:
+    """What a stop watches, in one state."""
+    condensed = built.condensed
+    if stop.what == "force":
+        return _along(stop, _forces(built)[stop.of](*state.unknowns))
+    if stop.what == "displacement":
+        moved = platen_displacements(built, state)
+        if stop.of in moved:
+            return _along(stop, moved[stop.of])
+        return _along(stop, probe_record(built, stop.of, state).displacement)
+    if stop.what == "von_mises":
+        return probe_record(built, stop.of, state).von_mises
+    span = condensed.spans[stop.of]
+    if stop.what == "area":
+        return float(condensed.weight[span] @ state.closed[span])
+    if stop.what == "slip":
+        own = condensed.tangential.get(stop.of)
+        return 0.0 if own is None else float(np.abs(state.slip[own]).max(initial=0.0))
+    return float(state.pressure[span].max(initial=0.0))
+
+
+def turning(step: PathStep) -> float | None:
+    """The highest position within a step at which the load turns back; None where it does not."""
+    if "position" not in step.series:
+        return None
+    from mlsanm_cli.continuation import Branch
+
+    position, length = step.series["position"], float(step.series_attributes["length"])
+    nothing = np.zeros((len(position), 0))
+    branch = Branch(nothing, position, length, step.series.get("denominator"))
+    low, high = 0.0, length
+    for _ in range(6):
+        places = np.linspace(low, high, SAMPLES)
+        values = branch.evaluate_many(places)[1]
+        best = int(np.argmax(values))
+        low, high = places[max(best - 1, 0)], places[min(best + 1, SAMPLES - 1)]
+    highest = float(values[best])
+    end = branch.evaluate(length)[1]
+    return highest if highest > end + NEAR * max(1.0, abs(end)) else None
+
+
+def _ended(step: PathStep) -> PathStep:
+    """A step whose own end is the path's: it is saved, as the end of a path is."""
+    if any(state.position == step.state.position for state in step.saved):
+        return step
+    return replace(step, saved=(*step.saved, step.state))
+
+
+def _forces(built: CondensedScene) -> Mapping[str, LinearMap]:
+    return {**built.condensed.contact_forces, **built.condensed.forces}
+
+
+def _along(stop: Stop, vector: FloatArray) -> float:
+    return float(np.hypot(*vector)) if stop.component == "size" else float(vector[AXES[stop.component]])
