@@ -37,7 +37,7 @@ from mlsanm_cli.case import load_case  # noqa: E402
 from mlsanm_cli.contact.laws.active_set import solve_exact  # noqa: E402
 from mlsanm_cli.continuation import AnmOptions, Follower, NewtonOptions, follow  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
-from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.condensed_scene import CondensedScene  # noqa: E402
 from mlsanm_cli.solve.homotopy import lowered  # noqa: E402
 from mlsanm_cli.solve.load_factors import factors_at  # noqa: E402
 from mlsanm_cli.solve.paths import path_of  # noqa: E402

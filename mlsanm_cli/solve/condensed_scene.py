@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
-
-from mlsanm_cli.app.output.fine_views import View, fine_views
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
@@ -31,16 +26,6 @@ class CondensedScene:
     stages: FloatArray
     ends: tuple[ExactState, ...]
     stability: float
-
-    @cached_property
-    def views(self) -> Mapping[str, View]:
-        """Bodies whose fields are written at other points than their nodes."""
-        return fine_views(self.case, self.scene, self.condensed, self.ends)
-
-    def shown(self, body: str) -> Cloud:
-        """The cloud at whose points a body's fields are written."""
-        view = self.views.get(body)
-        return self.scene.bodies[body].model.cloud if view is None else view.cloud
 
     @property
     def is_holonomic(self) -> bool:

@@ -37,8 +37,12 @@ SUMMARY: dict[str, Any] = {
 }
 
 
+FOLDERS = {"info": "results.", "plot": "results.", "collect": "results."}
+"""Where in ``app`` commands are that are not on top of it."""
+
+
 def install(monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[..., Any]) -> None:
-    """Makes ``mlsanm_cli.app.<name>.<name>`` the given function."""
-    module = ModuleType(f"mlsanm_cli.app.{name}")
+    """Makes the given function what the command ``name`` calls."""
+    module = ModuleType(f"mlsanm_cli.app.{FOLDERS.get(name, '')}{name}")
     setattr(module, name, function)
     monkeypatch.setitem(sys.modules, module.__name__, module)

@@ -15,7 +15,6 @@ import scipy.sparse as sparse
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.surfaces import outline_of
 from mlsanm_cli.arrays import BoolArray
-from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.near import Near
@@ -23,7 +22,7 @@ from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.probes import probe_rows
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.values import dataclass
 
 ACROSS = 12.0
@@ -49,21 +48,28 @@ class View:
         return probe_rows(self.model, self.cloud.points)
 
 
-def fine_views(
-    case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState]
-) -> Mapping[str, View]:
-    """Views of the bodies whose clouds are coarser than what a contact does to them; the ends of the stages
-    tell where that is."""
-    views = {}
-    for body in case.body:
-        if body.has_nodes:
-            continue
-        model = scene.bodies[body.name].model
-        zones = tuple(_zones(condensed, ends, model))
-        if zones:
-            spacing = spacing_of(case, body).with_zones(zones)
-            views[body.name] = View(model, build_cloud(outline_of(case, body), spacing, body.seed))
-    return views
+@dataclass(frozen=True)
+class Views:
+    """The points at which the fields of every body are written: ``clouds``, and the bodies that have finer
+    points than their nodes there."""
+
+    clouds: Mapping[str, Cloud]
+    finer: Mapping[str, View]
+
+    @classmethod
+    def of(cls, built: CondensedScene) -> Views:
+        """Finer points for the bodies whose clouds are coarser than what a contact does to them; the states
+        at the ends of the stages show where that is."""
+        clouds, finer = {}, {}
+        for body in built.case.body:
+            model = built.scene.bodies[body.name].model
+            clouds[body.name] = model.cloud
+            zones = () if body.has_nodes else tuple(_zones(built.condensed, built.ends, model))
+            if zones:
+                spacing = spacing_of(built.case, body).with_zones(zones)
+                cloud = build_cloud(outline_of(built.case, body), spacing, body.seed)
+                clouds[body.name], finer[body.name] = cloud, View(model, cloud)
+        return cls(clouds, finer)
 
 
 def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -> Iterator[Zone]:

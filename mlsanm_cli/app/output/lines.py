@@ -29,9 +29,14 @@ BEYOND = 0.75
 NEAREST = 8
 
 
-def contact_lines(built: CondensedScene, state: State, shown: Mapping[str, Fields]) -> dict[str, Lines]:
-    """The slave surfaces of all contacts in one state, moved as the bodies are ``shown``."""
-    return {pairing.name: _contact(built, pairing, state, shown) for pairing in built.condensed.pairings}
+def contact_lines(
+    built: CondensedScene, state: State, clouds: Mapping[str, Cloud], shown: Mapping[str, Fields]
+) -> dict[str, Lines]:
+    """The slave surfaces of all contacts in one state, moved as the bodies are ``shown`` on ``clouds``."""
+    return {
+        pairing.name: _contact(built, pairing, state, clouds[pairing.slave_body], shown)
+        for pairing in built.condensed.pairings
+    }
 
 
 def obstacle_lines(built: CondensedScene, state: State) -> dict[str, Lines]:
@@ -63,7 +68,9 @@ def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) ->
     return next((moved[name] for name in names if name in moved), np.zeros(2))
 
 
-def _contact(built: CondensedScene, pairing: Pairing, state: State, shown: Mapping[str, Fields]) -> Lines:
+def _contact(
+    built: CondensedScene, pairing: Pairing, state: State, cloud: Cloud, shown: Mapping[str, Fields]
+) -> Lines:
     record = recording.contact_record(built, pairing, state)
     chosen = pairing.candidate
     points = slave_points(built, pairing)
@@ -79,7 +86,6 @@ def _contact(built: CondensedScene, pairing: Pairing, state: State, shown: Mappi
         # Without friction it is not computed, and no viewer knows what to do with nan.
         scalars["slip"] = record.slip
     load = record.pressure[:, None] * normal + record.traction[:, None] * tangent
-    cloud = built.shown(pairing.slave_body)
     moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
     return Lines(points, _neighbours(pairing), moved, scalars, {"normal": normal, "contact_stress": load})
 

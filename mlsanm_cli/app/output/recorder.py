@@ -19,6 +19,7 @@ from mlsanm_cli.app.assessment.refinement import Adapted
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.output import recording
+from mlsanm_cli.app.output.fine_views import Views
 from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.output.recording import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
@@ -103,6 +104,7 @@ class Recorder:
         self.cone: dict[str, float] = {}
         self.polished: list[Polish] = []
         self._mapped = False
+        self._views = Views({}, {})
         self._starts: Mapping[str, FloatArray] = {}
         self.judged: State | None = None
         self.energies: EnergyVerdict | None = None
@@ -118,7 +120,8 @@ class Recorder:
         """Store the model; where its path begins, or goes on."""
         built, self._starts = adapted.built, adapted.accuracy.solutions
         with self._clock.phase("output"):
-            recording.write_model(self._file, built)
+            self._views = Views.of(built)
+            recording.write_model(self._file, built, self._views.clouds)
             self._file.confirm_attribute("cache_hash", recording.operators_digest(built))
             nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
             self._file.confirm_attribute("nodes", str(nodes))
@@ -251,13 +254,13 @@ class Recorder:
                 self.stressed = state, fields
             # Unlike max of Python, that of numpy loses no nan.
             self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
-            shown = recording.shown_fields(built, state, fields, stress)
-            clouds = {name: built.shown(name) for name in shown}
+            shown = recording.shown_fields(built, self._views, state, fields, stress)
+            clouds = self._views.clouds
             self.judged = state
             self._judge_places(built, state, clouds, shown)
             if self._case.output.vtu:
                 self._states.write(state.position, recording.vtu_states(clouds, shown, wanted))
-                lines = contact_lines(built, state, shown), obstacle_lines(built, state)
+                lines = contact_lines(built, state, clouds, shown), obstacle_lines(built, state)
                 self._lines.write(state.position, *lines)
             kept = recording.stored_fields(shown, wanted)
             saved.append((state.position, kept, {"linear_residual": residual}))

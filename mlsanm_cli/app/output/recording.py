@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.output.fine_views import View
+from mlsanm_cli.app.output.fine_views import View, Views
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -29,10 +29,9 @@ PRESSED = 1e-9
 """Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
 
 
-def write_model(file: RunFile, built: CondensedScene) -> None:
+def write_model(file: RunFile, built: CondensedScene, clouds: Mapping[str, Cloud]) -> None:
     """Bodies and contacts as they are before loading."""
-    for name in built.scene.bodies:
-        cloud = built.shown(name)
+    for name, cloud in clouds.items():
         surfaces = cloud.surfaces.values()
         file.write_body(
             name,
@@ -177,11 +176,11 @@ def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> di
 
 
 def shown_fields(
-    built: CondensedScene, state: State, fields: Mapping[str, Fields], stress: bool
+    built: CondensedScene, views: Views, state: State, fields: Mapping[str, Fields], stress: bool
 ) -> dict[str, Fields]:
     """The fields at the points where they are written, stresses only if asked for."""
     return {
-        name: _shown(built, built.views[name], state, values, stress) if name in built.views else values
+        name: _shown(built, views.finer[name], state, values, stress) if name in views.finer else values
         for name, values in fields.items()
     }
 
