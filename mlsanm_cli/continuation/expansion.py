@@ -18,6 +18,8 @@ the digits of the result alone.
 
 Source: B. Cochelin, A path-following technique via an asymptotic-numerical method, Computers & Structures
 53 (1994) 1181-1192.
+
+Equation (15) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ Least squares takes all rows. Weights: equilibrium h/E, traction 1/E, displaceme
 rows strains; towards singular corners, notches and holes they are lowered. The equilibrium of the pieces
 (:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong. The square schemes choose among the rows
 of the nodes (:mod:`mlsanm_cli.mechanics.equations`).
+
+Equation (2) of docs/method.md.
 """
 
 from __future__ import annotations

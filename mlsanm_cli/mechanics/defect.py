@@ -3,6 +3,8 @@
 Defect correction (Stetter 1978, doi:10.1007/BF01432879): local fits of degree p + 1 to the nodal
 displacements u see what those of degree p leave out. With M the rows of degree p and M+ those of degree
 p + 1, solving the factorised system for the right-hand side (M - M+) u gives about minus the error of u.
+
+Equation (18) of docs/method.md.
 """
 
 from __future__ import annotations

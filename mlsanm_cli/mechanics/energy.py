@@ -4,6 +4,8 @@ The solution comes from equations node by node and knows of no energy. That twic
 work of all that acts on a body is therefore a check of its own. The products integrated here are those of two
 fields that are linear between the nodes, and integrated exactly: sums over nodal areas were 14 % off on a
 thin beam with five nodes across.
+
+Equation (19) of docs/method.md.
 """
 
 from __future__ import annotations

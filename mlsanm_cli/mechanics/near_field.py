@@ -8,6 +8,8 @@ answer differs by from this field is therefore smooth up to zeta.
 
 Places and vectors are complex numbers x + i y. Displacements by unit forces in x and y come as (..., 2, 2)
 arrays, components first, stresses xx, yy and xy as (..., 3, 2).
+
+Equation (5) of docs/method.md.
 """
 
 from __future__ import annotations

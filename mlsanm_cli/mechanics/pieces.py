@@ -13,6 +13,8 @@ and the same with arms about the piece's middle. Stresses at Gauss's points of t
 least-squares fits, so that these are true fluxes: sums of the nodes' residuals lose as much as no sums.
 Fluxes through inner faces add up to nothing, so that what holds piece by piece holds for the whole body.
 There it holds exactly, where pieces still lack some millionths.
+
+Equation (3) of docs/method.md.
 """
 
 from __future__ import annotations

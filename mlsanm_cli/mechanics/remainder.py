@@ -3,6 +3,8 @@
 The remainder is smooth up to the forces: least squares find it on a cloud that knows nothing of them. Its
 data are the opposite of the fields' tractions on the outline, of their displacements where the body is held,
 and of both where springs pull.
+
+Equation (5) of docs/method.md.
 """
 
 from __future__ import annotations

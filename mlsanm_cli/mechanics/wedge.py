@@ -9,6 +9,8 @@ kernels A and B that tractions on the second face come from forces on the first 
 
 where * is the convolution in ln x: Mellin's transform solves them. For normal forces at a right angle they
 are Hetenyi's images (Hetenyi 1960, doi:10.1115/1.3643978).
+
+Equation (9) of docs/method.md.
 """
 
 from __future__ import annotations

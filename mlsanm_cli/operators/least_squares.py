@@ -14,6 +14,8 @@ The factor alone loses half the digits. Residuals of the rows, not of the normal
 (Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here as conjugate gradients (Bjorck 1996,
 doi:10.1137/1.9781611971484, section 7.4) with the factor for preconditioner: the first step is the corrected
 semi-normal step, and bodies that are almost incompressible get there in a few more.
+
+Equation (4) of docs/method.md.
 """
 
 from __future__ import annotations

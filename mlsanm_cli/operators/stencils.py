@@ -1,4 +1,7 @@
-"""Stencils: the neighbours of a point and the weights of value and derivatives there."""
+"""Stencils: the neighbours of a point and the weights of value and derivatives there.
+
+Equation (1) of docs/method.md.
+"""
 
 from __future__ import annotations
 

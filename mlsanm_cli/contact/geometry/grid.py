@@ -2,6 +2,8 @@
 
 Gaps and slips are averages over the same hat functions, so that what pressures do to gaps is symmetric and
 positive whatever the grid (Galerkin's method for the half-plane's logarithm).
+
+Equations (7) and (8) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Unilateral contact with Coulomb friction: states, and the state that follows from one finite increment."""
+"""Unilateral contact with Coulomb friction: states, and the state that follows from one finite increment.
+
+Equation (13) of docs/method.md.
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,8 @@ Gaps, slips and balances, each divided by its scale, are linear in the load fact
 pressures, tractions, motions. Condensed, that is a dense matrix. :mod:`mlsanm_cli.contact.monolithic.system`
 counts the bodies' displacements among the motions and their equations among the balances, and stays sparse. A
 law adds what it has node by node, :class:`Local`, and gets a factorised tangent of it all.
+
+Equation (12) of docs/method.md.
 """
 
 from __future__ import annotations

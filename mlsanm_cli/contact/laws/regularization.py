@@ -1,4 +1,7 @@
-"""The scales and small parameters of the smooth contact laws."""
+"""The scales and small parameters of the smooth contact laws.
+
+Equation (12) of docs/method.md.
+"""
 
 from __future__ import annotations
 

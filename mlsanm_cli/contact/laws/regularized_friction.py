@@ -11,6 +11,8 @@ are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
     r2 = h - gap(f, q, p, t)
     r3 = balance(f, q, p, t)
     r4 = s(f, q, p, t) + c t - anchor  |  t - d mu (p - p_0)  |  t
+
+Equation (14) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Stability certificate of a contact: does the compliance resist every pressure its nodes can carry?"""
+"""Stability certificate of a contact: does the compliance resist every pressure its nodes can carry?
+
+Equation (11) of docs/method.md.
+"""
 
 from __future__ import annotations
 

@@ -15,6 +15,8 @@ where a memo has the functionals already.
 A scene that is its own mirror image has symmetric pressures, and its bodies answer to the symmetric part of
 each: half to a node's pressure, half to that of its image. Twice that on the node's own side and nothing on
 the other is the same for symmetric pressures, and leaves the compliance positive for others.
+
+Equation (10) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What the fields in closed form of contacts on grids of their own add to all that is observed."""
+"""What the fields in closed form of contacts on grids of their own add to all that is observed.
+
+Equations (6) and (7) of docs/method.md.
+"""
 
 from __future__ import annotations
 

@@ -9,6 +9,8 @@ station, make the equations of a path, a smooth square system::
 W weighs the rows as in the linear body and its pieces as strongly as there. Right at the station that is the
 linear least-squares problem, and what it makes of R is the measure of how far a state is from a solution: the
 displacement that would mend it.
+
+Equation (17) of docs/method.md.
 """
 
 from __future__ import annotations
