@@ -7,8 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from mlsanm_cli.app.contacts import shape_of
-from mlsanm_cli.app.foreign import foreign
-from mlsanm_cli.app.surfaces import bond_ends, curve_at, drawn, numbers_of, outline_of, sides_of, with_cuts
+from mlsanm_cli.app.surfaces import (
+    bond_ends,
+    curve_at,
+    drawn,
+    foreign,
+    numbers_of,
+    outline_of,
+    sides_of,
+    with_cuts,
+)
 from mlsanm_cli.app.usual_spacing import arc_zones, bond_zones, contact_zone, usual_spacing
 from mlsanm_cli.case.files import Mesh, Points
 from mlsanm_cli.case.model import Body, Case

@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from mlsanm_cli.app.clouds import spacing_of
-from mlsanm_cli.app.foreign import foreign
 from mlsanm_cli.app.scene import mls_settings
-from mlsanm_cli.app.surfaces import outline_of
+from mlsanm_cli.app.surfaces import foreign, outline_of
 from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing

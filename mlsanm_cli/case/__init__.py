@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mlsanm_cli.case.base import split_boundary
 from mlsanm_cli.case.expressions import ExpressionError, value_at
-from mlsanm_cli.case.files import FileShape, Mesh, Points, Survey, Surveyed
+from mlsanm_cli.case.files import FileShape, Geometry, Mesh, Points, Survey
 from mlsanm_cli.case.loads import (
     AnyLoad,
     BodyForce,
@@ -40,7 +40,6 @@ from mlsanm_cli.case.obstacles import (
     PolylineObstacle,
 )
 from mlsanm_cli.case.places import Place, label_of
-from mlsanm_cli.case.polygon import Chained, Polygon
 from mlsanm_cli.case.reading import (
     LoadedCase,
     case_hash,
@@ -49,8 +48,18 @@ from mlsanm_cli.case.reading import (
     resolved_mapping,
     stored_case,
 )
-from mlsanm_cli.case.round_shapes import Annulus, Disk, HalfDisk, Sector
-from mlsanm_cli.case.shapes import AnyShape, DrawnShape, Rectangle, Shape
+from mlsanm_cli.case.shapes import (
+    Annulus,
+    AnyShape,
+    Disk,
+    DrawnShape,
+    HalfDisk,
+    OutlineShape,
+    Polygon,
+    Rectangle,
+    Sector,
+    Shape,
+)
 from mlsanm_cli.case.stop import Stop
 from mlsanm_cli.case.units import Units
 
@@ -63,7 +72,6 @@ __all__ = [
     "Body",
     "BodyForce",
     "Case",
-    "Chained",
     "Contact",
     "Disk",
     "DiskObstacle",
@@ -71,6 +79,7 @@ __all__ = [
     "DrawnShape",
     "ExpressionError",
     "FileShape",
+    "Geometry",
     "HalfDisk",
     "Load",
     "LoadedCase",
@@ -80,6 +89,7 @@ __all__ = [
     "Model",
     "Obstacle",
     "ObstacleMotion",
+    "OutlineShape",
     "Output",
     "Place",
     "PlaneObstacle",
@@ -99,7 +109,6 @@ __all__ = [
     "Stop",
     "Support",
     "Survey",
-    "Surveyed",
     "Temperature",
     "Traction",
     "Units",

@@ -24,6 +24,7 @@ from mlsanm_cli.values import dataclass
 NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*")
 LONGEST_NAME = 80
 """Names become parts of the names of files."""
+Point = tuple[float, float]
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
 
 
@@ -35,7 +36,14 @@ class Section(BaseModel):
     """
 
     # Deferred: the whole case is built once, when it is needed, and not every table before it too.
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        defer_build=True,
+        use_attribute_docstrings=True,
+    )
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Literal
 
 from mlsanm_cli.case.base import split_boundary
-from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.loads import (
     BodyForce,
@@ -20,6 +19,7 @@ from mlsanm_cli.case.loads import (
 )
 from mlsanm_cli.case.model import Support
 from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.sound import Sound
 from mlsanm_cli.values import dataclass
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
@@ -41,9 +41,9 @@ class Claim:
     partial: bool = False
 
 
-def check_conditions(draft: Draft, report: Report) -> None:
+def check_conditions(sound: Sound, report: Report) -> None:
     """Adds a problem for every pair of conditions that cannot both hold."""
-    claims = [*_support_claims(draft), *_load_claims(draft)]
+    claims = [*_support_claims(sound), *_load_claims(sound)]
     taken: dict[tuple[str, int], list[Claim]] = {}
     told: set[tuple[KeyPath, KeyPath]] = set()
     for claim in claims:
@@ -56,10 +56,10 @@ def check_conditions(draft: Draft, report: Report) -> None:
             component = "xy"[claim.component]
             message = f"{claim.label} and {other.label} both act on {claim.boundary} in {component}"
             report.add(claim.path, message, "one condition per boundary and direction")
-    _check_point_supports(draft, report)
-    _check_rotations(draft, report)
-    _check_obstacle_motions(draft, report)
-    _check_contact_surfaces(draft, report, claims)
+    _check_point_supports(sound, report)
+    _check_rotations(sound, report)
+    _check_obstacle_motions(sound, report)
+    _check_contact_surfaces(sound, report, claims)
 
 
 def may_meet(one: Kind, other: Kind) -> bool:
@@ -67,8 +67,8 @@ def may_meet(one: Kind, other: Kind) -> bool:
     return (one == other and one in _ADDING) or {one, other} == {"spring", "traction"}
 
 
-def _support_claims(draft: Draft) -> Iterator[Claim]:
-    for index, support in draft.supports.items():
+def _support_claims(sound: Sound) -> Iterator[Claim]:
+    for index, support in sound.supports.items():
         if support.place is None:
             continue
         for boundary in support.place.boundaries:
@@ -87,15 +87,15 @@ def support_components(support: Support) -> Iterator[tuple[int, Kind]]:
             yield component, "spring"
 
 
-def _load_claims(draft: Draft) -> Iterator[Claim]:
-    for index, load in draft.loads.items():
+def _load_claims(sound: Sound) -> Iterator[Claim]:
+    for index, load in sound.loads.items():
         if isinstance(load, BodyForce | Temperature | ObstacleMotion):
             continue
         for boundary in [name for place in load.places for name in place.boundaries]:
             # On a straight boundary along an axis a pressure leaves the other direction alone.
             name, edge = split_boundary(boundary)
-            shape = draft.geometry(name)
-            normal = shape.normal(edge) if shape is not None and edge in shape.boundaries else None
+            shape = sound.geometry(name)
+            normal = shape.normals.get(edge) if shape is not None else None
             for component, kind in load_components(load, normal):
                 label, part = f'load "{load.name}" ({kind})', load.ends is not None
                 yield Claim(boundary, component, kind, ("load", index), label, part)
@@ -123,9 +123,9 @@ def load_components(
                 yield component, "traction"
 
 
-def _check_point_supports(draft: Draft, report: Report) -> None:
+def _check_point_supports(sound: Sound, report: Report) -> None:
     seen: set[tuple[str, tuple[float, float], int]] = set()
-    for index, support in draft.supports.items():
+    for index, support in sound.supports.items():
         if support.body is None or support.near is None:
             continue
         for component, value in enumerate((support.ux, support.uy)):
@@ -138,9 +138,9 @@ def _check_point_supports(draft: Draft, report: Report) -> None:
             seen.add(point)
 
 
-def _check_rotations(draft: Draft, report: Report) -> None:
+def _check_rotations(sound: Sound, report: Report) -> None:
     first: dict[str, Platen] = {}
-    for index, load in draft.loads.items():
+    for index, load in sound.loads.items():
         if not isinstance(load, Platen):
             continue
         other = first.setdefault(load.label, load)
@@ -152,10 +152,10 @@ def _check_rotations(draft: Draft, report: Report) -> None:
             report.add(("load", index, "hinge"), message, "loads on one boundary move one platen")
 
 
-def _check_obstacle_motions(draft: Draft, report: Report) -> None:
+def _check_obstacle_motions(sound: Sound, report: Report) -> None:
     """A direction of an obstacle is moved by forces or by displacements."""
     first: dict[tuple[str, str], tuple[str, str]] = {}
-    for index, load in draft.loads.items():
+    for index, load in sound.loads.items():
         if isinstance(load, ObstacleMotion):
             for direction, (control, _) in load.control.items():
                 other, name = first.setdefault((load.obstacle, direction), (control, load.name))
@@ -164,8 +164,8 @@ def _check_obstacle_motions(draft: Draft, report: Report) -> None:
                     report.add(("load", index), message, "one or the other in each direction")
 
 
-def _check_contact_surfaces(draft: Draft, report: Report, claims: list[Claim]) -> None:
-    for index, contact in draft.contacts.items():
+def _check_contact_surfaces(sound: Sound, report: Report, claims: list[Claim]) -> None:
+    for index, contact in sound.contacts.items():
         for key, side in zip(("slave", "master"), contact.sides, strict=False):
             path: KeyPath = ("contact", index, key)
             for claim in claims:

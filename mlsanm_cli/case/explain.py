@@ -12,7 +12,7 @@ from typing import Any
 
 from mlsanm_cli.case.base import UNIT
 from mlsanm_cli.case.report import SYNONYMS
-from mlsanm_cli.case.schema import Node, follow, json_schema, tables, walk
+from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, walk
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.values import dataclass
@@ -55,7 +55,7 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     Several explanations where kinds of a table give the key different meanings. Raises RunError, with the
     nearest keys, for one that is none.
     """
-    schema = _schema()
+    schema = json_schema()
     found, path = _find(schema, [part for part in key.split(".") if part])
     if not found:
         raise RunError(f'there is no key "{key}"', _nearest(schema, key))
@@ -83,18 +83,6 @@ def toml_value(value: Any) -> str:
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key} = {toml_value(item)}" for key, item in value.items()) + " }"
     return repr(value)
-
-
-def heading(schema: Node, path: tuple[str, ...]) -> str:
-    """How TOML writes the table at a path: [model], [[body]], [material.NAME]."""
-    if not path:
-        return "the top of the file"
-    nodes = [node for _, node in _find(schema, list(path))[0]]
-    node = follow(schema, nodes[0])
-    name = ".".join(path)
-    if node.get("type") == "array":
-        return f"[[{name}]]"
-    return f"[{name}.NAME]" if "patternProperties" in node else f"[{name}]"
 
 
 def _find(schema: Node, parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
@@ -130,12 +118,12 @@ def _siblings(schema: Node, path: tuple[str, ...]) -> list[Node]:
 
 def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Explanation:
     inner = tables(schema, node) if path else (schema,)
-    place = heading(schema, path[:-1])
+    place = heading(path[:-1])
     kind = table["properties"].get("kind", {}).get("const")
     target = follow(schema, node)
     own = Explanation(
         key=".".join(path),
-        place=heading(schema, path) if inner else place,
+        place=heading(path) if inner else place,
         meaning=_meaning(node, inner),
         required=bool(path) and path[-1] in table.get("required", ()),
         kinds=(kind,) if kind else (),
@@ -228,11 +216,6 @@ def _example(path: tuple[str, ...], default: str, kinds_of: tuple[str, ...]) -> 
             if not isinstance(value, dict) and (not kinds_of or table.get("kind") in kinds_of):
                 return f"{path[-1]} = {toml_value(value)}"
     return f"{path[-1]} = {default}" if default else ""
-
-
-@cache
-def _schema() -> Node:
-    return json_schema()
 
 
 @cache

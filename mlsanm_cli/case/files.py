@@ -1,20 +1,22 @@
-"""Shapes that stand in files of their own: meshes and clouds of points.
+"""Shapes given by files of their own, and what the checks of a case need to know of geometry.
 
-The case layer reads no such file. Whoever loads a case hands in a `Survey`, which looks into the file and
-tells what the checks of the case want to know of it.
+The case layer does no geometry and reads no such file: whoever loads a case passes in a `Survey`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Annotated, Literal, Protocol
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.base import ANGLE, Section
-from mlsanm_cli.case.chains import Point
-from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.case.base import ANGLE, Point, Section
+from mlsanm_cli.errors import Fault
 from mlsanm_cli.values import dataclass
+
+if TYPE_CHECKING:
+    from mlsanm_cli.case.model import Case
+    from mlsanm_cli.case.shapes import AnyShape
 
 Degrees = Annotated[float, Field(gt=0.0, lt=180.0)]
 
@@ -40,7 +42,7 @@ class Mesh(_FileShape):
     """
 
     kind: Literal["mesh"]
-    """What the shape is."""
+    """Kind of shape."""
     use: Literal["nodes", "outline"] = "nodes"
     """Whether the mesh's nodes become the body's, or its outline is filled with a cloud of `spacing`."""
     group: str | None = None
@@ -56,7 +58,7 @@ class Points(_FileShape):
     """Nodes with tags on the boundary."""
 
     kind: Literal["points"]
-    """What the shape is."""
+    """Kind of shape."""
 
     @property
     def brings_nodes(self) -> bool:
@@ -67,71 +69,24 @@ class Points(_FileShape):
 FileShape = Mesh | Points
 
 
-class Geometry(Protocol):
-    """What the checks of a case ask of a shape, drawn or in a file."""
+@dataclass(frozen=True)
+class Geometry:
+    """The geometry of a shape: the outward ``normals`` of its boundaries by name, None where they are not
+    straight, the middle and the larger side of its bounding box, and the SHA-256 of the file it is from."""
 
-    @property
-    def kind(self) -> str:
-        """The kind of shape, as in the case file."""
-        ...
-
-    @property
-    def boundaries(self) -> tuple[str, ...]:
-        """Names of the boundaries."""
-        ...
-
-    @property
-    def centre(self) -> Point:
-        """A point in the middle."""
-        ...
-
-    @property
-    def size(self) -> float:
-        """Largest extent."""
-        ...
-
-    def samples(self, boundary: str) -> tuple[Point, ...]:
-        """Points that span the boundary."""
-        ...
-
-    def normal(self, boundary: str) -> Point | None:
-        """Outward normal of a straight boundary, None on a curved one."""
-        ...
+    normals: Mapping[str, Point | None]
+    centre: Point
+    size: float
+    digest: str = ""
 
 
 @dataclass(frozen=True)
-class Surveyed:
-    """The geometry found in a file of SHA-256 ``digest``.
+class Survey:
+    """Answers about the geometry of a case.
 
-    ``spans`` are points that span each boundary, ``directions`` the outward normals of straight ones, None
-    for curved ones.
+    ``geometry`` raises GeometryError for shapes that are no bodies; ``floating`` gives a fault for every body
+    without contact that can move freely, with its key in the case.
     """
 
-    kind: str
-    digest: str
-    centre: Point
-    size: float
-    spans: Mapping[str, tuple[Point, ...]]
-    directions: Mapping[str, Point | None]
-
-    @property
-    def boundaries(self) -> tuple[str, ...]:
-        """Names of the boundaries."""
-        return tuple(self.spans)
-
-    def samples(self, boundary: str) -> tuple[Point, ...]:
-        """Points that span the boundary."""
-        return self.spans[boundary]
-
-    def normal(self, boundary: str) -> Point | None:
-        """Outward normal of a straight boundary, None on a curved one."""
-        return self.directions[boundary]
-
-
-Survey = Callable[[FileShape], Surveyed]
-"""Looks into a shape's file; raises GeometryError where it cannot be used."""
-
-
-def no_files(shape: FileShape) -> Surveyed:
-    """The survey of those who can read none."""
-    raise GeometryError(f"{shape.file} is not read here")
+    geometry: Callable[[AnyShape], Geometry]
+    floating: Callable[[Case], Iterable[Fault]]

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.loads import Displacement, ObstacleMotion, Platen, Pressure, Temperature, Traction
 from mlsanm_cli.case.places import Stretch
 from mlsanm_cli.case.report import Report, suggestion
+from mlsanm_cli.case.sound import Sound
 
 
-def check_loads(draft: Draft, report: Report) -> None:
+def check_loads(sound: Sound, report: Report) -> None:
     """Adds what is missing, given twice or contradicts itself in loads and supports."""
-    for index in draft.supports:
-        _check_support(draft, report, index)
-    for index, load in draft.loads.items():
+    for index in sound.supports:
+        _check_support(sound, report, index)
+    for index, load in sound.loads.items():
         path: KeyPath = ("load", index)
         if isinstance(load, Stretch):
             check_ends(load, path, report)
@@ -26,8 +26,8 @@ def check_loads(draft: Draft, report: Report) -> None:
         elif isinstance(load, Displacement):
             _check_displacement(load, path, report)
         elif isinstance(load, Temperature):
-            _check_temperature(draft, load, path, report)
-    _check_obstacle_names(draft, report)
+            _check_temperature(sound, load, path, report)
+    _check_obstacle_names(sound, report)
 
 
 def check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
@@ -39,8 +39,8 @@ def check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
         report.add((*path, "to"), "is the same point", "the two ends of the part of the boundary")
 
 
-def _check_support(draft: Draft, report: Report, index: int) -> None:
-    support, path = draft.supports[index], ("support", index)
+def _check_support(sound: Sound, report: Report, index: int) -> None:
+    support, path = sound.supports[index], ("support", index)
     check_ends(support, path, report)
     if support.boundary is None and (support.start is not None or support.to is not None):
         report.add(path, '"from" and "to" are the ends of a part of a boundary', 'give "boundary"')
@@ -61,6 +61,10 @@ def _check_support(draft: Draft, report: Report, index: int) -> None:
             report.add(here, "a spring's stiffness is above 0", "0 only for the direction without a spring")
     elif support.ux is None and support.uy is None:
         report.add(path, "holds nothing", "give ux = 0.0, uy = 0.0 or both, or spring = [kx, ky]")
+    for key in ("ux", "uy"):
+        if getattr(support, key):
+            message = "a support that moves its boundary is not supported yet"
+            report.add((*path, key), message, 'a load of kind "displacement" moves a boundary')
 
 
 def _check_value(load: Traction | Pressure, path: KeyPath, report: Report) -> None:
@@ -81,9 +85,9 @@ def _check_displacement(load: Displacement, path: KeyPath, report: Report) -> No
         report.add((*path, "displacement"), "missing, and it has no default", hint)
 
 
-def _check_temperature(draft: Draft, load: Temperature, path: KeyPath, report: Report) -> None:
-    body = next((body for body in draft.bodies.values() if body.name == load.body), None)
-    material = draft.materials.get(body.material) if body is not None else None
+def _check_temperature(sound: Sound, load: Temperature, path: KeyPath, report: Report) -> None:
+    body = next((body for body in sound.bodies.values() if body.name == load.body), None)
+    material = sound.case.material.get(body.material) if body is not None else None
     if body is not None and material is not None and material.alpha is None:
         message = f'material "{body.material}" of body "{body.name}" has no thermal expansion'
         report.add(path, message, f"give alpha in [material.{body.material}]")
@@ -117,14 +121,14 @@ def _check_turning(load: Platen, path: KeyPath, report: Report) -> None:
         report.add((*path, "from"), "parts are those of one body", "one boundary, or whole boundaries")
 
 
-def _check_obstacle_names(draft: Draft, report: Report) -> None:
+def _check_obstacle_names(sound: Sound, report: Report) -> None:
     """Loads move obstacles that are there."""
-    names = [contact.name for contact in draft.contacts.values() if contact.obstacle is not None]
-    known = [name for _, name in draft.names("contact")]
-    for index, name in draft.texts("load", "obstacle"):
+    names = [contact.name for contact in sound.contacts.values() if contact.obstacle is not None]
+    known = [name for _, name in sound.names("contact")]
+    for index, name in sound.texts("load", "obstacle"):
         if name not in known:
             hint = suggestion(name, names or known, "contacts with an obstacle")
             report.add(("load", index, "obstacle"), f'there is no contact "{name}"', hint)
-        elif name in [contact.name for contact in draft.contacts.values()] and name not in names:
+        elif name in [contact.name for contact in sound.contacts.values()] and name not in names:
             message = f'contact "{name}" has a master, and no obstacle'
             report.add(("load", index, "obstacle"), message, 'a load of kind "platen" moves a boundary')

@@ -88,7 +88,7 @@ class Traction(_OnBoundary):
     """
 
     kind: Literal["traction"]
-    """What the load is."""
+    """Kind of load."""
     traction: Annotated[AmountVector, STRESS] | None = None
     """Force per length of boundary, x and y: numbers or expressions in x and y."""
     table: Annotated[tuple[tuple[float, float, float], ...], AfterValidator(_sound), STRESS] | None = None
@@ -100,7 +100,7 @@ class Pressure(_OnBoundary):
     ``table`` of arc length and pressure."""
 
     kind: Literal["pressure"]
-    """What the load is."""
+    """Kind of load."""
     pressure: Annotated[Amount, STRESS] | None = None
     """Pressure, positive in compression: a number or an expression in x and y."""
     table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_sound), STRESS] | None = None
@@ -115,7 +115,7 @@ class Displacement(_OnBoundary):
     alone."""
 
     kind: Literal["displacement"]
-    """What the load is."""
+    """Kind of load."""
     displacement: Annotated[AmountVector, LENGTH] | None = None
     """Displacement of every point, x and y: numbers or expressions in x and y."""
     ux: Annotated[Amount, LENGTH] | None = None
@@ -133,7 +133,7 @@ class BodyForce(_InBody):
     """Force per unit volume (x, y), numbers or expressions in x and y."""
 
     kind: Literal["body-force"]
-    """What the load is."""
+    """Kind of load."""
     body_force: Annotated[AmountVector, DENSITY] = Field(alias="body-force")
     """Force per volume, x and y: numbers or expressions in x and y."""
 
@@ -143,7 +143,7 @@ class Temperature(_InBody):
     expression in x and y."""
 
     kind: Literal["temperature"]
-    """What the load is."""
+    """Kind of load."""
     temperature: Annotated[Amount, TEMPERATURE]
     """Change of temperature: a number, or an expression in x and y."""
 
@@ -196,7 +196,7 @@ class Platen(_OnBoundary, _Moving):
     boundary: PlateBoundaries
     """The boundary it is on, or a list of several, also of several bodies, which it moves together."""
     kind: Literal["platen"]
-    """What the load is."""
+    """Kind of load."""
     rotation: Annotated[Rotation, TURN] = "fixed"
     """Whether the plate may turn, `"fixed"` or `"free"`, or by what angle (radian, counter-clockwise) it
     does; free by default where there is a `hinge` or a `moment`."""
@@ -245,7 +245,7 @@ class ObstacleMotion(_Moving):
     obstacle: str
     """The contact whose obstacle it moves."""
     kind: Literal["obstacle"]
-    """What the load is."""
+    """Kind of load."""
 
     @property
     def owner(self) -> None:
@@ -260,12 +260,3 @@ class ObstacleMotion(_Moving):
 
 AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature | ObstacleMotion
 Load = Annotated[AnyLoad, Field(discriminator="kind")]
-LOADS: dict[str, type[Section]] = {
-    "platen": Platen,
-    "traction": Traction,
-    "pressure": Pressure,
-    "displacement": Displacement,
-    "body-force": BodyForce,
-    "temperature": Temperature,
-    "obstacle": ObstacleMotion,
-}

@@ -35,6 +35,9 @@ from mlsanm_cli.case.shapes import Shape
 from mlsanm_cli.case.stop import Stop
 from mlsanm_cli.case.units import Units
 
+HELD = Field(json_schema_extra={"enum": [0.0]})
+"""The one value that is supported so far."""
+
 
 class Model(Section):
     """The plane problem."""
@@ -96,10 +99,10 @@ class Support(Stretch):
     """The body of which one node is held."""
     near: Annotated[Vector, LENGTH] | None = None
     """The node nearest to this point is held."""
-    ux: Annotated[float, LENGTH] | None = None
-    """Displacement in x; a direction that is not named is free."""
-    uy: Annotated[float, LENGTH] | None = None
-    """Displacement in y; a direction that is not named is free."""
+    ux: Annotated[float, HELD, LENGTH] | None = None
+    """0 holds the displacement in x; a direction that is not named is free."""
+    uy: Annotated[float, HELD, LENGTH] | None = None
+    """0 holds the displacement in y; a direction that is not named is free."""
     spring: Annotated[Vector, FOUNDATION] | None = None
     """Springs on the boundary: traction per displacement, x and y."""
 
@@ -280,7 +283,8 @@ class Case(Section):
     units: Units = Units()
     material: dict[Name, Material]
     """Materials by name."""
-    body: tuple[Body, ...] = Field(min_length=1)
+    # Checked with the relations: a case whose only body has a fault has others, too.
+    body: tuple[Body, ...] = Field(json_schema_extra={"minItems": 1})
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
     contact: tuple[Contact, ...] = ()

@@ -16,7 +16,7 @@ class PlaneObstacle(Section):
     """All that lies behind a straight line through ``point``, which ``normal`` points away from."""
 
     kind: Literal["plane"]
-    """What the obstacle is."""
+    """Kind of obstacle."""
     point: Annotated[Vector, LENGTH]
     """A point of it."""
     normal: Annotated[Vector, NUMBER]
@@ -32,7 +32,7 @@ class DiskObstacle(Section):
     """A disk; with ``inside`` all around it instead, as the wall of a hole."""
 
     kind: Literal["disk"]
-    """What the obstacle is."""
+    """Kind of obstacle."""
     center: Annotated[Vector, LENGTH]
     """Its centre."""
     radius: Annotated[Positive, LENGTH]
@@ -50,7 +50,7 @@ class PolylineObstacle(Section):
     """Straight sides from point to point, the obstacle on their left."""
 
     kind: Literal["polyline"]
-    """What the obstacle is."""
+    """Kind of obstacle."""
     points: Annotated[tuple[Vector, ...], Field(min_length=2), LENGTH]
     """Its corners, the obstacle on the left of the way along them."""
 
@@ -62,11 +62,6 @@ class PolylineObstacle(Section):
 
 AnyObstacle = PlaneObstacle | DiskObstacle | PolylineObstacle
 Obstacle = Annotated[AnyObstacle, Field(discriminator="kind")]
-OBSTACLES: dict[str, type[Section]] = {
-    "plane": PlaneObstacle,
-    "disk": DiskObstacle,
-    "polyline": PolylineObstacle,
-}
 
 
 def check_obstacle(obstacle: AnyObstacle, path: KeyPath, report: Report) -> None:

@@ -7,8 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from mlsanm_cli.case.base import BOUNDARY_PATTERN, LENGTH, Section, Vector, split_boundary
-from mlsanm_cli.case.chains import Point
+from mlsanm_cli.case.base import BOUNDARY_PATTERN, LENGTH, Point, Section, Vector, split_boundary
 from mlsanm_cli.values import dataclass
 
 _NAME = {"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}

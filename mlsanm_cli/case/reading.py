@@ -11,19 +11,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from mlsanm_cli.case.checks import run_checks
-from mlsanm_cli.case.draft import look_into_files, make_draft
-from mlsanm_cli.case.files import Survey, no_files
+from mlsanm_cli.case.files import Geometry, Survey
 from mlsanm_cli.case.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.lines import KeyPath, key_lines
 from mlsanm_cli.case.model import Case
 from mlsanm_cli.case.overrides import apply_overrides, key_path
 from mlsanm_cli.case.report import Report, nearest
-from mlsanm_cli.case.schema_errors import report_schema_errors
+from mlsanm_cli.case.sound import validate
 from mlsanm_cli.case.tables import inline_tables
-from mlsanm_cli.case.unsupported import refusals
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.inputs import MB, is_text, read_input
 from mlsanm_cli.values import dataclass
@@ -56,10 +52,10 @@ class LoadedCase:
         return CaseError(report.problems)
 
 
-def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey = no_files) -> LoadedCase:
+def load_case(path: Path, overrides: Sequence[str] = (), survey: Survey | None = None) -> LoadedCase:
     """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation.
 
-    ``survey`` looks into the files of bodies that are not drawn in the case itself.
+    ``survey`` answers about geometry; without one neither geometry nor the names of boundaries are checked.
 
     Raises RunError when the file cannot be read and CaseError with every problem found otherwise.
     """
@@ -95,7 +91,9 @@ def _nearest_case(path: Path) -> str:
     return f"cases there: {listed}" if listed else "mlsanm new writes one to begin with"
 
 
-def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Survey = no_files) -> LoadedCase:
+def parse_case(
+    text: str, path: Path, overrides: Sequence[str] = (), survey: Survey | None = None
+) -> LoadedCase:
     """The same from a text; ``path`` names the source in messages and the folder of its files.
 
     Raises CaseError.
@@ -115,20 +113,13 @@ def parse_case(text: str, path: Path, overrides: Sequence[str] = (), survey: Sur
     for key, message, hint in number_problems(data):
         report.add(key, message, hint)
         covered.append(key)
-    for refusal in refusals(data):
-        report.add(refusal.path, refusal.message, refusal.hint)
-        covered.append(refusal.covers)
-    case: Case | None = None
-    try:
-        case = Case.model_validate(data)
-    except ValidationError as error:
-        report_schema_errors(report, error, frozenset(covered))
-    draft, digests = look_into_files(make_draft(data, case), survey, report)
-    run_checks(draft, report)
+    sound = validate(data, report, frozenset(covered))
+    if sound is not None:
+        sound = run_checks(sound, survey, report)
     problems = report.problems + bad_overrides
-    if problems or case is None:
+    if problems or sound is None:
         raise CaseError(problems)
-    case = _with_digests(case, digests)
+    case = _with_digests(sound.case, sound.geometries)
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
@@ -161,12 +152,13 @@ def _anchored_body(body: Any, folder: Path) -> Any:
     return {**body, "shape": {**shape, "file": str((folder / file).absolute())}}
 
 
-def _with_digests(case: Case, digests: Mapping[int, str]) -> Case:
+def _with_digests(case: Case, geometries: Mapping[int, Geometry]) -> Case:
     """The case with the SHA-256 of the files it was checked with."""
     bodies = list(case.body)
-    for index, digest in digests.items():
-        shape = bodies[index].shape.model_copy(update={"sha256": digest})
-        bodies[index] = bodies[index].model_copy(update={"shape": shape})
+    for index, geometry in geometries.items():
+        if geometry.digest:
+            shape = bodies[index].shape.model_copy(update={"sha256": geometry.digest})
+            bodies[index] = bodies[index].model_copy(update={"shape": shape})
     return case.model_copy(update={"body": tuple(bodies)})
 
 

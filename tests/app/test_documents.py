@@ -15,10 +15,10 @@ from pydantic import BaseModel
 from mlsanm_cli.app.compare import Wishes, compare
 from mlsanm_cli.app.differences import AMPLIFIED, ROUNDED_EDGE, SOFT_STICK
 from mlsanm_cli.app.judge import BALANCE_LIMIT, BALANCE_WARNING
-from mlsanm_cli.case import Body, Case, Contact, load_case, resolved_mapping
-from mlsanm_cli.case.loads import LOADS
-from mlsanm_cli.case.model import Adapt, Mls, Refine, Regularization, Solver, Support
-from mlsanm_cli.case.shapes import SHAPES
+from mlsanm_cli.case import load_case, resolved_mapping
+from mlsanm_cli.case.explain import explain
+from mlsanm_cli.case.model import Adapt, Mls, Refine, Regularization, Solver
+from mlsanm_cli.case.reference import value_keys
 from mlsanm_cli.cli import main
 from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.main import BUG, STOPPED, USAGE
@@ -38,36 +38,12 @@ def blocks(text: str, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
-def all_keys() -> set[str]:
-    """Every key of a case file, tables included."""
-    keys: set[str] = set()
-
-    def visit(annotation: Any) -> None:
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            for name, field in annotation.model_fields.items():
-                keys.add(field.alias or name)
-                visit(field.annotation)
-        for argument in getattr(annotation, "__args__", ()):
-            visit(argument)
-
-    visit(Case)
-    for model in (*LOADS.values(), *SHAPES.values()):
-        keys.update(field.alias or name for name, field in model.model_fields.items())
-    return keys
-
-
-def test_all_keys_are_found_in_the_model() -> None:
-    parted = {
-        field.alias or name for model in (Support, Contact) for name, field in model.model_fields.items()
-    }
-    assert all_keys() >= {*Body.model_fields, *parted, "growth", "eta"}
-
-
 def test_every_key_is_documented() -> None:
     words = {word for pattern in (r"\w+", r"[\w-]+") for word in re.findall(pattern, CASE_FILE)}
-    assert all_keys() <= words, all_keys() - words
-    for names in (SHAPES, LOADS):
-        assert all(f'"{name}"' in CASE_FILE for name in names)
+    keys = {key.rpartition(".")[2] for key in value_keys()}
+    kinds = {str(kind) for table in ("load", "body.shape") for one in explain(table) for kind in one.variants}
+    assert {"growth", "eta", "from", "platen", "rectangle"} <= keys | kinds
+    assert keys | kinds <= words, (keys | kinds) - words
 
 
 @pytest.mark.parametrize("model", [Solver, Mls, Adapt, Regularization, Refine])
