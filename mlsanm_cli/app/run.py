@@ -16,7 +16,7 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.energy import energy_error
 from mlsanm_cli.app.finished import finished
-from mlsanm_cli.app.foreign import load_with_files
+from mlsanm_cli.app.foreign import survey
 from mlsanm_cli.app.judge import (
     force_balance,
     judge_balance,
@@ -41,7 +41,7 @@ from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.app.stopping import Stoppable
 from mlsanm_cli.app.summary import Ending, summarise
-from mlsanm_cli.case import Case, Stop
+from mlsanm_cli.case import Case, Stop, load_case
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
@@ -78,7 +78,7 @@ def run(
     """
     clock = Clock()
     with Stopper(max_wall) as stopper:
-        loaded = load_with_files(case_path, overrides)
+        loaded = load_case(case_path, overrides, survey)
         check_reference(loaded)
         directory = out or RESULTS / case_path.stem
         before = finished(directory, loaded.case_hash) if skip_done else None

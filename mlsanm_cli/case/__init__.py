@@ -1,4 +1,4 @@
-"""The case file: TOML in, one frozen validated `Case` out, or every problem at once."""
+"""The case file: a TOML text is turned into a frozen, validated `Case`, or into a list of all problems."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks of what a case means: names and references, values that depend on each other.
+"""Checks of relations in a case: names and references, values that depend on each other.
 
 Overlapping conditions are in `conditions`.
 """
@@ -26,15 +26,15 @@ from mlsanm_cli.case.stop import check_stop
 from mlsanm_cli.errors import GeometryError, OutlineError
 
 ROUND_OFF = 1e-9
-"""Smallest spacing, in parts of the largest coordinate."""
+"""Smallest spacing, relative to the largest coordinate."""
 HOLDING = ("model", "body", "support", "load", "contact")
 """Sections that decide whether a body can move freely."""
 MOST_NEIGHBORS = 20
-"""Most nodes of a stencil, in coefficients of the polynomial."""
+"""Largest number of nodes of a stencil per coefficient of the polynomial."""
 
 
 def run_checks(sound: Sound, survey: Survey | None, report: Report) -> Sound:
-    """Adds every problem that the sound parts of the case have with each other; gives them with the
+    """Adds every conflict between the sound parts of the case; returns these with the
     geometries of their shapes. Without a ``survey`` nothing is checked that depends on these."""
     sound = replace(sound, geometries=_geometries(sound, survey, report))
     _check_names(sound, report)
@@ -51,7 +51,7 @@ def run_checks(sound: Sound, survey: Survey | None, report: Report) -> Sound:
     _check_numerics(sound, report)
     check_conditions(sound, report)
     check_finite(sound, report)
-    # Faults in what holds bodies would only be told twice.
+    # A fault in a support would otherwise be reported twice.
     if survey is not None and not any(report.touches((section,)) for section in HOLDING):
         for fault in survey.floating(sound.case):
             report.add(fault.key, fault.message, fault.hint)
@@ -60,7 +60,7 @@ def run_checks(sound: Sound, survey: Survey | None, report: Report) -> Sound:
 
 def _geometries(sound: Sound, survey: Survey | None, report: Report) -> dict[int, Geometry]:
     if not sound.count("body"):
-        report.add(("body",), "the list is empty, it needs at least one item", "add [[body]]")
+        report.add(("body",), "the list is empty, at least one item is required", "add [[body]]")
     found: dict[int, Geometry] = {}
     for index, body in sound.bodies.items():
         path: KeyPath = ("body", index, "shape")
@@ -82,7 +82,7 @@ def _check_names(sound: Sound, report: Report) -> None:
         first: dict[str, int] = {}
         for index, name in sound.names(section):
             if name in first:
-                report.add((section, index, "name"), f'"{name}" is the name of another {section} already')
+                report.add((section, index, "name"), f'another {section} is called "{name}" already')
             first.setdefault(name, index)
 
 
@@ -107,16 +107,16 @@ def _use_hint(name: str) -> str:
 
 
 def _check_spacing(body: Body, index: int, report: Report) -> None:
-    """Who places the nodes needs a spacing; who brings them has one."""
+    """Bodies with nodes from a file have no spacing of their own."""
     path: KeyPath = ("body", index)
     if not body.brings_nodes:
         return
-    where = 'the nodes are those of the file; use = "outline" would place others'
+    where = 'the nodes are those of the file (use = "outline" places new ones)'
     if isinstance(body.shape, Points):
         where = "the nodes are those of the file"
     for key, given in (("spacing", body.spacing != "auto"), ("refine", body.refine), ("seed", body.seed)):
         if given:
-            report.add((*path, key), f"has no meaning here: {where}", "remove it")
+            report.add((*path, key), f"does not apply: {where}", "remove it")
 
 
 def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None:
@@ -129,10 +129,10 @@ def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None
     spacings += [((*path, "refine", n, "spacing"), refine.spacing) for n, refine in enumerate(body.refine)]
     for key, spacing in spacings:
         if spacing < ROUND_OFF * far:
-            message = f"{spacing:g} is lost in round-off at places up to {far:g} from the origin"
+            message = f"{spacing:g} is below round-off for coordinates up to {far:g}"
             report.add(key, message, f"at least {ROUND_OFF * far:.2g}")
     if given is not None and given > shape.size > 0.0:
-        report.add((*path, "spacing"), f"{given:g} is larger than the body itself ({shape.size:g})")
+        report.add((*path, "spacing"), f"{given:g} is larger than the body ({shape.size:g})")
     for place, refine in enumerate(body.refine):
         here: KeyPath = (*path, "refine", place)
         if (refine.at is None) == (refine.along is None):
@@ -142,7 +142,7 @@ def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None
             report.add((*here, "along"), f'body "{body.name}" has no boundary "{refine.along}"', hint)
         if given is not None and refine.spacing > given:
             message = f"{refine.spacing:g} is larger than the body's spacing {given:g}"
-            report.add((*here, "spacing"), message, "a refinement can only make it smaller")
+            report.add((*here, "spacing"), message, "a refinement can only reduce it")
 
 
 def _check_references(sound: Sound, report: Report) -> None:
@@ -191,21 +191,23 @@ def _check_contacts(sound: Sound, report: Report) -> None:
             check_obstacle(contact.obstacle, (*path, "obstacle"), report)
         if contact.master is None:
             if contact.bonded:
-                hint = "hold the boundary with a [[support]], or move it with a platen"
-                report.add((*path, "friction"), "nothing is bonded to a rigid obstacle", hint)
+                hint = "fix the boundary with a [[support]], or move it with a platen"
+                report.add((*path, "friction"), "bonding to a rigid obstacle is not possible", hint)
             continue
         both = set(contact.sides[0].boundaries) & set(contact.sides[1].boundaries)
         if both:
             single = len(contact.boundaries) == 2
             message = (
-                "slave and master are the same boundary" if single else f"{both.pop()} is in the slave too"
+                "slave and master are the same boundary"
+                if single
+                else f"{both.pop()} is part of the slave too"
             )
             report.add((*path, "master"), message)
             continue
         bodies = {split_boundary(boundary)[0] for boundary in contact.boundaries}
         if len(bodies) == 1:
-            message = f"body {bodies.pop()} touching itself is not supported yet"
-            report.add(path, message, "slave and master on two bodies")
+            message = f"self-contact (body {bodies.pop()}) is not supported yet"
+            report.add(path, message, "slave and master must belong to two bodies")
         if contact.bonded:
             _check_bond(contact, path, report)
         pair = frozenset(contact.boundaries), contact.ends
@@ -215,11 +217,11 @@ def _check_contacts(sound: Sound, report: Report) -> None:
 
 
 def _check_bond(contact: Contact, path: KeyPath, report: Report) -> None:
-    """Keys that say nothing of surfaces that are one."""
+    """Keys that do not apply to bonded surfaces."""
     plain = Contact(name=contact.name, slave=contact.slave, master=contact.master)
     for key in ("interference", "gap", "reach", "regularization"):
         if getattr(contact, key) != getattr(plain, key):
-            report.add((*path, key), "has no meaning here: the surfaces are bonded as drawn", "remove it")
+            report.add((*path, key), "does not apply to bonded surfaces", "remove it")
 
 
 def _check_stages(sound: Sound, report: Report) -> None:
@@ -227,16 +229,16 @@ def _check_stages(sound: Sound, report: Report) -> None:
     fits = [contact.name for contact in sound.contacts.values() if contact.interference is not None]
     for index, contact in sound.contacts.items():
         if contact.interference is not None and contact.name in loads:
-            message = f'"{contact.name}" is the name of a load too; a stage could not tell them apart'
+            message = f'a load is called "{contact.name}" too, which is ambiguous in stages'
             report.add(("contact", index, "name"), message)
     if not loads and not fits and not sound.count("load") and len(sound.contacts) == sound.count("contact"):
-        report.add(("load",), "nothing acts on the bodies", "add [[load]], or interference in a contact")
+        report.add(("load",), "no loads", "add [[load]], or interference in a contact")
     if "stage" not in sound.data:
         return
     names = [*loads, *fits]
     for index, stage in sound.stages.items():
         if not stage:
-            report.add(("stage", index), "moves no load", suggestion("", names, "loads"))
+            report.add(("stage", index), "names no load", suggestion("", names, "loads"))
         for name in stage:
             if name not in names:
                 hint = suggestion(name, names, "loads")
@@ -245,13 +247,15 @@ def _check_stages(sound: Sound, report: Report) -> None:
         moved = {name for stage in sound.stages.values() for name in stage}
         for index, name in sound.names("load"):
             if name not in moved:
-                report.add(("load", index), "no stage moves this load", f"write {name} = 1.0 in a [[stage]]")
+                report.add(
+                    ("load", index), "no stage applies this load", f"write {name} = 1.0 in a [[stage]]"
+                )
 
 
 def _check_stops(sound: Sound, report: Report) -> None:
     names = {section: [name for _, name in sound.names(section)] for section in ("load", "contact", "probe")}
     names["support"] = [name for _, name in sound.texts("support", "boundary")]
-    # Loads that are not sound may be platens.
+    # Loads with faults may be platens.
     rigid = (Platen, ObstacleMotion)
     names["mover"] = [
         name
@@ -262,7 +266,7 @@ def _check_stops(sound: Sound, report: Report) -> None:
         check_stop(stop, ("stop", index), names, report)
         smooth = [c.name for c in sound.contacts.values() if not c.friction]
         if stop.what == "slip" and stop.of in smooth:
-            report.add(("stop", index, "of"), f'contact "{stop.of}" has no friction and so no slip')
+            report.add(("stop", index, "of"), f'contact "{stop.of}" is frictionless and has no slip')
 
 
 def _check_numerics(sound: Sound, report: Report) -> None:
@@ -306,8 +310,8 @@ def _check_laws(sound: Sound, report: Report, contacts: Iterable[Contact]) -> No
     first = next(iter(laws.values()), None)
     for index, contact in sound.contacts.items():
         if not contact.bonded and contact.regularization.law != first:
-            message = f'"{contact.regularization.law}" here and "{first}" in another contact'
-            hint = "one law in all contacts; mixed laws are not supported yet"
+            message = f'"{contact.regularization.law}" here, "{first}" in another contact'
+            hint = "use one law in all contacts; mixed laws are not supported yet"
             report.add(("contact", index, "regularization", "law"), message, hint)
     _check_friction_laws(sound, report)
     if first is None and "contact" in sound.incomplete:
@@ -352,11 +356,11 @@ def _check_friction_laws(sound: Sound, report: Report) -> None:
     for index, contact in rough.items():
         here, path = contact.regularization, ("contact", index, "regularization", "friction_law")
         if first is not None and here.friction_law != first.regularization.friction_law:
-            message = (
-                f'"{here.friction_law}" here and "{first.regularization.friction_law}" in another contact'
-            )
-            report.add(path, message, "one friction law in all contacts")
+            message = f'"{here.friction_law}" here, "{first.regularization.friction_law}" in another contact'
+            report.add(path, message, "use one friction law in all contacts")
         if here.friction_law == "holonomic" and here.law == "exact":
             report.add(
-                path, "the exact contact law remembers", 'law = "hyperbolic", or friction_law = "memory"'
+                path,
+                "holonomic friction needs the hyperbolic law",
+                'law = "hyperbolic", or friction_law = "memory"',
             )

@@ -1,5 +1,5 @@
-"""Overlapping conditions: a component of a boundary is held or loaded, never both, and
-no surface in contact is held."""
+"""Overlapping boundary conditions: a component of a boundary is either fixed or loaded, and a contact surface
+is not fixed."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from mlsanm_cli.values import dataclass
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
 
-# Kinds that may meet in one component: the same kind adds up, scaled by its own load factor.
+# Kinds that may be combined in one component: values of one kind add up, each with its own load factor.
 _ADDING: frozenset[Kind] = frozenset({"displacement", "traction", "platen force", "platen displacement"})
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A condition on one component (0: x, 1: y) of a boundary, or of a part of it only: where these lie, the
-    bodies' outlines tell."""
+    """A condition on one component (0: x, 1: y) of a boundary, or of a part of it. Whether parts overlap is
+    checked later on the outlines."""
 
     boundary: str
     component: int
@@ -42,7 +42,7 @@ class Claim:
 
 
 def check_conditions(sound: Sound, report: Report) -> None:
-    """Adds a problem for every pair of conditions that cannot both hold."""
+    """Adds a problem for every pair of conditions that exclude each other."""
     claims = [*_support_claims(sound), *_load_claims(sound)]
     taken: dict[tuple[str, int], list[Claim]] = {}
     told: set[tuple[KeyPath, KeyPath]] = set()
@@ -63,7 +63,7 @@ def check_conditions(sound: Sound, report: Report) -> None:
 
 
 def may_meet(one: Kind, other: Kind) -> bool:
-    """Springs give way under tractions; what is of one kind adds up."""
+    """Springs may be combined with tractions; conditions of one kind add up."""
     return (one == other and one in _ADDING) or {one, other} == {"spring", "traction"}
 
 
@@ -78,7 +78,7 @@ def _support_claims(sound: Sound) -> Iterator[Claim]:
 
 
 def support_components(support: Support) -> Iterator[tuple[int, Kind]]:
-    """The components that a support holds or has springs in."""
+    """The components that a support fixes or has springs in."""
     for component, value in enumerate((support.ux, support.uy)):
         if value is not None:
             yield component, "support"
@@ -92,7 +92,7 @@ def _load_claims(sound: Sound) -> Iterator[Claim]:
         if isinstance(load, BodyForce | Temperature | ObstacleMotion):
             continue
         for boundary in [name for place in load.places for name in place.boundaries]:
-            # On a straight boundary along an axis a pressure leaves the other direction alone.
+            # A pressure on a boundary along an axis has no component along that axis.
             name, edge = split_boundary(boundary)
             shape = sound.geometry(name)
             normal = shape.normals.get(edge) if shape is not None else None
@@ -104,8 +104,7 @@ def _load_claims(sound: Sound) -> Iterator[Claim]:
 def load_components(
     load: Traction | Pressure | Displacement | Platen, normal: tuple[float, float] | None
 ) -> Iterator[tuple[int, Kind]]:
-    """The components that a load on a boundary prescribes, of which the ``normal`` is known if it is
-    straight."""
+    """The components that a load on a boundary prescribes; ``normal`` is that of a straight boundary."""
     if isinstance(load, Platen):
         for direction, (control, _) in load.control.items():
             yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
@@ -133,7 +132,7 @@ def _check_point_supports(sound: Sound, report: Report) -> None:
                 continue
             point = (support.body, support.near, component)
             if point in seen:
-                message = f"another support holds this point in {'xy'[component]} already"
+                message = f"another support fixes this point in {'xy'[component]} already"
                 report.add(("support", index), message)
             seen.add(point)
 
@@ -145,15 +144,15 @@ def _check_rotations(sound: Sound, report: Report) -> None:
             continue
         other = first.setdefault(load.label, load)
         if other.turning != load.turning:
-            message = f'"{load.turning}", but load "{other.name}" on the same platen says "{other.turning}"'
-            report.add(("load", index, "rotation"), message, "loads on one boundary move one platen")
+            message = f'"{load.turning}" here, "{other.turning}" in load "{other.name}" on the same platen'
+            report.add(("load", index, "rotation"), message, "loads on one boundary act on one platen")
         elif other.hinge != load.hinge:
-            message = f'another point than in load "{other.name}" on the same platen'
-            report.add(("load", index, "hinge"), message, "loads on one boundary move one platen")
+            message = f'differs from that of load "{other.name}" on the same platen'
+            report.add(("load", index, "hinge"), message, "loads on one boundary act on one platen")
 
 
 def _check_obstacle_motions(sound: Sound, report: Report) -> None:
-    """A direction of an obstacle is moved by forces or by displacements."""
+    """A direction of an obstacle has either forces or displacements."""
     first: dict[tuple[str, str], tuple[str, str]] = {}
     for index, load in sound.loads.items():
         if isinstance(load, ObstacleMotion):
@@ -161,7 +160,7 @@ def _check_obstacle_motions(sound: Sound, report: Report) -> None:
                 other, name = first.setdefault((load.obstacle, direction), (control, load.name))
                 if other != control:
                     message = f'{control} here, {other} in load "{name}" on the same obstacle in {direction}'
-                    report.add(("load", index), message, "one or the other in each direction")
+                    report.add(("load", index), message, "use one of the two in each direction")
 
 
 def _check_contact_surfaces(sound: Sound, report: Report, claims: list[Claim]) -> None:
@@ -169,10 +168,10 @@ def _check_contact_surfaces(sound: Sound, report: Report, claims: list[Claim]) -
         for key, side in zip(("slave", "master"), contact.sides, strict=False):
             path: KeyPath = ("contact", index, key)
             for claim in claims:
-                # Given tractions and those of the contact add up.
+                # Prescribed tractions and contact tractions add up.
                 apart = claim.partial and side.ends is not None
                 if claim.boundary in side.boundaries and claim.kind != "traction" and not apart:
                     message = f"{claim.label} acts on the contact surface {claim.boundary}"
-                    hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
+                    hint = "only tractions and pressures may act on a contact surface"
                     report.add(path, message, hint)
                     break

@@ -1,4 +1,4 @@
-"""``mlsanm explain``: what a key of the case file means, read from the JSON Schema and the starter cases."""
+"""``mlsanm explain``: the meaning of a key of the case file, from the JSON Schema and the starter cases."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from mlsanm_cli.values import dataclass
 
 _BOUNDS = {
     "exclusiveMinimum": "above",
-    "minimum": "from",
+    "minimum": "at least",
     "exclusiveMaximum": "below",
-    "maximum": "up to",
+    "maximum": "at most",
 }
 _TYPES = {"number": "number", "integer": "whole number", "boolean": "true or false", "string": "text"}
 _LARGEST = 2**31
@@ -29,10 +29,10 @@ _LARGEST = 2**31
 
 @dataclass(frozen=True)
 class Explanation:
-    """A key, or a table with its keys and what they mean.
+    """A key, or a table with its keys and their meanings.
 
-    ``place`` is the heading that the key stands under, ``kinds`` the kinds of the table that have it, where
-    not all have. ``default`` and ``example`` are TOML. ``variants`` says of every kind of a table what it is.
+    ``place`` is the heading of the table of the key, ``kinds`` the kinds of the table that have the key, if
+    not all have it. ``default`` and ``example`` are TOML. ``variants`` describes every kind of a table.
     """
 
     key: str
@@ -50,10 +50,10 @@ class Explanation:
 
 
 def explain(key: str = "") -> tuple[Explanation, ...]:
-    """What is to be said of a dotted key; names of list items may stand in it or not. "" lists the tables.
+    """Explains a dotted key, with or without the names of list items. "" lists the tables.
 
-    Several explanations where kinds of a table give the key different meanings. Raises RunError, with the
-    nearest keys, for one that is none.
+    There are several if the meaning depends on the kind of the table. Raises RunError with similar keys for
+    an unknown one.
     """
     schema = json_schema()
     found, path = _find(schema, [part for part in key.split(".") if part])
@@ -86,7 +86,7 @@ def toml_value(value: Any) -> str:
 
 
 def _find(schema: Node, parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
-    """Every table that holds the key, with the key's node; and the key without names of items."""
+    """Every table with the key, and the node of the key; and the key without names of items."""
     if not parts:
         return [(schema, schema)], ()
     current: list[tuple[Node, Node]] = [(schema, schema)]
@@ -110,7 +110,7 @@ def _has_names(schema: Node, node: Node) -> bool:
 
 
 def _siblings(schema: Node, path: tuple[str, ...]) -> list[Node]:
-    """All tables at the place of a key, those without it included."""
+    """All tables at the place of a key, also those without it."""
     if len(path) < 2:
         return [schema]
     return [table for _, node in _find(schema, list(path[:-1]))[0] for table in tables(schema, node)]
@@ -138,7 +138,7 @@ def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Ex
 
 
 def _kind(schema: Node, path: tuple[str, ...], found: list[tuple[Node, Node]]) -> Explanation:
-    """The key that tells the kinds of a table apart."""
+    """The key that distinguishes the kinds of a table."""
     options = [node["const"] for _, node in found]
     return replace(
         _explain(schema, path, *found[0]),
@@ -183,7 +183,7 @@ def _type(node: Node) -> str:
     if "const" in node:
         return toml_value(node["const"])
     if "enum" in node:
-        return "one of the values allowed" if len(node["enum"]) > 1 else toml_value(node["enum"][0])
+        return "one of the allowed values" if len(node["enum"]) > 1 else toml_value(node["enum"][0])
     if node.get("type") == "array":
         items, least = node["items"], node.get("minItems")
         if least is not None and least == node.get("maxItems") and not isinstance(items, list):
@@ -210,7 +210,7 @@ def _allowed(node: Node) -> str:
 
 
 def _example(path: tuple[str, ...], default: str, kinds_of: tuple[str, ...]) -> str:
-    """A line of a starter case with the key, else one with its default."""
+    """A line of a starter case with the key, else its default."""
     for content in _starters():
         for value, table in _values(content, path, {}):
             if not isinstance(value, dict) and (not kinds_of or table.get("kind") in kinds_of):
@@ -224,7 +224,7 @@ def _starters() -> tuple[dict[str, Any], ...]:
 
 
 def _values(data: Any, path: tuple[str, ...], table: Any) -> Iterator[tuple[Any, Any]]:
-    """Values of a key in the content of a case file, with their tables; items and names are tried."""
+    """Values of a key in the content of a case file, with their tables; all items and names are searched."""
     if not path:
         yield data, table
     elif isinstance(data, list):

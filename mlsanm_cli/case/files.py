@@ -22,47 +22,41 @@ Degrees = Annotated[float, Field(gt=0.0, lt=180.0)]
 
 
 class _FileShape(Section):
-    """``corner`` is the angle (degrees) above which the outline has a corner at a node.
-
-    ``sha256`` is the file's when the case was resolved: a file that has changed since is refused.
-    """
+    """A shape read from a file."""
 
     file: Annotated[str, Field(min_length=1)]
-    """The file; a relative path is relative to the case file."""
+    """Path, relative to the case file."""
     corner: Annotated[Degrees, ANGLE] = 40.0
-    """Above this angle the outline has a corner at a node."""
+    """Angle above which the outline has a corner at a node."""
     sha256: str | None = None
-    """SHA-256 of the file when the case was resolved: a file that has changed since is refused."""
+    """SHA-256 of the file when the case was resolved; a file that has changed is refused."""
 
 
 class Mesh(_FileShape):
-    """A triangle or quad mesh: its nodes become the body's, or only its outline is taken.
-
-    ``group`` names the elements that are the body, all by default.
-    """
+    """A mesh of triangles and quadrilaterals."""
 
     kind: Literal["mesh"]
     """Kind of shape."""
     use: Literal["nodes", "outline"] = "nodes"
-    """Whether the mesh's nodes become the body's, or its outline is filled with a cloud of `spacing`."""
+    """Use the nodes of the mesh, or only its outline, filled with nodes of the given `spacing`."""
     group: str | None = None
-    """The group of elements that is the body; all of them by default."""
+    """Group of elements that forms the body; all elements by default."""
 
     @property
     def brings_nodes(self) -> bool:
-        """Whether the body's nodes are those of the file."""
+        """Whether the nodes are those of the file."""
         return self.use == "nodes"
 
 
 class Points(_FileShape):
-    """Nodes with tags on the boundary."""
+    """Nodes with names of boundaries."""
 
     kind: Literal["points"]
     """Kind of shape."""
 
     @property
     def brings_nodes(self) -> bool:
-        """Always: the body's nodes are those of the file."""
+        """Always."""
         return True
 
 

@@ -1,4 +1,4 @@
-"""Finite strain: what it asks of a case, and what it cannot do yet, which is refused by name."""
+"""Finite strain: its requirements, and features that it does not support yet."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.sound import Sound
 
 LARGEST_NU = 4.0 / 9.0
-"""Poisson's ratio in plane strain up to which equilibrium by second derivatives does not lock: lambda is
-8 mu there."""
+"""Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""
 _ALONE = "with finite strain is not supported yet"
-_SMALL = 'use strain = "small" in [model], or leave it out'
+_SMALL = 'use strain = "small" in [model], or remove it'
 
 
 def check_finite(sound: Sound, report: Report) -> None:
-    """Adds what does not go together with the ``strain`` of the model."""
+    """Adds everything that is incompatible with the ``strain`` of the model."""
     if sound.model is None:
         return
     if sound.model.strain == "small":
@@ -33,20 +32,20 @@ def _check_small(sound: Sound, report: Report) -> None:
     hint = 'write strain = "finite" in [model], or remove the key'
     for name, material in sound.case.material.items():
         if material.law != "linear":
-            message = f'"{material.law}" is a law of finite strain; the model has small strains'
+            message = f'"{material.law}" needs finite strain'
             report.add(("material", name, "law"), message, hint)
     for index, load in sound.loads.items():
         if isinstance(load, Pressure) and load.follows:
-            report.add(("load", index, "follows"), "loads follow at finite strain only", hint)
+            report.add(("load", index, "follows"), "follower loads need finite strain", hint)
 
 
 def _check_law(material: Material, path: KeyPath, plane: str, report: Report) -> None:
     if material.law == "linear":
-        message = '"linear" elasticity is for small strains; the model has finite ones'
+        message = '"linear" elasticity is not valid at finite strain'
         report.add((*path, "law"), message, 'law = "saint-venant-kirchhoff" or "neo-hookean"')
         return
     if material.form != "isotropic":
-        report.add((*path, "law"), f'"{material.law}" is an isotropic law', "give E and nu")
+        report.add((*path, "law"), f'"{material.law}" needs an isotropic material', "give E and nu")
         return
     if material.nu is None:
         return
@@ -66,9 +65,7 @@ def _check_loads(sound: Sound, plane: str, report: Report) -> None:
         if isinstance(load, Temperature):
             report.add((*path, "temperature"), f"a change of temperature {_ALONE}", _SMALL)
         elif isinstance(load, Pressure) and load.follows and plane == "stress":
-            report.add(
-                (*path, "follows"), f"a following pressure in plane stress {_ALONE}", "follows = false"
-            )
+            report.add((*path, "follows"), f"a follower pressure in plane stress {_ALONE}", "follows = false")
         elif isinstance(load, ObstacleMotion):
             if any(control == "force" for control, _ in load.control.values()):
                 report.add(path, f"an obstacle moved by a force {_ALONE}", "move it by a displacement")
@@ -77,7 +74,7 @@ def _check_loads(sound: Sound, plane: str, report: Report) -> None:
                 hint = "move it by a displacement, or load the boundary with a traction"
                 report.add(path, f"a platen moved by a force {_ALONE}", hint)
             if load.rotation == "free":
-                report.add((*path, "rotation"), f"a platen that turns {_ALONE}", 'rotation = "fixed"')
+                report.add((*path, "rotation"), f"a rotating platen {_ALONE}", 'rotation = "fixed"')
 
 
 def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
@@ -97,7 +94,7 @@ def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
         report.add((*path, "regularization", "law"), message, 'law = "exact"')
     for key in ("accuracy", "reach"):
         if key in contact.model_fields_set:
-            message = "has no meaning at finite strain: any node of the slave may touch"
+            message = "does not apply at finite strain: all nodes of the slave are candidates"
             report.add((*path, key), message, "remove it")
 
 
@@ -105,9 +102,9 @@ def _check_rest(sound: Sound, report: Report) -> None:
     for index, contact in sound.contacts.items():
         _check_contact(contact, ("contact", index), report)
     if sound.count("body") > 1:
-        report.add(("body", 1), f"more than one body {_ALONE}", "one case for each body")
+        report.add(("body", 1), f"more than one body {_ALONE}", "use one case per body")
     if "reference" in sound.data:
-        report.add(("reference",), f"a closed formula {_ALONE}", "remove the table")
+        report.add(("reference",), f"an analytical solution {_ALONE}", "remove the table")
     if sound.case.mls.scheme != "least-squares":
         report.add(("mls", "scheme"), f'"{sound.case.mls.scheme}" {_ALONE}', '"least-squares"')
     if sound.case.mls.degree < 2:
@@ -116,6 +113,6 @@ def _check_rest(sound: Sound, report: Report) -> None:
         report.add(("adapt", "passes"), f"refinement {_ALONE}", "write 0")
     solver = sound.case.solver
     if solver.method == "active-set" and not sound.count("contact"):
-        report.add(("solver", "method"), '"active-set" is for contact', '"anm" or "newton"')
+        report.add(("solver", "method"), '"active-set" needs a contact', '"anm" or "newton"')
     if solver.linear in ("pardiso", "mumps"):
         report.add(("solver", "linear"), f'"{solver.linear}" {_ALONE}', '"auto"')

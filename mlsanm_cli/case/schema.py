@@ -1,6 +1,6 @@
-"""JSON Schema of the case file, for editors; `mlsanm explain` and hints on errors read it too.
+"""JSON Schema (draft 7) of the case file, for editors, `mlsanm explain`, the reference and hints on errors.
 
-Draft 7, which editors of TOML understand. Everything in it comes from the model and its docstrings.
+Everything in it comes from the model and its docstrings.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Node = dict[str, Any]
 
 
 class _Generator(GenerateJsonSchema):
-    """TOML has no null: an optional key is one that may be left out."""
+    """TOML has no null: optional keys are omitted."""
 
     schema_dialect = DIALECT
 
@@ -38,7 +38,7 @@ class _Generator(GenerateJsonSchema):
 
 @cache
 def json_schema() -> Node:
-    """The schema of a whole case file."""
+    """The JSON Schema of a case file."""
     raw = Case.model_json_schema(schema_generator=_Generator, ref_template="#/definitions/{model}")
     definitions = raw.pop("$defs")
     return {"$schema": DIALECT, "title": TITLE, **_plain({**raw, "definitions": definitions})}
@@ -52,9 +52,9 @@ def follow(schema: Node, node: Node) -> Node:
 
 
 def tables(schema: Node, node: Node) -> tuple[Node, ...]:
-    """The tables that a node allows: one, several that differ by their kind, or none.
+    """The tables that a node allows: one, several of different kinds, or none.
 
-    Items of lists of tables and values of tables by name count as the tables.
+    For lists of tables and tables by name these are the items.
     """
     node = follow(schema, node)
     if "properties" in node:
@@ -66,12 +66,12 @@ def tables(schema: Node, node: Node) -> tuple[Node, ...]:
 
 
 def tables_at(path: tuple[str, ...]) -> tuple[Node, ...]:
-    """The tables that may stand at a path of keys and names of materials, as `tables` gives them."""
+    """The tables allowed at a path of keys and names of materials, as in `tables`."""
     schema = json_schema()
     found: tuple[Node, ...] = (schema,)
     for step in path:
         inner = [table["properties"][step] for table in found if step in table["properties"]]
-        # What is no key is the name of a table.
+        # A step that is not a key is the name of a table.
         found = tuple(table for node in inner for table in tables(schema, node)) if inner else found
     return found
 
@@ -91,7 +91,7 @@ def heading(path: tuple[str, ...]) -> str:
 
 
 def _plain(value: Any, keys_are_names: bool = False) -> Any:
-    """Without the titles that pydantic makes of names, with the tuples of draft 7, texts on one line."""
+    """Removes pydantic's titles, writes tuples as in draft 7, and joins the lines of texts."""
     if isinstance(value, list):
         return [_plain(item) for item in value]
     if isinstance(value, str):

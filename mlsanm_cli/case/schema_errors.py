@@ -1,4 +1,4 @@
-"""Translates what pydantic finds into problems with paths, messages and hints of the case file."""
+"""Translates errors of pydantic into problems of the case file, with path, message and hint."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ _MISSING = {"format": "write format = 1", "model": 'write [model] with plane = "
 
 
 UNKNOWN = "extra_forbidden"
-"""Pydantic's name of the error for a key that the model does not have."""
+"""Pydantic's type of error for an unknown key."""
 Finding = tuple[KeyPath, ErrorDetails]
 
 
 def findings(data: Mapping[str, Any], error: ValidationError) -> Iterator[Finding]:
-    """What pydantic found in ``data``, each with its path there."""
+    """The errors that pydantic found in ``data``, each with its path."""
     for detail in error.errors(include_url=False):
         yield _path(data, detail["loc"]), detail
 
 
 def report_findings(report: Report, found: Iterable[Finding], covered: frozenset[KeyPath]) -> None:
-    """Adds every finding to the report, except at or below the paths that are ``covered`` already."""
+    """Adds every error to the report, except at or below the paths ``covered`` already."""
     for path, detail in found:
         if not any(path[: len(cover)] == cover for cover in covered):
             _report(report, path, detail)
 
 
 def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
-    """The location in the file: pydantic names the kind of a table, too, and whether a key is wrong."""
+    """The path in the file; pydantic's locations contain the kinds of tables and marks for keys, too."""
     path: KeyPath = ()
     tagged = False
     for step in location:
@@ -80,16 +80,16 @@ def _report(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
         report.add(path, "unknown key", _unknown_hint(report.data, path))
     elif kind == "missing":
         hint = _MISSING.get(str(path[0]), f"add {_heading(path)}") if len(path) == 1 else ""
-        report.add(path, "missing, and it has no default", hint)
+        report.add(path, "missing (required)", hint)
     elif kind == "literal_error":
-        # The options stand in pydantic's text: 'a', 'b' or 'c'.
+        # Pydantic lists the options as text: 'a', 'b' or 'c'.
         options = [part.strip(" '") for part in str(context["expected"]).replace(" or ", ",").split(",")]
         report.add(path, f"{_show(value)} is not a valid value", suggestion(value, options))
     elif kind == "union_tag_invalid":
         options = [part.strip(" '") for part in str(context["expected_tags"]).split(",")]
         report.add((*path, "kind"), f'unknown kind "{context["tag"]}"', suggestion(context["tag"], options))
     elif kind == "union_tag_not_found" and isinstance(value, Mapping):
-        message = "expected a text in quotes" if "kind" in value else "missing, and it has no default"
+        message = "expected a text in quotes" if "kind" in value else "missing (required)"
         report.add((*path, "kind"), message, suggestion("", _kinds(path)))
     elif kind == "union_tag_not_found":
         report.add(path, "expected a table")
@@ -100,14 +100,16 @@ def _report(report: Report, path: KeyPath, detail: ErrorDetails) -> None:
         heading = _heading(path)
         report.add(path, "expected a list", f"write {heading}" if heading.startswith("[[") else "")
     elif kind == "too_short":
-        # pydantic counts sound items only: items that are wrong have been reported one by one.
+        # Pydantic counts valid items only; invalid ones are reported one by one.
         needed = context["min_length"]
         if not value:
-            report.add(path, "the list is empty, it needs at least one item")
+            report.add(path, "the list is empty, at least one item is required")
         elif len(value) < needed:
-            report.add(path, f"the list has {len(value)} items, it needs at least {needed}")
+            report.add(path, f"the list has {len(value)} items, at least {needed} are required")
     elif kind in ("model_type", "dict_type") and isinstance(value, tuple):
-        report.add(path, "expected one table, not a list of tables", "write single brackets, as in [model]")
+        report.add(
+            path, "expected a single table, not a list of tables", "write single brackets, as in [model]"
+        )
     else:
         report.add(path, _WORDS.get(kind, detail["msg"]), _type_hint(kind, value))
 
@@ -121,7 +123,7 @@ def _heading(path: KeyPath) -> str:
 
 
 def _kinds(path: KeyPath) -> list[str]:
-    """Kinds of the table at a path, none if there is one only."""
+    """Kinds of the table at a path; none if it has a single kind."""
     from mlsanm_cli.case.schema import tables_at
 
     found = tables_at(tuple(step for step in path if isinstance(step, str)))

@@ -1,4 +1,4 @@
-"""The sound parts of a case, so that relations between them are checked although other parts have faults."""
+"""The valid parts of a case: relations between them are checked even if other parts have errors."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ from mlsanm_cli.values import dataclass
 
 LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
 REMOVABLE = ("name", "material", "spacing", "seed", "refine")
-"""Keys without which the rest of a body can be checked all the same."""
+"""Keys of a body that can be removed or replaced so that its other keys can be checked."""
 UNNAMED = {"name": "unnamed", "material": "unnamed"}
 STAND_INS: Mapping[str, Any] = {"format": 1, "material": {}, "body": (), "model": {"plane": "stress"}}
-"""What takes the place of tables that a case cannot do without: in plane stress materials have the fewest
-limits."""
+"""Replacements of required tables; plane stress has the fewest restrictions on materials."""
 ROUNDS = 10
 
 
 @dataclass(frozen=True)
 class Sound:
-    """A ``case`` without what has faults, found in the content ``data`` of a file.
+    """The valid part of the content ``data`` of a file as a ``case``.
 
     ``places`` are the numbers that the items of lists have in the file, ``incomplete`` the tables and lists
-    from which something was left out, ``geometries`` those of sound shapes by the number of the body.
+    from which something was removed, ``geometries`` those of valid shapes by the number of the body.
     """
 
     case: Case
@@ -45,7 +44,7 @@ class Sound:
 
     @property
     def model(self) -> Model | None:
-        """The model, None if it has faults."""
+        """The model, None if it has errors."""
         return None if "model" in self.incomplete else self.case.model
 
     @cached_property
@@ -79,11 +78,11 @@ class Sound:
         return dict(zip(self.places["stop"], self.case.stop, strict=True))
 
     def names(self, section: str) -> list[tuple[int, str]]:
-        """Number and name of every named item of a list, those with faults included."""
+        """Number and name of every named item of a list, also of invalid ones."""
         return self.texts(section, "name")
 
     def texts(self, section: str, key: str) -> list[tuple[int, str]]:
-        """Number and value of a key in every item of a list that gives it as text."""
+        """Number and value of a key in every item of a list where it is a text."""
         values = [(number, row.get(key)) for number, row in self._rows(section)]
         return [(number, value) for number, value in values if isinstance(value, str)]
 
@@ -99,16 +98,16 @@ class Sound:
         return [(path, name) for path, name in found if isinstance(name, str)]
 
     def count(self, section: str) -> int:
-        """Number of items of a list in the file, those with faults included."""
+        """Number of items of a list in the file, with invalid ones."""
         items = self.data.get(section)
         return len(items) if isinstance(items, tuple) else 0
 
     def geometry(self, body: str) -> Geometry | None:
-        """The geometry of the body of that name, if it is sound."""
+        """The geometry of the body of that name, if it is valid."""
         return self.geometries.get(self._number(body))
 
     def edges(self, body: str) -> tuple[str, ...]:
-        """Names of the boundaries of the body of that name, none if they are not known."""
+        """Names of the boundaries of a body, empty if they are unknown."""
         geometry, number = self.geometry(body), self._number(body)
         if geometry is not None:
             return tuple(geometry.normals)
@@ -124,9 +123,9 @@ class Sound:
 
 
 def validate(data: Mapping[str, Any], report: Report, covered: frozenset[KeyPath]) -> Sound | None:
-    """The sound parts of the content of a file; None if they are no case.
+    """The valid parts of the content of a file; None if they do not make a case.
 
-    Adds to the report what pydantic finds, except at or below the paths that are ``covered`` already.
+    Adds all errors of pydantic to the report, except at or below the paths ``covered`` already.
     """
     places = {section: tuple(range(len(_items(data, section)))) for section in LISTS}
     incomplete: set[str] = set()
@@ -140,7 +139,7 @@ def validate(data: Mapping[str, Any], report: Report, covered: frozenset[KeyPath
             report_findings(report, found, covered)
         incomplete |= {str(path[0]) for path, detail in found if detail["type"] != UNKNOWN}
         covers = {_cover(path, detail["type"] == UNKNOWN) for path, detail in found}
-        # From the back, so that the numbers of items stay valid.
+        # Back to front, so that the numbers of items stay valid.
         for cover in sorted(covers, key=lambda path: [str(step).zfill(9) for step in path], reverse=True):
             if len(cover) == 2 and cover[0] in places and isinstance(cover[1], int):
                 section, at = str(cover[0]), cover[1]
@@ -157,7 +156,7 @@ def _items(data: Mapping[str, Any], section: str) -> tuple[Any, ...]:
 
 
 def _cover(path: KeyPath, unknown: bool) -> KeyPath:
-    """What is left out for a finding: the unknown key, else the item of the list or the table around it."""
+    """The part to remove for an error: the unknown key, else the item of the list or the table around it."""
     if unknown:
         return path
     if path[:1] == ("body",) and path[2:3] and path[2] in REMOVABLE:

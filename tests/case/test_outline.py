@@ -101,7 +101,7 @@ def test_points_of_a_file_stand_in_the_resolved_case(tmp_path: Path) -> None:
         (f"{SIDES}.left.too=[0.0, 0.0]", f"{SIDES}.left.too", 'did you mean "to"'),
         ("load.press.to=[1.0, 0.1]", "load.press.to", "the same point"),
         ("support.0.boundary=['block.left', 'block.left']", "support.0.boundary", "listed twice"),
-        ("support.0.boundary=['block.left', 'other.top']", "support.0.boundary", "of one body"),
+        ("support.0.boundary=['block.left', 'other.top']", "support.0.boundary", "one body"),
         ("support.0.boundary=['block.left', 'block.lid']", "support.0.boundary.1", 'no boundary "lid"'),
         ("support.0.from=[0.0, 0.0]", "support.0.from", 'needs "to" too'),
     ],

@@ -59,7 +59,7 @@ def test_explain(capsys: Capture) -> None:
     assert main(["explain", "solver.order", "--color", "never"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["default", "20"] in lines
-    assert ["allowed", "from", "2,", "up", "to", "40"] in lines
+    assert ["allowed", "at", "least", "2,", "at", "most", "40"] in lines
     assert main(["explain", "solver.order", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)["explanations"]
     assert (found["key"], found["default"]) == ("solver.order", "20")
