@@ -281,7 +281,6 @@ class Case(Section):
     model: Model
     units: Units = Units()
     material: dict[Name, Material]
-    """Materials by name."""
     # Checked with the relations: a case whose only body has a fault has others, too.
     body: tuple[Body, ...] = Field(json_schema_extra={"minItems": 1})
     support: tuple[Support, ...] = ()

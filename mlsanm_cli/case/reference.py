@@ -26,16 +26,23 @@ def everything() -> list[Explanation]:
 
 
 def markdown(told: Sequence[Explanation]) -> str:
-    """The reference as Markdown, a section per table."""
-    lines = ["# Keys of the case file", "", "Made by `mlsanm explain --all`."]
+    """The reference as a page of Markdown."""
+    return f"# Keys of the case file\n\nMade by `mlsanm explain --all`.\n{sections(told, '##')}"
+
+
+def sections(told: Sequence[Explanation], level: str) -> str:
+    """The reference as Markdown, a section per table with a heading of that level."""
+    lines: list[str] = []
     place = ""
     for one in told:
         if one.place != place:
             place = one.place
-            lines += ["", f"## `{place}`" if place.startswith("[") else f"## {place[0].upper()}{place[1:]}"]
-            if one.keys:
-                kinds = f" {', '.join(one.variants)}." if one.variants else ""
-                lines += ["", one.meaning + kinds]
+            title = f"`{place}`" if place.startswith("[") else place.capitalize()
+            lines += ["", f"{level} {title}"]
+            if one.variants:
+                lines += ["", *(f"- `{kind}`: {meaning}" for kind, meaning in one.variants.items())]
+            elif one.keys:
+                lines += ["", one.meaning]
             lines += ["", "| key | meaning | value | default |", "|---|---|---|---|"]
         if one.keys:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,15 +11,11 @@ from typing import Any
 import h5py
 import pytest
 from click import Context
-from pydantic import BaseModel
 
 from mlsanm_cli.app.compare import Wishes, compare
 from mlsanm_cli.app.differences import AMPLIFIED, ROUNDED_EDGE, SOFT_STICK
 from mlsanm_cli.app.judge import BALANCE_LIMIT, BALANCE_WARNING
 from mlsanm_cli.case import load_case, resolved_mapping
-from mlsanm_cli.case.explain import explain
-from mlsanm_cli.case.model import Adapt, Mls, Refine, Regularization, Solver
-from mlsanm_cli.case.reference import value_keys
 from mlsanm_cli.cli import main
 from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.main import BUG, STOPPED, USAGE
@@ -38,26 +35,9 @@ def blocks(text: str, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
-def test_every_key_is_documented() -> None:
-    words = {word for pattern in (r"\w+", r"[\w-]+") for word in re.findall(pattern, CASE_FILE)}
-    keys = {key.rpartition(".")[2] for key in value_keys()}
-    kinds = {str(kind) for table in ("load", "body.shape") for one in explain(table) for kind in one.variants}
-    assert {"growth", "eta", "from", "platen", "rectangle"} <= keys | kinds
-    assert keys | kinds <= words, (keys | kinds) - words
-
-
-@pytest.mark.parametrize("model", [Solver, Mls, Adapt, Regularization, Refine])
-def test_defaults_are_documented(model: type[BaseModel]) -> None:
-    name = {Regularization: "contact.regularization", Refine: "body.refine"}.get(
-        model, model.__name__.lower()
-    )
-    heading = re.compile(rf"^##+ `\[+{re.escape(name)}\]", flags=re.MULTILINE)
-    section = re.split(r"^##+ ", heading.split(CASE_FILE)[1], flags=re.MULTILINE)[0]
-    for key, field in model.model_fields.items():
-        if field.default is None or field.is_required():
-            continue
-        (row,) = re.findall(rf"^\| `{key}` \|.*\| (.*) \|$", section, flags=re.MULTILINE)
-        assert tomllib.loads(f"value = {row.strip('`')}")["value"] == field.default, key
+def test_the_reference_is_up_to_date() -> None:
+    page = runpy.run_path(str(ROOT / "docs" / "update_case_file.py"))["page"]
+    assert page() == CASE_FILE, "python docs/update_case_file.py"
 
 
 def test_the_two_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
