@@ -4,7 +4,8 @@
 
     MlsanmError                 70   (never raised itself)
     +-- CaseError                2   the case file is wrong: every problem found, with file and line
-    +-- GeometryError            2   a file with a body's mesh or nodes cannot be used (told as CaseError)
+    +-- GeometryError            2   a body's geometry cannot be used (reported as CaseError)
+    |   +-- OutlineError         2   an outline drawn in the case: every fault with the key of its shape
     +-- RunError                 2   bad usage: run directory exists, file unreadable, scene too large
     |   +-- WriteError           2   a file cannot be written
     +-- UnfinishedError          3   a run cannot write on; what was done is kept, resume goes on
@@ -14,6 +15,8 @@
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from mlsanm_cli.values import dataclass
 
@@ -76,12 +79,29 @@ class UnfinishedError(MlsanmError):
 
 
 class GeometryError(MlsanmError):
-    """A file with a body's mesh or nodes cannot be used; the message says what is wrong in it and where.
+    """The geometry of a body cannot be used; the message says what is wrong with it and where.
 
-    Whoever knows the key of the case file that names the file makes a CaseError of it.
+    Whoever knows the key of the case file that it stands in turns it into a CaseError.
     """
 
     exit_code = 2
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of an outline; ``key`` is the path of the key below its shape."""
+
+    key: tuple[str | int, ...]
+    message: str
+    hint: str = ""
+
+
+class OutlineError(GeometryError):
+    """An outline is no closed boundary of a body; carries every fault found."""
+
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        super().__init__("\n".join(fault.message for fault in faults))
+        self.faults = tuple(faults)
 
 
 class NumericalError(MlsanmError):

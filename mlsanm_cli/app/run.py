@@ -35,9 +35,9 @@ from mlsanm_cli.app.results.finished import finished
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.causes import strain_warnings
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.imported import inspect_geometry_file
 from mlsanm_cli.app.signals import Stopper
-from mlsanm_cli.case import Case, Stop
+from mlsanm_cli.case import Case, Stop, load_case
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
@@ -79,7 +79,7 @@ def run(
     """
     clock = Clock()
     with Stopper(max_wall) as stopper:
-        loaded = load_with_files(case_path, overrides)
+        loaded = load_case(case_path, overrides, inspect_geometry_file)
         check_reference(loaded)
         directory = out or RESULTS / case_path.stem
         before = finished(directory, loaded.case_hash) if skip_done else None

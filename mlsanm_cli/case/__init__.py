@@ -1,4 +1,4 @@
-"""The case file: TOML in, one frozen validated `Case` out, or every problem at once."""
+"""The case file: a TOML text is turned into a frozen, validated `Case`, or into a list of all problems."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mlsanm_cli.case.model.case import (
     Support,
 )
 from mlsanm_cli.case.model.expressions import ExpressionError, value_at
-from mlsanm_cli.case.model.files import FileShape, Mesh, Points, Survey, Surveyed
+from mlsanm_cli.case.model.files import FileShape, Geometry, Mesh, Points, Survey
 from mlsanm_cli.case.model.loads import (
     AnyLoad,
     BodyForce,
@@ -40,9 +40,18 @@ from mlsanm_cli.case.model.obstacles import (
     PolylineObstacle,
 )
 from mlsanm_cli.case.model.places import Place, label_of
-from mlsanm_cli.case.model.polygon import Chained, Polygon
-from mlsanm_cli.case.model.round_shapes import Annulus, Disk, HalfDisk, Sector
-from mlsanm_cli.case.model.shapes import AnyShape, DrawnShape, Rectangle, Shape
+from mlsanm_cli.case.model.shapes import (
+    Annulus,
+    AnyShape,
+    Disk,
+    DrawnShape,
+    HalfDisk,
+    OutlineShape,
+    Polygon,
+    Rectangle,
+    Sector,
+    Shape,
+)
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.model.units import Units
 from mlsanm_cli.case.reading.read import (
@@ -63,7 +72,6 @@ __all__ = [
     "Body",
     "BodyForce",
     "Case",
-    "Chained",
     "Contact",
     "Disk",
     "DiskObstacle",
@@ -71,6 +79,7 @@ __all__ = [
     "DrawnShape",
     "ExpressionError",
     "FileShape",
+    "Geometry",
     "HalfDisk",
     "Load",
     "LoadedCase",
@@ -80,6 +89,7 @@ __all__ = [
     "Model",
     "Obstacle",
     "ObstacleMotion",
+    "OutlineShape",
     "Output",
     "Place",
     "PlaneObstacle",
@@ -99,7 +109,6 @@ __all__ = [
     "Stop",
     "Support",
     "Survey",
-    "Surveyed",
     "Temperature",
     "Traction",
     "Units",

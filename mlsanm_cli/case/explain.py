@@ -1,4 +1,4 @@
-"""``mlsanm explain``: what a key of the case file means, read from the JSON Schema and the starter cases."""
+"""``mlsanm explain``: the meaning of a key of the case file, from the JSON Schema and the starter cases."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from typing import Any
 
 from mlsanm_cli.case.model.base import UNIT
 from mlsanm_cli.case.report import SYNONYMS
-from mlsanm_cli.case.schema import Node, follow, json_schema, tables, walk
+from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, walk
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.values import dataclass
 
 _BOUNDS = {
     "exclusiveMinimum": "above",
-    "minimum": "from",
+    "minimum": "at least",
     "exclusiveMaximum": "below",
-    "maximum": "up to",
+    "maximum": "at most",
 }
 _TYPES = {"number": "number", "integer": "whole number", "boolean": "true or false", "string": "text"}
 _LARGEST = 2**31
@@ -29,10 +29,10 @@ _LARGEST = 2**31
 
 @dataclass(frozen=True)
 class Explanation:
-    """A key, or a table with its keys and what they mean.
+    """A key, or a table with its keys and their meanings.
 
-    ``place`` is the heading that the key stands under, ``kinds`` the kinds of the table that have it, where
-    not all have. ``default`` and ``example`` are TOML. ``variants`` says of every kind of a table what it is.
+    ``place`` is the heading of the table of the key, ``kinds`` the kinds of the table that have the key, if
+    not all have it. ``default`` and ``example`` are TOML. ``variants`` describes every kind of a table.
     """
 
     key: str
@@ -50,12 +50,12 @@ class Explanation:
 
 
 def explain(key: str = "") -> tuple[Explanation, ...]:
-    """What is to be said of a dotted key; names of list items may stand in it or not. "" lists the tables.
+    """Explains a dotted key, with or without the names of list items. "" lists the tables.
 
-    Several explanations where kinds of a table give the key different meanings. Raises RunError, with the
-    nearest keys, for one that is none.
+    There are several if the meaning depends on the kind of the table. Raises RunError with similar keys for
+    an unknown one.
     """
-    schema = _schema()
+    schema = json_schema()
     found, path = _find(schema, [part for part in key.split(".") if part])
     if not found:
         raise RunError(f'there is no key "{key}"', _nearest(schema, key))
@@ -85,20 +85,8 @@ def toml_value(value: Any) -> str:
     return repr(value)
 
 
-def heading(schema: Node, path: tuple[str, ...]) -> str:
-    """How TOML writes the table at a path: [model], [[body]], [material.NAME]."""
-    if not path:
-        return "the top of the file"
-    nodes = [node for _, node in _find(schema, list(path))[0]]
-    node = follow(schema, nodes[0])
-    name = ".".join(path)
-    if node.get("type") == "array":
-        return f"[[{name}]]"
-    return f"[{name}.NAME]" if "patternProperties" in node else f"[{name}]"
-
-
 def _find(schema: Node, parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
-    """Every table that holds the key, with the key's node; and the key without names of items."""
+    """Every table with the key, and the node of the key; and the key without names of items."""
     if not parts:
         return [(schema, schema)], ()
     current: list[tuple[Node, Node]] = [(schema, schema)]
@@ -122,7 +110,7 @@ def _has_names(schema: Node, node: Node) -> bool:
 
 
 def _siblings(schema: Node, path: tuple[str, ...]) -> list[Node]:
-    """All tables at the place of a key, those without it included."""
+    """All tables at the place of a key, also those without it."""
     if len(path) < 2:
         return [schema]
     return [table for _, node in _find(schema, list(path[:-1]))[0] for table in tables(schema, node)]
@@ -130,12 +118,12 @@ def _siblings(schema: Node, path: tuple[str, ...]) -> list[Node]:
 
 def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Explanation:
     inner = tables(schema, node) if path else (schema,)
-    place = heading(schema, path[:-1])
+    place = heading(path[:-1])
     kind = table["properties"].get("kind", {}).get("const")
     target = follow(schema, node)
     own = Explanation(
         key=".".join(path),
-        place=heading(schema, path) if inner else place,
+        place=heading(path) if inner else place,
         meaning=_meaning(node, inner),
         required=bool(path) and path[-1] in table.get("required", ()),
         kinds=(kind,) if kind else (),
@@ -150,7 +138,7 @@ def _explain(schema: Node, path: tuple[str, ...], table: Node, node: Node) -> Ex
 
 
 def _kind(schema: Node, path: tuple[str, ...], found: list[tuple[Node, Node]]) -> Explanation:
-    """The key that tells the kinds of a table apart."""
+    """The key that distinguishes the kinds of a table."""
     options = [node["const"] for _, node in found]
     return replace(
         _explain(schema, path, *found[0]),
@@ -195,7 +183,7 @@ def _type(node: Node) -> str:
     if "const" in node:
         return toml_value(node["const"])
     if "enum" in node:
-        return "one of the values allowed" if len(node["enum"]) > 1 else toml_value(node["enum"][0])
+        return "one of the allowed values" if len(node["enum"]) > 1 else toml_value(node["enum"][0])
     if node.get("type") == "array":
         items, least = node["items"], node.get("minItems")
         if least is not None and least == node.get("maxItems") and not isinstance(items, list):
@@ -222,7 +210,7 @@ def _allowed(node: Node) -> str:
 
 
 def _example(path: tuple[str, ...], default: str, kinds_of: tuple[str, ...]) -> str:
-    """A line of a starter case with the key, else one with its default."""
+    """A line of a starter case with the key, else its default."""
     for content in _starters():
         for value, table in _values(content, path, {}):
             if not isinstance(value, dict) and (not kinds_of or table.get("kind") in kinds_of):
@@ -231,17 +219,12 @@ def _example(path: tuple[str, ...], default: str, kinds_of: tuple[str, ...]) -> 
 
 
 @cache
-def _schema() -> Node:
-    return json_schema()
-
-
-@cache
 def _starters() -> tuple[dict[str, Any], ...]:
     return tuple(tomllib.loads(starter(kind)) for kind in kinds())
 
 
 def _values(data: Any, path: tuple[str, ...], table: Any) -> Iterator[tuple[Any, Any]]:
-    """Values of a key in the content of a case file, with their tables; items and names are tried."""
+    """Values of a key in the content of a case file, with their tables; all items and names are searched."""
     if not path:
         yield data, table
     elif isinstance(data, list):

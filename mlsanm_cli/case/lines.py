@@ -1,7 +1,7 @@
-"""Which line of a TOML text each key stands on.
+"""The line of each key in a TOML text.
 
-``tomllib`` gives values without places. This scanner walks the same text again and notes places only;
-it relies on ``tomllib`` having accepted the text and reads no values.
+``tomllib`` returns values without positions. This scanner reads the same text again and records positions
+only; it relies on ``tomllib`` having accepted the text.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 KeyPath = tuple[str | int, ...]
 
 DEEPEST = 40
-"""Keys have fewer parts; deeper ones are placed where their first parts are."""
+"""Keys have fewer parts; deeper ones get the line of their first parts."""
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")

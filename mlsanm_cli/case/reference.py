@@ -1,4 +1,4 @@
-"""The key reference: every table and key of a case file, made from the schema as ``explain`` makes one."""
+"""The reference of all tables and keys of a case file, generated from the JSON Schema."""
 
 from __future__ import annotations
 
@@ -16,31 +16,38 @@ def value_keys() -> list[str]:
 
 
 def everything() -> list[Explanation]:
-    """What is to be said of every table and key, tables before their keys, in the order of the schema."""
+    """The explanations of all tables and keys, tables before their keys, in the order of the schema."""
     schema, found = json_schema(), dict[str, None]()
     walk(schema, lambda path, node, table: found.setdefault(".".join(path)))
-    # Tables first: a reader looks for a table, then for its keys.
+    # Tables first, then their keys.
     told = [one for key in found for one in explain(key)]
     places = list(dict.fromkeys(["the top of the file", *(one.place for one in told)]))
     return sorted(told, key=lambda one: (places.index(one.place), not one.keys))
 
 
 def markdown(told: Sequence[Explanation]) -> str:
-    """The reference as Markdown, a section for each table."""
-    lines = ["# Keys of the case file", "", "Made by `mlsanm explain --all`."]
+    """The reference as a page of Markdown."""
+    return f"# Keys of the case file\n\nMade by `mlsanm explain --all`.\n{sections(told, '##')}"
+
+
+def sections(told: Sequence[Explanation], level: str) -> str:
+    """The reference as Markdown, a section per table with a heading of that level."""
+    lines: list[str] = []
     place = ""
     for one in told:
         if one.place != place:
             place = one.place
-            lines += ["", f"## `{place}`" if place.startswith("[") else f"## {place[0].upper()}{place[1:]}"]
-            if one.keys:
-                kinds = f" {', '.join(one.variants)}." if one.variants else ""
-                lines += ["", one.meaning + kinds]
+            title = f"`{place}`" if place.startswith("[") else place.capitalize()
+            lines += ["", f"{level} {title}"]
+            if one.variants:
+                lines += ["", *(f"- `{kind}`: {meaning}" for kind, meaning in one.variants.items())]
+            elif one.keys:
+                lines += ["", one.meaning]
             lines += ["", "| key | meaning | value | default |", "|---|---|---|---|"]
         if one.keys:
             continue
-        # Values that are listed tell their type.
-        kind = "" if one.type in (one.allowed, "one of the values allowed") else one.type
+        # Listed values show their type.
+        kind = "" if one.type in (one.allowed, "one of the allowed values") else one.type
         value = ", ".join(filter(None, (kind, one.unit, one.allowed)))
         default = "required" if one.required else f"`{one.default}`" if one.default else ""
         kinds = f" (of {', '.join(one.kinds)})" if one.kinds else ""

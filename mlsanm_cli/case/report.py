@@ -1,4 +1,4 @@
-"""Collects the problems of a case with their places and their nearest valid names."""
+"""Collects the problems of a case with file, line, key and suggestions."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from mlsanm_cli.case.lines import KeyPath, line_of
 from mlsanm_cli.errors import CaseProblem
 
 LONGEST_SHOWN = 500
-"""Characters of a key that are shown."""
+"""Largest number of characters of a key that are shown."""
 
-# Other codes' and textbooks' words for our keys: too far away for a comparison of letters.
+# Names used by other codes and textbooks, too different for a comparison of letters.
 SYNONYMS = {
     "young": "E",
     "youngs_modulus": "E",
@@ -35,7 +35,7 @@ SYNONYMS = {
 
 
 def nearest(word: object, valid: Iterable[str]) -> str:
-    """The valid name most like the word, or an empty string when none is.
+    """The valid name most similar to the word, or an empty string.
 
     >>> nearest("spacign", ["seed", "spacing"])
     'spacing'
@@ -53,16 +53,16 @@ def nearest(word: object, valid: Iterable[str]) -> str:
 
 
 def suggestion(word: object, valid: Iterable[str], what: str = "valid") -> str:
-    """A hint with the nearest valid name, or with all of them."""
+    """A hint with the most similar valid name, or with all of them."""
     names = list(dict.fromkeys(valid))
     near = nearest(word, names)
     if near:
         return f'did you mean "{near}"?'
-    return f"{what}: {', '.join(names)}" if names else "there are none"
+    return f"{what}: {', '.join(names)}" if names else "none are defined"
 
 
 def dotted(data: Any, path: KeyPath) -> str:
-    """The path as ``--set`` takes it: items of named lists by name, others by index."""
+    """The path in the form of ``--set``: items of lists by name, those without one by index."""
     parts: list[str] = []
     value = data
     for step in path:
@@ -73,7 +73,7 @@ def dotted(data: Any, path: KeyPath) -> str:
 
 
 def shortened(text: str) -> str:
-    """The text without its middle where it is far longer than any name.
+    """The text without its middle if it is far longer than any name.
 
     >>> len(shortened("k" * 1_000_000))
     125
@@ -100,11 +100,11 @@ class Report:
     _found: dict[tuple[KeyPath, str], CaseProblem] = field(default_factory=dict)
 
     def add(self, path: KeyPath, message: str, hint: str = "") -> None:
-        """Notes a problem of the key; the same words about the same key are noted once."""
+        """Adds a problem of the key, once for the same key and message."""
         if self._is_set(path):
             line, source = 0, "--set"
         else:
-            # An empty file still has a first line to point at.
+            # In an empty file the first line is named.
             line, source = max(line_of(self.lines, path), 1), self.source
         key = shortened(dotted(self.data, path)) or "(file)"
         self._found.setdefault((path, message), CaseProblem(key, message, line, source, hint))
@@ -112,7 +112,7 @@ class Report:
     def _is_set(self, path: KeyPath) -> bool:
         if any(path[: len(changed)] == changed for changed in self.changed):
             return True
-        # A table that only --set made.
+        # A table that was created by --set.
         return path not in self.lines and any(changed[: len(path)] == path for changed in self.changed)
 
     def touches(self, path: KeyPath) -> bool:

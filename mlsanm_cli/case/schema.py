@@ -1,24 +1,18 @@
-"""JSON Schema of the case file, for editors; `mlsanm explain` reads it too.
+"""JSON Schema (draft 7) of the case file, for editors, `mlsanm explain`, the reference and hints on errors.
 
-Draft 7, which editors of TOML understand. Types, limits and defaults come from the model, descriptions from
-the docstrings below its keys, and what this version refuses by name is left out.
+Everything in it comes from the model and its docstrings.
 """
 
 from __future__ import annotations
 
-import ast
-import inspect
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from mlsanm_cli.case.model.base import Section
 from mlsanm_cli.case.model.case import Case
-from mlsanm_cli.case.reading.unsupported import PLANNED, Planned
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
 TITLE = "mlsanm case file"
@@ -26,7 +20,7 @@ Node = dict[str, Any]
 
 
 class _Generator(GenerateJsonSchema):
-    """TOML has no null: an optional key is one that may be left out."""
+    """TOML has no null: optional keys are omitted."""
 
     schema_dialect = DIALECT
 
@@ -42,53 +36,12 @@ class _Generator(GenerateJsonSchema):
         return {key: value for key, value in found.items() if key != "discriminator"}
 
 
+@cache
 def json_schema() -> Node:
-    """The schema of a whole case file."""
+    """The JSON Schema of a case file."""
     raw = Case.model_json_schema(schema_generator=_Generator, ref_template="#/definitions/{model}")
     definitions = raw.pop("$defs")
-    for section in _sections(Section):
-        node = raw if section is Case else definitions.get(section.__name__)
-        if node is not None:
-            node["description"] = inspect.cleandoc(section.__doc__ or "").replace("``", "`")
-            for name, text in descriptions(section).items():
-                key = section.model_fields[name].alias or name
-                node["properties"][key]["description"] = text
-    schema = _plain({**raw, "definitions": definitions})
-    schema = {"$schema": DIALECT, "title": TITLE, **schema}
-    for planned in PLANNED:
-        for holder, key in _places(schema, planned.path):
-            _leave_out(holder, key, planned)
-    return schema
-
-
-def descriptions(section: type[Section]) -> dict[str, str]:
-    """What the docstrings below the keys of a table say, inherited ones included, each in one line."""
-    found: dict[str, str] = {}
-    for base in reversed(section.__mro__):
-        if issubclass(base, Section):
-            found |= _docstrings(base.__module__).get(base.__name__, {})
-    return found
-
-
-@cache
-def _docstrings(module: str) -> dict[str, dict[str, str]]:
-    """By class and key the docstrings below the keys in a module's source."""
-    found: dict[str, dict[str, str]] = {}
-    for section in ast.parse(inspect.getsource(sys.modules[module])).body:
-        if isinstance(section, ast.ClassDef):
-            pairs = zip(section.body[:-1], section.body[1:], strict=True)
-            found[section.name] = {
-                key.target.id: " ".join(_text_of(following).split())
-                for key, following in pairs
-                if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _text_of(following)
-            }
-    return found
-
-
-def _text_of(statement: ast.stmt) -> str:
-    if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant):
-        return str(statement.value.value)
-    return ""
+    return {"$schema": DIALECT, "title": TITLE, **_plain({**raw, "definitions": definitions})}
 
 
 def follow(schema: Node, node: Node) -> Node:
@@ -99,9 +52,9 @@ def follow(schema: Node, node: Node) -> Node:
 
 
 def tables(schema: Node, node: Node) -> tuple[Node, ...]:
-    """The tables that a node allows: one, several that differ by their kind, or none.
+    """The tables that a node allows: one, several of different kinds, or none.
 
-    Items of lists of tables and values of tables by name count as the tables.
+    For lists of tables and tables by name these are the items.
     """
     node = follow(schema, node)
     if "properties" in node:
@@ -112,16 +65,37 @@ def tables(schema: Node, node: Node) -> tuple[Node, ...]:
     return tuple(table for one in inner for table in tables(schema, one))
 
 
-def _sections(base: type[Section]) -> Iterator[type[Section]]:
-    for section in base.__subclasses__():
-        yield section
-        yield from _sections(section)
+def tables_at(path: tuple[str, ...]) -> tuple[Node, ...]:
+    """The tables allowed at a path of keys and names of materials, as in `tables`."""
+    schema = json_schema()
+    found: tuple[Node, ...] = (schema,)
+    for step in path:
+        inner = [table["properties"][step] for table in found if step in table["properties"]]
+        # A step that is not a key is the name of a table.
+        found = tuple(table for node in inner for table in tables(schema, node)) if inner else found
+    return found
+
+
+def heading(path: tuple[str, ...]) -> str:
+    """How TOML writes the table at a path: [model], [[body]], [material.NAME]."""
+    schema = json_schema()
+    if not path:
+        return "the top of the file"
+    node = follow(
+        schema, next(t["properties"][path[-1]] for t in tables_at(path[:-1]) if path[-1] in t["properties"])
+    )
+    name = ".".join(path)
+    if node.get("type") == "array":
+        return f"[[{name}]]"
+    return f"[{name}.NAME]" if "patternProperties" in node else f"[{name}]"
 
 
 def _plain(value: Any, keys_are_names: bool = False) -> Any:
-    """Without the titles that pydantic makes of names, and with the tuples of draft 7."""
+    """Removes pydantic's titles, writes tuples as in draft 7, and joins the lines of texts."""
     if isinstance(value, list):
         return [_plain(item) for item in value]
+    if isinstance(value, str):
+        return " ".join(value.split()).replace("``", "`")
     if not isinstance(value, dict):
         return value
     renamed = {"prefixItems": "items"}
@@ -132,42 +106,6 @@ def _plain(value: Any, keys_are_names: bool = False) -> Any:
         for key, item in value.items()
         if keys_are_names or key != "title"
     }
-
-
-def _places(schema: Node, path: tuple[str, ...]) -> Iterator[tuple[Node, str]]:
-    """Tables of the schema that hold the last key of a path, and that key; "*" is any name or number."""
-    *before, last = [step for step in path if step != "*"]
-    found: tuple[Node, ...] = (schema,)
-    for step in before:
-        inner = [table["properties"][step] for table in found if step in table["properties"]]
-        found = tuple(table for node in inner for table in tables(schema, node))
-    for table in found:
-        if last in table["properties"]:
-            yield table["properties"], last
-
-
-def _leave_out(holder: Node, key: str, planned: Planned) -> None:
-    """Keep what of the key's values this version takes."""
-    node = holder[key]
-    options = _options(node)
-    kept = [value for value in options if not planned.applies(value)]
-    if len(kept) == len(options):
-        return
-    if not kept:
-        del holder[key]
-        return
-    described = {name: node[name] for name in ("description", "default", "x-unit") if name in node}
-    holder[key] = {"enum": kept, **described}
-
-
-def _options(node: Node) -> list[Any]:
-    """Values that stand for all that a node allows."""
-    if "const" in node:
-        return [node["const"]]
-    if "enum" in node:
-        return list(node["enum"])
-    samples: dict[str, list[Any]] = {"boolean": [False, True], "number": [0.0, 1.0, -1.0]}
-    return samples.get(node.get("type", ""), [None])
 
 
 Visit = Callable[[tuple[str, ...], Node, Node], None]

@@ -1,4 +1,4 @@
-"""``--vary KEY=VALUES`` of a sweep: values by comma, or evenly spaced ones as START:STOP:COUNT."""
+"""``--vary KEY=VALUES`` of a sweep: values separated by commas, or evenly spaced ones as START:STOP:COUNT."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.values import dataclass
 
 MOST = 100_000
-"""A sweep of more points is a typing error."""
+"""Largest number of points of a sweep."""
 _RANGE = re.compile(r"([^:,\[\]\"']+):([^:,\[\]\"']+):([^:,\[\]\"']+)")
 
 
 @dataclass(frozen=True)
 class Vary:
-    """A key as ``--set`` takes it, and its values as TOML."""
+    """A key in the form of ``--set``, and its values as TOML."""
 
     key: str
     values: tuple[str, ...]
 
 
 def parse_vary(text: str) -> Vary:
-    """A key and its values; RunError where they cannot be read.
+    """A key and its values. Raises RunError if they cannot be read.
 
     >>> parse_vary("contact.c.friction=0.1,0.2").values
     ('0.1', '0.2')
@@ -47,7 +47,7 @@ def parse_vary(text: str) -> Vary:
 def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
     """Every combination of values as ``KEY=VALUE`` texts, the last key changing fastest.
 
-    Raises RunError for a key that is varied twice, and for far too many points.
+    Raises RunError for a key that is varied twice, and for too many points.
     """
     keys = [vary.key for vary in varied]
     if len(set(keys)) < len(keys):
@@ -56,7 +56,7 @@ def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
     for vary in varied:
         count *= len(vary.values)
     if count > MOST:
-        raise RunError(f"these are {count} points", f"a sweep takes up to {MOST}")
+        raise RunError(f"the sweep has {count} points", f"at most {MOST}")
     return [
         tuple(f"{key}={value}" for key, value in zip(keys, values, strict=True))
         for values in product(*(vary.values for vary in varied))
@@ -64,7 +64,7 @@ def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
 
 
 def flat(content: Mapping[str, Any]) -> dict[str, Any]:
-    """A case's content by dotted keys, as ``--set`` takes them: items of lists by name or number.
+    """The content of a case by dotted keys in the form of ``--set``: items of lists by name or number.
 
     >>> flat({"body": [{"name": "a", "seed": 1}], "mls": {"degree": 2}})
     {'body.a.name': 'a', 'body.a.seed': 1, 'mls.degree': 2}
@@ -87,12 +87,12 @@ def _even(text: str, first: str, last: str, number: str) -> tuple[str, ...]:
     ends = [_number(text, end) for end in (first, last)]
     count = _number(text, number)
     if not isinstance(count, int) or not 1 <= count <= MOST:
-        raise RunError(f"--vary {text}: {number} is no count of values", "as in 0.0:0.5:11")
+        raise RunError(f"--vary {text}: {number} is not a number of values", "as in 0.0:0.5:11")
     start, stop = ends
     steps = max(count - 1, 1)
     if all(isinstance(end, int) for end in ends) and (stop - start) % steps == 0:
         return tuple(str(start + (stop - start) // steps * i) for i in range(count))
-    # Rounded, for a directory is named after it: 0.15 and not 0.15000000000000002.
+    # Rounded, because directories are named after values: 0.15, not 0.15000000000000002.
     between = [float(f"{start + (stop - start) * i / steps:.12g}") for i in range(1, count - 1)]
     return tuple(map(repr, [float(start), *between, float(stop)][:count]))
 
@@ -100,7 +100,7 @@ def _even(text: str, first: str, last: str, number: str) -> tuple[str, ...]:
 def _number(text: str, part: str) -> Any:
     value = _toml(text, part)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise RunError(f"--vary {text}: {part.strip()} is no number", "as in 0.0:0.5:11")
+        raise RunError(f"--vary {text}: {part.strip()} is not a number", "as in 0.0:0.5:11")
     return value
 
 
@@ -118,7 +118,7 @@ def _toml(text: str, value: str) -> Any:
         parsed = {}
     if parsed.keys() != {"value"}:
         hint = """text needs quotes, as in --vary 'solver.method="anm","newton"'"""
-        raise RunError(f"--vary {text}: the values are no TOML", hint)
+        raise RunError(f"--vary {text}: the values are not TOML", hint)
     return parsed["value"]
 
 

@@ -1,4 +1,4 @@
-"""The command line. Importing it loads click and nothing heavy: numerics come in with the commands."""
+"""The command line. Importing it loads click only; commands import the numerics when they are called."""
 
 from __future__ import annotations
 

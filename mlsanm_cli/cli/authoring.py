@@ -21,7 +21,7 @@ from mlsanm_cli.errors import RunError
 
 DEFAULT_KIND = "hertz"
 SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
-"""Where editors look for the keys of a file: `mlsanm schema > mlsanm.schema.json` writes them there."""
+"""Tells editors where the schema is: `mlsanm schema > mlsanm.schema.json` writes it."""
 
 
 @click.command()
@@ -31,9 +31,9 @@ SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
     default=DEFAULT_KIND,
     show_default=True,
     shell_complete=completion.kinds,
-    help="Kind of scene; see --list.",
+    help="Kind of scene, see --list.",
 )
-@click.option("--list", "listing", is_flag=True, help="Kinds of scenes, nothing written.")
+@click.option("--list", "listing", is_flag=True, help="List the kinds of scenes.")
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @common
 @click.pass_obj
@@ -47,7 +47,7 @@ def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: 
         print_result(settings, {"kinds": known}, table("", list(known.items())))
         return 0
     if name is None:
-        raise RunError("no name given", "as in mlsanm new punch --kind hertz")
+        raise RunError("no name given", "for example: mlsanm new punch --kind hertz")
     if kind not in known:
         raise RunError(f'there is no kind "{kind}"', suggestion(kind, known, "kinds"))
     file = name if name.suffix == ".toml" else name.with_name(f"{name.name}.toml")
@@ -55,7 +55,7 @@ def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: 
         with file.open("w" if force else "x", encoding="utf-8") as stream:
             stream.write(f"{SCHEMA_LINE}\n{starter(kind)}")
     except FileExistsError as error:
-        raise RunError(f"{file} is there already", "use --force to overwrite it, or another name") from error
+        raise RunError(f"{file} already exists", "use --force to overwrite it, or another name") from error
     result = {"file": str(file), "kind": kind}
     steps = f"check: mlsanm check {file}\nsolve: mlsanm run {file}"
     keys = file.with_name("mlsanm.schema.json")
@@ -77,17 +77,17 @@ def schema(settings: Settings) -> int:
 
 @click.command()
 @click.argument("key", required=False, default="", shell_complete=completion.plain_keys)
-@click.option("--all", "everything", is_flag=True, help="The reference of all keys, as Markdown.")
+@click.option("--all", "everything", is_flag=True, help="Print the reference of all keys as Markdown.")
 @common
 @click.pass_obj
 def explain(settings: Settings, key: str, everything: bool) -> int:
-    """Explain a KEY of the case file, as in body.refine.spacing; without one, list the tables."""
+    """Explain a KEY of the case file, such as body.refine.spacing; without KEY, list the tables."""
     if everything:
         from mlsanm_cli.case.reference import everything as all_keys
         from mlsanm_cli.case.reference import markdown
 
         if key:
-            raise RunError("--all explains every key", f"leave {key} away, or --all")
+            raise RunError("--all explains every key", f"omit {key} or --all")
         told = all_keys()
         print_result(settings, {"explanations": [vars(one) for one in told]}, markdown(told))
         return 0
@@ -124,5 +124,5 @@ def _wrapped(text: str, width: int, indent: int) -> list[str]:
 
 
 def _first(text: str) -> str:
-    """The first part of a description."""
+    """The first sentence of a description."""
     return re.split(r"[.;:]\s", text)[0].rstrip(".")

@@ -31,15 +31,13 @@ from mlsanm_cli.cli.text import as_json
     metavar="KEY=VALUES",
     multiple=True,
     shell_complete=completion.keys,
-    help="Values by comma, or START:STOP:COUNT; repeatable, every combination is solved.",
+    help="Values separated by commas, or START:STOP:COUNT. Repeatable: all combinations are solved.",
 )
 @set_option
 @click.option("--out", type=FILE, help="Directory of the runs.  [default: results/<case name>-sweep]")
-@click.option("--force", is_flag=True, help="Solve points again that are done; replace other cases' runs.")
-@click.option(
-    "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes on this machine."
-)
-@click.option("--scheduler", metavar="ADDRESS", help="Solve on the Dask cluster of this scheduler.")
+@click.option("--force", is_flag=True, help="Solve completed points again and overwrite runs of other cases.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Number of processes.")
+@click.option("--scheduler", metavar="ADDRESS", help="Solve on a Dask cluster.")
 @cache_option
 @threads_option
 @common
@@ -56,9 +54,9 @@ def sweep(
     cache: bool,
     threads: int,
 ) -> int:
-    """Solve CASE for every combination of values, as in --vary contact.interface.friction=0:0.5:11.
+    """Solve CASE for all combinations of values, as in --vary contact.interface.friction=0:0.5:11.
 
-    Points that are done already are left out, so the same command goes on where it was stopped.
+    Completed points are skipped, so the same command continues an interrupted sweep.
     """
     with numerics(threads):
         from mlsanm_cli.app.sweep.run_sweep import SweepOptions
@@ -84,11 +82,11 @@ def sweep(
 
 @click.command()
 @click.argument("rundirs", type=FILE, nargs=-1, required=True)
-@click.option("--out", type=FILE, help="Write the CSV to this file.  [default: to stdout]")
+@click.option("--out", type=FILE, help="Output file.  [default: stdout]")
 @common
 @click.pass_obj
 def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
-    """Write one CSV row per run: what differs between the cases, status, figures."""
+    """Write one CSV row per run: parameters that differ, status, results."""
     with numerics(1):
         from mlsanm_cli.app.results.collect import as_csv, write_rows
         from mlsanm_cli.app.results.collect import collect as collect_runs
@@ -105,14 +103,14 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
 
 @click.group()
 def cache() -> None:
-    """What is kept between runs: clouds and operators, by the content they were made from."""
+    """Cache of clouds and operators, shared between runs."""
 
 
 @cache.command(name="info")
 @common
 @click.pass_obj
 def cache_info(settings: Settings) -> int:
-    """Tell where the cache is and how large."""
+    """Show location and size of the cache."""
     from mlsanm_cli.app.cache import info
 
     result = info()
@@ -124,7 +122,7 @@ def cache_info(settings: Settings) -> int:
 @common
 @click.pass_obj
 def cache_clear(settings: Settings) -> int:
-    """Remove everything in it; compiled kernels stay."""
+    """Empty the cache; compiled kernels are kept."""
     from mlsanm_cli.app.cache import clear
 
     result = clear()

@@ -1,4 +1,4 @@
-"""The commands. Each imports what it needs when it is called, so that ``--help`` stays instant."""
+"""The commands. Each imports its dependencies when it is called, which keeps ``--help`` fast."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ELSEWHERE = {
     **dict.fromkeys(("cache", "collect", "sweep"), "batch"),
     **{name: name for name in ("compare", "plot", "probe", "report", "resume")},
 }
-"""Commands that stand in other modules of this package, with the names of these."""
+"""Commands defined in other modules of this package, with their names."""
 
 
 SECTIONS = {
@@ -36,15 +36,14 @@ SECTIONS = {
     "Many runs": ("sweep", "collect", "compare", "cache"),
     "Reference": ("explain", "schema", "warmup"),
 }
-"""Commands in the order of the work, as the help lists them."""
+"""Commands in the order of the help."""
 
 
 class Commands(click.Group):
-    """The group of commands, with the nearest name for a misspelt one; those of other modules are imported
-    when they are asked for."""
+    """The group of commands. Suggests similar names, and imports commands of other modules on demand."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All names, in the order of the work."""
+        """All names, in the order of the help."""
         known = {*self.commands, *ELSEWHERE}
         placed = [name for names in SECTIONS.values() for name in names]
         return [name for name in placed if name in known] + sorted(known - set(placed))
@@ -61,7 +60,7 @@ class Commands(click.Group):
                 )
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """A command, None where there is none of this name."""
+        """The command of this name, or None."""
         if cmd_name in ELSEWHERE:
             module = importlib.import_module(f"mlsanm_cli.cli.{ELSEWHERE[cmd_name]}")
             command: click.Command = getattr(module, cmd_name)
@@ -71,13 +70,13 @@ class Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As in click, but a wrong name is told the nearest right one."""
+        """As in click, with a suggestion for an unknown name."""
         if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
-            import difflib  # for misspelt names only
+            import difflib  # needed for unknown names only
 
             names = self.list_commands(ctx)
             near = difflib.get_close_matches(args[0], names, n=1)
-            hint = f'Did you mean "{near[0]}"?' if near else f"There are: {', '.join(names)}."
+            hint = f'Did you mean "{near[0]}"?' if near else f"Commands: {', '.join(names)}."
             if args[0].endswith(".toml"):
                 hint = f'To solve a case: "mlsanm run {args[0]}".'
             ctx.fail(f'No such command "{args[0]}". {hint}')
@@ -85,7 +84,7 @@ class Commands(click.Group):
 
 
 def _show_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
-    """Print the version with the commit it was built from, and end."""
+    """Print version and commit, and exit."""
     if not wanted or context.resilient_parsing:
         return
     from mlsanm_cli.commit import commit
@@ -105,9 +104,9 @@ def _show_version(context: click.Context, parameter: click.Parameter, wanted: bo
     help="Show the version.",
 )
 def cli() -> None:
-    """Frictional contact between elastic bodies in the plane, without a mesh.
+    """Frictional contact of 2D elastic bodies by a mesh-free method.
 
-    A scene is a TOML file; a run of it fills a directory with HDF5, VTU and JSON files.
+    A case is a TOML file; a run writes HDF5, VTU and JSON files to a directory.
     """
 
 
@@ -117,7 +116,7 @@ def cli() -> None:
 @click.option("--out", type=FILE, help="Run directory.  [default: results/<case name>]")
 @click.option("--force", is_flag=True, help="Overwrite an existing run.")
 @max_wall_option
-@click.option("--skip-done", is_flag=True, help="Do nothing where this very case's run is done.")
+@click.option("--skip-done", is_flag=True, help="Skip if this case has already been run to completion.")
 @cache_option
 @threads_option
 @common
@@ -154,7 +153,7 @@ def run(
     finally:
         console.close()
     if summary.get("skipped"):
-        print_result(settings, summary, f"{summary['directory']} holds this run, done; nothing to do")
+        print_result(settings, summary, f"{summary['directory']}: already run to completion, skipped")
         return 0
     return show_run(settings, summary)
 
@@ -162,7 +161,7 @@ def run(
 @cli.command()
 @click.argument("case", type=FILE)
 @set_option
-@click.option("--write", type=FILE, help="Write the model as VTU: tags, normals, pairs.")
+@click.option("--write", type=FILE, help="Write the model as VTU: boundaries, normals, contact pairs.")
 @click.option("--picture", type=FILE, help="Draw the model: nodes, supports, loads, obstacles.")
 @threads_option
 @common
@@ -177,7 +176,7 @@ def check(
 ) -> int:
     """Check CASE without solving it.
 
-    Validation, clouds, stencils, pairing, supports, and an estimate of size and cost.
+    Validates the case, places nodes, builds stencils and contact pairs, and estimates size and cost.
     """
     with numerics(threads):
         from mlsanm_cli.app.check import check as check_case
@@ -200,7 +199,7 @@ def check(
 @common
 @click.pass_obj
 def info(settings: Settings, rundir: Path) -> int:
-    """Summarise the run in RUNDIR."""
+    """Show the summary of the run in RUNDIR."""
     with numerics(1):
         from mlsanm_cli.app.results.info import info as run_info
 
@@ -214,7 +213,7 @@ def info(settings: Settings, rundir: Path) -> int:
 @common
 @click.pass_obj
 def warmup(settings: Settings, threads: int) -> int:
-    """Compile the kernels now, not at the first run."""
+    """Compile the kernels ahead of the first run."""
     with numerics(threads):
         from mlsanm_cli.app.warmup import warmup as warm_up
 

@@ -16,32 +16,30 @@ _STATUS_CODES = {"disagree": 1, "failed": 3}
 
 @click.command()
 @click.argument("case", type=FILE)
-@click.option("--newton", is_flag=True, help="Newton-Raphson on the smooth law.")
-@click.option("--active-set", is_flag=True, help="The exact law.")
-@click.option(
-    "--monolithic", is_flag=True, help="Smooth methods with the bodies' displacements among their unknowns."
-)
-@click.option("--analytic", is_flag=True, help="Errors against the case's [reference].")
+@click.option("--newton", is_flag=True, help="Newton-Raphson with the regularised law.")
+@click.option("--active-set", is_flag=True, help="Active-set method with the exact law.")
+@click.option("--monolithic", is_flag=True, help="The regularised methods without static condensation.")
+@click.option("--analytic", is_flag=True, help="Errors relative to the [reference] of the case.")
 @click.option(
     "--levels",
     type=click.IntRange(min=1),
     default=10,
     show_default=True,
-    help="Load levels per stage at which states are compared, beside the case's own.",
+    help="Load levels per stage to compare, in addition to those of the case.",
 )
 @click.option(
     "--tolerance",
     type=click.FloatRange(min=0.0, min_open=True),
-    help="Largest difference between methods with the same law.  [default: 10 x solver.tolerance]",
+    help="Allowed difference between methods with the same law.  [default: 10 x solver.tolerance]",
 )
 @click.option(
     "--repeat",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Follow every path so often; the median time counts.",
+    help="Repetitions of every path; median times are reported.",
 )
-@click.option("--picture/--no-picture", default=True, help="Draw work and precision.  [default: draw]")
+@click.option("--picture/--no-picture", default=True, help="Draw a work-precision diagram.  [default: draw]")
 @set_option
 @click.option("--out", type=FILE, help="Directory of comparison.json.  [default: results/<case name>]")
 @click.option("--force", is_flag=True, help="Overwrite an existing comparison.")
@@ -64,9 +62,9 @@ def compare(
     force: bool,
     threads: int,
 ) -> int:
-    """Solve CASE with ANM and the methods named, on the same operators.
+    """Solve CASE with ANM and the selected methods, on the same operators.
 
-    The method that CASE itself asks for is always among them. Exit code 1 where methods disagree.
+    The method of CASE is always included. Exit code 1 if methods disagree.
     """
     with numerics(threads):
         from mlsanm_cli.app.comparison.compare import CompareOptions

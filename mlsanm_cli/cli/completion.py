@@ -1,6 +1,6 @@
-"""What the shell completes: keys of the case, kinds of scenes, names in cases and runs.
+"""Shell completion: keys of the case, kinds of scenes, names in cases and runs.
 
-Called by click while nothing is run: whatever is wrong with a file, nothing is said, and nothing completed.
+Errors in files are ignored; nothing is completed then.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from typing import Any
 import click
 
 LISTED = ("body", "material", "load", "contact", "probe")
-"""Tables whose items have names, which stand in keys behind the table's."""
+"""Tables whose items have names, which are part of keys."""
 Complete = Callable[[click.Context, click.Parameter, str], list[str]]
 
 
 def keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Keys as ``--set`` and ``--vary`` take them, with the names in the case of the command."""
+    """Keys in the form of ``--set`` and ``--vary``, with the names of the case of the command."""
     case = _content(next(iter(_given(context, "case")), None))
     found = [f"{name}=" for key in _known() for name in _with_names(key, case)]
     return _matching(found, incomplete)
 
 
 def plain_keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Keys as ``explain`` takes them."""
+    """Keys in the form of ``explain``."""
     return _matching(_known(), incomplete)
 
 
@@ -37,7 +37,7 @@ def kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -
 
 
 def names(*tables: str) -> Complete:
-    """A function that completes names of items of the tables in the case of a run; of supports boundaries."""
+    """A function that completes names of items of tables in the case of a run; of supports boundaries."""
 
     def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
         found: list[Any] = []
@@ -51,14 +51,14 @@ def names(*tables: str) -> Complete:
 
 
 def _known() -> list[str]:
-    """All keys of the schema that hold values, and not tables."""
+    """All keys of the schema with values (not tables)."""
     from mlsanm_cli.case.reference import value_keys
 
     return value_keys()
 
 
 def _with_names(key: str, case: Mapping[str, Any]) -> Iterator[str]:
-    """A key with the names of a case's items in it, and with a star for all; without a case the star only."""
+    """A key with the names of the items of a case and with the wildcard; without a case the latter only."""
     table, dot, rest = key.partition(".")
     if table not in LISTED or not dot:
         yield key
@@ -71,7 +71,7 @@ def _with_names(key: str, case: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _items(case: Mapping[str, Any], table: str) -> list[Mapping[str, Any]]:
-    """The items of a list of tables, as far as they are tables."""
+    """The items of a list of tables that are tables."""
     found = case.get(table)
     return [item for item in found if isinstance(item, Mapping)] if isinstance(found, list) else []
 
@@ -81,9 +81,9 @@ def _matching(found: list[str], incomplete: str) -> list[str]:
 
 
 def _given(context: click.Context, *names: str) -> list[Path]:
-    """The files that the command has been given so far.
+    """The files given to the command so far.
 
-    Where an option's value is still missing click stops before it comes to them, and leaves them over.
+    If the value of an option is missing, click leaves them among the remaining arguments.
     """
     for name in names:
         given = context.params.get(name)
@@ -93,7 +93,7 @@ def _given(context: click.Context, *names: str) -> list[Path]:
 
 
 def _content(path: Any) -> Mapping[str, Any]:
-    """The content of a TOML file; nothing where it cannot be read."""
+    """The content of a TOML file; empty if it cannot be read."""
     if path is None:
         return {}
     try:

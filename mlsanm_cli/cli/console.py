@@ -1,4 +1,4 @@
-"""What a command says while it works, on stderr: in place on a terminal, line by line elsewhere."""
+"""Progress messages on stderr: in place on a terminal, line by line elsewhere."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _FRAME = 0.05  # seconds between two changes of the line on a terminal
 class TerminalConsole:
     """Progress, notes, warnings and tables.
 
-    With ``quiet`` only warnings are shown. On a terminal, phases and steps rewrite one line; elsewhere
-    a phase is a line, and steps are shown at most once a second, the first and the last always. A line on a
-    terminal that nothing replaces tells every second since when it stands there.
+    With ``quiet`` only warnings are shown. On a terminal, phases and steps rewrite one line, which shows the
+    elapsed time if nothing replaces it. Elsewhere a phase is a line, and steps are shown at most once a
+    second, the first and the last always.
     """
 
     def __init__(
@@ -51,12 +51,12 @@ class TerminalConsole:
         self._row: list[str] = []  # its columns, if it is a step
         self._waiting: list[str] = []  # the latest step that was not shown yet
         self._last: float | None = None
-        # Two threads write: this one, and the one that tells how long a line has been standing.
+        # Two threads write: this one, and the one that shows the elapsed time.
         self._lock = threading.RLock()
         self._heart = Heartbeat(self._still, interval)
 
     def phase(self, text: str) -> None:
-        """One line saying what is happening now."""
+        """Starts a phase."""
         with self._lock:
             self._finish_steps()
             if self._quiet:
@@ -67,7 +67,7 @@ class TerminalConsole:
                 self._line(f"{text} ...")
 
     def step(self, index: int, position: float, residual: float, text: str = "") -> None:
-        """One row of the step table: path position, scaled residual, a remark."""
+        """A row of the step table: path position, scaled residual, remarks."""
         if self._quiet:
             return
         remarks = text.split("  ") if text else []
@@ -82,14 +82,14 @@ class TerminalConsole:
             self._last = now
 
     def note(self, text: str) -> None:
-        """Something worth knowing."""
+        """A note."""
         with self._lock:
             self._finish_steps()
             if not self._quiet:
                 self._line(printable(text))
 
     def warning(self, text: str) -> None:
-        """Something to look at; shown with ``quiet`` too."""
+        """A warning; shown with ``quiet`` too."""
         with self._lock:
             self._finish_steps()
             self._line(f"{paint('warning:', YELLOW, self._color)} {printable(text)}")
@@ -102,15 +102,14 @@ class TerminalConsole:
                 self._line(table(title, rows, self._color))
 
     def close(self) -> None:
-        """Leaves the terminal clean: the last step stays, a phase that ended goes."""
+        """Cleans up the terminal: the last step remains, the phase is erased."""
         self._heart.stop()
         with self._lock:
             self._finish_steps()
             self._erase()
 
     def _still(self, seconds: float) -> None:
-        """Add to the line on the terminal how long it has been standing there, and how far what is at work
-        is; what leaves no room for the time goes."""
+        """Adds elapsed time and progress to the line on the terminal, omitting what does not fit."""
         with self._lock:
             if not self._shown:
                 return
@@ -129,19 +128,19 @@ class TerminalConsole:
             self._line("  ".join(row).rstrip())
 
     def _finish_steps(self) -> None:
-        """Ends a run of steps: the last one stays on the screen or in the log."""
+        """Ends a sequence of steps: the last one remains."""
         if self._last is None:
             return
         if self._waiting:
             self._show_step(self._waiting)
         if self._live:
-            # As it was, without how long it stood there.
+            # Without the elapsed time.
             self._put(f"{_CLEAR}{paint(self._shown, self._style, self._color)}\n")
             self._shown = ""
         self._last = None
 
     def _rewrite(self, text: str, row: Sequence[str] = ()) -> None:
-        # One column stays free: terminals wrap when the last one is written.
+        # One column remains free: terminals wrap after the last one.
         width = max(self._columns() - 1, 1)
         if len(text) > width:
             text = f"{text[: max(width - 4, 0)].rstrip(' .')} ..."[:width]
@@ -163,7 +162,7 @@ class TerminalConsole:
         self._put(f"{text}\n")
 
     def _put(self, text: str) -> None:
-        """Write; once nobody listens any more, as behind `| head`, the run goes on without a word."""
+        """Writes; after the reader has closed the stream, as in `| head`, output is discarded."""
         if self._deaf:
             return
         try:
@@ -174,15 +173,15 @@ class TerminalConsole:
 
 
 def _factorisation() -> str:
-    """How far a factorisation is, where there is one; what has not been imported does nothing."""
+    """Progress of the current factorisation, "" if there is none."""
     module = sys.modules.get("mlsanm_cli.operators.linear.progress")
     return "" if module is None else str(module.told())
 
 
 def fitting(columns: Sequence[str], width: int) -> str:
-    """The columns of a step as a line of at most ``width`` characters, without those that do not fit.
+    """The columns of a step as a line of at most ``width`` characters.
 
-    A number is never cut. The residual goes first, then what stands last; the first column always stays.
+    Columns that do not fit are omitted, first the residual, then from the end; the first one always remains.
 
     >>> fitting(["step    3 ", "position 0.5", "residual 1e-09 ", "closed 7", "peak pressure 25.1"], 60)
     'step    3   position 0.5  closed 7  peak pressure 25.1'
@@ -194,7 +193,7 @@ def fitting(columns: Sequence[str], width: int) -> str:
 
 
 def _width_of(stream: TextIO) -> int:
-    """Columns of the terminal that a stream writes to, whatever the others are."""
+    """Width of the terminal of this stream."""
     try:
         return os.get_terminal_size(stream.fileno()).columns or _COLUMNS
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""A sign of life while one thing takes long."""
+"""A periodic callback during long operations."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable
 
 INTERVAL = 0.5
-"""Seconds between two signs."""
+"""Seconds between two calls."""
 
 
 class Heartbeat:
-    """Calls ``beat`` from a thread of its own, with the seconds since the last :meth:`touch`, about once per
-    ``interval`` while nothing else happens."""
+    """Calls ``beat`` from a separate thread about once per ``interval``, with the seconds since the last
+    :meth:`touch`."""
 
     def __init__(self, beat: Callable[[float], None], interval: float = INTERVAL) -> None:
         self._beat = beat
@@ -22,15 +22,15 @@ class Heartbeat:
         self._thread: threading.Thread | None = None
 
     def touch(self) -> None:
-        """Something new is shown now; the first time starts the thread."""
+        """Restarts the time; the first call starts the thread."""
         self._since = time.monotonic()
         if self._thread is None and not self._over.is_set():
-            # A daemon: a process that is interrupted does not wait for it.
+            # A daemon, so that an interrupted process does not wait for it.
             self._thread = threading.Thread(target=self._run, daemon=True)
             self._thread.start()
 
     def stop(self) -> None:
-        """No more signs."""
+        """Ends the calls."""
         self._over.set()
 
     def _run(self) -> None:

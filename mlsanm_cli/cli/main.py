@@ -1,4 +1,4 @@
-"""Entry point of the command line: every error ends here, with its exit code and without a traceback."""
+"""Entry point of the command line: turns errors into messages and exit codes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from mlsanm_cli.errors import CaseError, CaseProblem, MlsanmError
 
 USAGE, BUG, STOPPED = 2, 70, 75
 LOST = (errno.EPIPE, errno.EBADF, errno.EFBIG, errno.EIO, errno.ENOSPC)
-"""What writing to a stream fails with: nobody reads it, or the disk is full."""
+"""Errors of writing to a stream: it has no reader, or the disk is full."""
 SHOWN = 200
-"""Problems of a case that are printed; of more nobody reads."""
+"""Largest number of problems of a case that are printed."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     open_closed_streams()
     settings = Settings()
-    # Before anything is parsed: wrong options are told as JSON too.
+    # Before anything is parsed: errors in options are reported as JSON too.
     settings.json = "--json" in (sys.argv[1:] if arguments is None else arguments)
     try:
         code = _run(arguments, settings)
@@ -45,12 +45,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             sys.stderr.flush()
         except OSError:
-            # Python would fail at it once more when it ends, and change the exit code.
+            # Python would fail again at exit and change the exit code.
             silence(sys.stderr)
 
 
 def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
-    """Runs a command, reports its error if it has one, and returns its exit code."""
+    """Runs a command, reports its error, if any, and returns its exit code."""
     stdout, stderr = sys.stdout, sys.stderr
     try:
         with _terminate_like_interrupt():
@@ -63,8 +63,8 @@ def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
             sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except SystemExit as error:
-        # click ends completion in the shell so; and, with wrapped streams and code 1, what it wrote itself,
-        # as help, to a reader that left.
+        # Raised by click after shell completion; and, with wrapped streams and code 1, after writing help to
+        # a closed stream.
         if sys.stdout is not stdout:
             sys.stdout, sys.stderr = stdout, stderr
             silence(stdout)
@@ -73,7 +73,7 @@ def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
     except OSError as error:
         if error.filename is not None or error.errno not in LOST:
             return _report(error, settings)
-        # A stream: files have names. click writes help, version and completion itself.
+        # A stream, because files have names: click writes help, version and completion itself.
         settings.unsaid = error
         silence(sys.stdout)
         return 0
@@ -82,9 +82,9 @@ def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
 
 
 def _report(error: BaseException, settings: Settings) -> int:
-    """Prints the error, with ``--json`` on stdout too, and returns the exit code that goes with it."""
+    """Prints the error, with ``--json`` on stdout too, and returns its exit code."""
     if settings.debug and not isinstance(error, click.ClickException):
-        import traceback  # which nobody sees without --debug
+        import traceback  # needed with --debug only
 
         traceback.print_exception(error)
     if isinstance(error, click.ClickException):
@@ -100,7 +100,7 @@ def _report(error: BaseException, settings: Settings) -> int:
         count = len(error.problems)
         if count > SHOWN:
             _print("", f"and {count - SHOWN} more", settings)
-        _print("error", f"{count} problem{'' if count == 1 else 's'}, nothing was run", settings)
+        _print("error", f"{count} problem{'' if count == 1 else 's'} in the case, nothing was run", settings)
         _as_json(error.problems, settings)
         return error.exit_code
     code, message, hint = _told(error, settings)
@@ -111,23 +111,23 @@ def _report(error: BaseException, settings: Settings) -> int:
 
 
 def _told(error: BaseException, settings: Settings) -> tuple[int, str, str]:
-    """Exit code, message and hint of what is no fault of a case."""
+    """Exit code, message and hint of an error that is not a CaseError."""
     if isinstance(error, MlsanmError):
         return error.exit_code, error.message, error.hint
     if isinstance(error, click.Abort | KeyboardInterrupt):
-        # click keeps what it makes an Abort of as its cause.
+        # click keeps the original error as the cause of an Abort.
         return STOPPED, str(error) or str(error.__cause__ or "") or "stopped by a signal", ""
     if isinstance(error, MemoryError):
-        hint = "larger spacings need less; `mlsanm check` estimates the size"
-        return USAGE, "the memory is used up", hint
+        hint = "increase the spacings; `mlsanm check` estimates the size"
+        return USAGE, "out of memory", hint
     if isinstance(error, OSError) and error.filename is not None:
         return USAGE, f"{error.filename}: {error.strerror or error}", ""
-    hint = "" if settings.debug else "please report it, with the case file and what --debug adds to this"
+    hint = "" if settings.debug else "please report it with the case file and the output of --debug"
     return BUG, f"a bug in mlsanm: {type(error).__name__}: {error}", hint
 
 
 def _as_json(problems: Sequence[CaseProblem], settings: Settings) -> None:
-    """What is wrong, on stdout: file, line and key are null where there is none."""
+    """The problems on stdout; unknown file, line and key are null."""
     if settings.json:
         listed = [
             {
@@ -146,14 +146,14 @@ def _print(kind: str, text: str, settings: Settings) -> None:
     if text:
         color = settings.paints(sys.stderr)
         prefix = paint(f"{kind}:", RED if kind == "error" else YELLOW, color) + " " if kind else ""
-        # Nobody may listen any more: that must not change the exit code.
+        # A closed stream must not change the exit code.
         with suppress(OSError):
             print(prefix + printable(text), file=sys.stderr)
 
 
 @contextmanager
 def _terminate_like_interrupt() -> Iterator[None]:
-    """SIGTERM and SIGUSR1 end a command as Ctrl-C does, so that files are closed; the old handlers return."""
+    """SIGTERM and SIGUSR1 end a command like Ctrl-C, so that files are closed; handlers are restored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

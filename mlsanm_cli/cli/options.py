@@ -1,4 +1,4 @@
-"""Options that commands share, and how they talk to a person."""
+"""Options shared by commands, and output of results."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from mlsanm_cli.inputs import is_text
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 LONGEST_WALL = 1e9
-"""Seconds, some thirty years: what the timers of all systems can hold."""
+"""Seconds, about thirty years: the limit of timers on all systems."""
 
 
 class File(click.Path):
-    """A path whose name is text: results name the files that they come from."""
+    """A path that is valid text, because results contain file names."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path; click's usage error for bytes that are no UTF-8."""
+        """The path; usage error for bytes that are not UTF-8."""
         path = super().convert(value, param, ctx)
         if not is_text(Path(os.fsdecode(path))):
-            self.fail(f"the name {str(path)!r} is no UTF-8 text; rename it", param, ctx)
+            self.fail(f"the name {str(path)!r} is not UTF-8 text; rename it", param, ctx)
         return path
 
 
 class Seconds(click.FloatRange):
-    """A time that a timer can hold."""
+    """A duration within the limit of timers."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The seconds; click's usage error for nan too, which no range excludes."""
+        """The seconds; usage error for nan, which ranges do not exclude."""
         seconds = super().convert(value, param, ctx)
         if math.isnan(seconds):
-            self.fail("nan is no time", param, ctx)
+            self.fail("nan is not a duration", param, ctx)
         return seconds
 
 
@@ -56,22 +56,22 @@ def _store(context: click.Context, parameter: click.Parameter, value: Any) -> No
 
 
 def _common_option(*names: str, **settings: Any) -> Callable[[Function], Function]:
-    # Eager: read first, so that they hold for errors in the other options too.
+    # Eager: read first, so that they apply to errors in other options too.
     return click.option(*names, is_eager=True, expose_value=False, callback=_store, **settings)
 
 
 def common(function: Function) -> Function:
-    """The options that every command has; they go into the settings."""
+    """The options of every command, stored in the settings."""
     for decorate in (
-        _common_option("--debug", is_flag=True, help="Show tracebacks."),
+        _common_option("--debug", is_flag=True, help="Show tracebacks of errors."),
         _common_option(
             "--color",
             type=click.Choice(["auto", "always", "never"]),
             default="auto",
-            help="Colours; auto follows the terminal and NO_COLOR.",
+            help="Colours; auto depends on the terminal and NO_COLOR.",
         ),
-        _common_option("--json", is_flag=True, help="Result as JSON on stdout."),
-        _common_option("--quiet", "-q", is_flag=True, help="Only warnings and errors."),
+        _common_option("--json", is_flag=True, help="Print the result as JSON on stdout."),
+        _common_option("--quiet", "-q", is_flag=True, help="Show warnings and errors only."),
     ):
         function = decorate(function)
     return function
@@ -80,7 +80,7 @@ def common(function: Function) -> Function:
 def threads_option(function: Function) -> Function:
     """``--threads``."""
     option = click.option(
-        "--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Threads to use."
+        "--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Number of threads."
     )
     return option(function)
 
@@ -91,7 +91,7 @@ def max_wall_option(function: Function) -> Function:
         "--max-wall",
         type=Seconds(min=0.0, min_open=True, max=LONGEST_WALL),
         metavar="SECONDS",
-        help="Stop after this time, with exit code 75; `mlsanm resume` goes on.",
+        help="Stop after this time with exit code 75; `mlsanm resume` continues.",
     )
     return option(function)
 
@@ -99,7 +99,7 @@ def max_wall_option(function: Function) -> Function:
 def cache_option(function: Function) -> Function:
     """``--no-cache``."""
     option = click.option(
-        "--cache/--no-cache", default=True, help="Keep operators for later runs.  [default: keep]"
+        "--cache/--no-cache", default=True, help="Cache operators for later runs.  [default: cache]"
     )
     return option(function)
 
@@ -112,18 +112,18 @@ def set_option(function: Function) -> Function:
         metavar="KEY=VALUE",
         multiple=True,
         shell_complete=completion.keys,
-        help="Change a key of the case; repeatable. As in --set solver.order=15.",
+        help="Change a key of the case, as in --set solver.order=15. Repeatable.",
     )
     return option(function)
 
 
 def console_for(settings: Settings) -> TerminalConsole:
-    """What a command says while it works, on stderr."""
+    """The console for progress messages on stderr."""
     return TerminalConsole(sys.stderr, settings)
 
 
 def print_result(settings: Settings, result: Mapping[str, Any], text: str) -> None:
-    """The result on stdout: as JSON if asked for, as text otherwise, unless quiet."""
+    """Prints the result on stdout: as JSON, as text, or not at all with ``quiet``."""
     if settings.json:
         say(settings, as_json(result))
     elif not settings.quiet:
@@ -131,6 +131,6 @@ def print_result(settings: Settings, result: Mapping[str, Any], text: str) -> No
 
 
 def pretty_result(settings: Settings, result: Mapping[str, Any]) -> str:
-    """The result as tables that fit the terminal."""
+    """The result as tables of the width of the terminal."""
     width = shutil.get_terminal_size((100, 24)).columns
     return pretty(result, color=settings.paints(sys.stdout), width=width)

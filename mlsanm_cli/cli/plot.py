@@ -17,23 +17,29 @@ FIELDS = ("von_mises", "xx", "yy", "xy", "ux", "uy", "displacement")
 @click.command()
 @click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
 @click.option(
-    "--what", type=click.Choice(KINDS), multiple=True, help="Kind of picture; repeatable.  [default: all]"
+    "--what", type=click.Choice(KINDS), multiple=True, help="Kind of picture. Repeatable.  [default: all]"
 )
 @click.option(
     "--contact",
     metavar="NAME",
     shell_complete=completion.names("contact"),
-    help="Pictures of this contact only.",
+    help="Draw this contact only.",
 )
-@click.option("--field", type=click.Choice(FIELDS), help="Colours of the bodies, or what a line shows.")
-@click.option("--at", type=float, multiple=True, help="Path position; repeatable.  [default: saved ones]")
+@click.option("--field", type=click.Choice(FIELDS), help="Field shown on bodies or along a line.")
+@click.option(
+    "--at", type=float, multiple=True, help="Path position. Repeatable.  [default: saved positions]"
+)
 @click.option(
     "--along",
     metavar="LINE",
-    help="A boundary, as block.top, or a line X,Y:X,Y, along which a field is drawn.",
+    help="Draw a field along a boundary such as block.top, or a line X,Y:X,Y.",
 )
-@click.option("-o", "--output", "out", type=FILE, help="Write this one picture; its ending tells the format.")
-@click.option("--animate", is_flag=True, help="A GIF along the path: pressures, or --what bodies.")
+@click.option(
+    "-o", "--output", "out", type=FILE, help="Output file of a single picture; the suffix selects the format."
+)
+@click.option(
+    "--animate", is_flag=True, help="Write an animated GIF along the path: pressures, or --what bodies."
+)
 @click.option(
     "--format",
     "formats",
@@ -41,7 +47,7 @@ FIELDS = ("von_mises", "xx", "yy", "xy", "ux", "uy", "displacement")
     multiple=True,
     default=("png",),
     show_default=True,
-    help="File format; repeatable.",
+    help="File format. Repeatable.",
 )
 @common
 @click.pass_obj
@@ -57,9 +63,9 @@ def plot(
     animate: bool,
     formats: tuple[str, ...],
 ) -> int:
-    """Draw the run in RUNDIR, or several over each other.
+    """Draw pictures of the run in RUNDIR, or of several runs in common plots.
 
-    Pressure against position, load path, deformed bodies with von Mises stress; needs no display.
+    Contact pressures, load path, deformed bodies with von Mises stress. No display is needed.
     """
     with numerics(1):
         from mlsanm_cli.app.results.plot import plot as plot_run

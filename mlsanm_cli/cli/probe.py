@@ -21,41 +21,41 @@ from mlsanm_cli.errors import RunError
 
 _WAYS = {
     "stored": "",
-    "series": "from the series of the step",
-    "linear": "between stored states, where all is linear",
+    "series": "from the power series of the step",
+    "linear": "interpolated (linear problem)",
 }
 
 
 class Point(click.ParamType[tuple[float, float]]):
-    """Two numbers with a comma between them."""
+    """Two numbers separated by a comma."""
 
     name = "X,Y"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, float]:
-        """The point; click's usage error for anything else."""
+        """The point; usage error for anything else."""
         try:
             x, y = (float(part) for part in str(value).split(","))
         except ValueError:
-            self.fail(f'"{value}" is no point; write --point 0.5,1.0', param, ctx)
+            self.fail(f'"{value}" is not a point; write --point 0.5,1.0', param, ctx)
         if not (math.isfinite(x) and math.isfinite(y)):
-            self.fail("nan and inf are no places", param, ctx)
+            self.fail("nan and inf are not allowed", param, ctx)
         return x, y
 
 
 @click.command()
 @click.argument("rundir", type=FILE)
-@click.option("--at", type=float, multiple=True, help="Path position; repeatable.  [default: the end]")
+@click.option("--at", type=float, multiple=True, help="Path position. Repeatable.  [default: the end]")
 @click.option(
-    "--contact", metavar="NAME", shell_complete=completion.names("contact"), help="A contact's nodes."
+    "--contact", metavar="NAME", shell_complete=completion.names("contact"), help="Results along a contact."
 )
 @click.option(
     "--quantity",
     "quantities",
     type=click.Choice(["pressure", "traction", "gap", "slip"]),
     multiple=True,
-    help="Of the contact; repeatable.  [default: all]",
+    help="Quantity of the contact. Repeatable.  [default: all]",
 )
 @click.option(
     "--force",
@@ -67,16 +67,16 @@ class Point(click.ParamType[tuple[float, float]]):
     "--probe",
     metavar="NAME",
     shell_complete=completion.names("probe"),
-    help="What a [[probe]] of the case has seen.",
+    help="Results of a [[probe]] of the case.",
 )
-@click.option("--body", metavar="NAME", shell_complete=completion.names("body"), help="A body; with --point.")
-@click.option("--point", type=Point(), help="A place in the body, before loading.")
+@click.option("--body", metavar="NAME", shell_complete=completion.names("body"), help="Body, with --point.")
+@click.option("--point", type=Point(), help="Coordinates in the undeformed body.")
 @click.option(
     "--field",
     type=click.Choice(["displacement", "stress", "von_mises"]),
-    help="At the point or probe.  [default: all]",
+    help="Field at the point or probe.  [default: all]",
 )
-@click.option("--csv", "as_csv", is_flag=True, help="Result as CSV on stdout.")
+@click.option("--csv", "as_csv", is_flag=True, help="Print the result as CSV on stdout.")
 @common
 @click.pass_obj
 def probe(
@@ -92,9 +92,10 @@ def probe(
     field: str | None,
     as_csv: bool,
 ) -> int:
-    """Tell a quantity of the run in RUNDIR at any load level.
+    """Print a result at any load level.
 
-    Between stored states it comes from the series of the run. Without a choice: what there is to choose from.
+    Between stored states it is evaluated from the power series of the run. Without options, list the
+    available results.
     """
     with numerics(1):
         from mlsanm_cli.app.results import probe as app
@@ -102,7 +103,7 @@ def probe(
     targets = [name for name in (contact, force, probe, body) if name is not None]
     _refuse_mixtures(len(targets), contact, body, point, field, quantities, force)
     if as_csv and settings.json:
-        raise RunError("--csv and --json cannot both be the result", "give one of them")
+        raise RunError("--csv and --json exclude each other", "give one of them")
     if not targets:
         found = app.contents(rundir)
         print_result(settings, found, pretty_result(settings, found))
@@ -134,19 +135,19 @@ def _refuse_mixtures(
     quantities: Sequence[str],
     force: str | None,
 ) -> None:
-    """RunError for options that do not go together."""
+    """Raises RunError for options that cannot be combined."""
     if targets > 1:
-        raise RunError("more than one thing to probe", "give one of --contact, --force, --probe and --body")
+        raise RunError("more than one result selected", "give one of --contact, --force, --probe and --body")
     if (body is None) != (point is None):
-        raise RunError("--body and --point go together", "as in --body block --point 0,-0.5")
+        raise RunError("--body and --point are needed together", "as in --body block --point 0,-0.5")
     if quantities and contact is None:
-        raise RunError("--quantity is of a contact", "add --contact NAME")
+        raise RunError("--quantity needs a contact", "add --contact NAME")
     if field is not None and (contact is not None or force is not None or not targets):
-        raise RunError("--field is of a point", "add --body and --point, or --probe")
+        raise RunError("--field needs a point", "add --body and --point, or --probe")
 
 
 def _text(title: str, rows: Sequence[Mapping[str, Any]], color: bool) -> str:
-    """One table over the levels; of a contact one table per level."""
+    """One table over the load levels; for a contact one table per level."""
     if any(hasattr(value, "tolist") for value in rows[0].values()):
         return "\n".join(_nodes(title, row, color) for row in rows)
     columns = [key for key in rows[0] if key != "how"]
@@ -162,7 +163,7 @@ def _nodes(title: str, row: Mapping[str, Any], color: bool) -> str:
 
 
 def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """One line per level, of a contact one per level and node."""
+    """One line per level, for a contact one per level and node."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     columns = [key for key in rows[0] if key != "how"]

@@ -12,14 +12,16 @@ from mlsanm_cli.cli.settings import Settings, numerics
 
 @click.command()
 @click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
-@click.option("-o", "--output", "out", type=FILE, help="File.  [default: report.html beside the run]")
+@click.option(
+    "-o", "--output", "out", type=FILE, help="Output file.  [default: report.html in the run directory]"
+)
 @common
 @click.pass_obj
 def report(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
-    """Write an HTML page about the run in RUNDIR, or several.
+    """Write an HTML report on the run in RUNDIR, or on several runs.
 
-    Case, pictures, tables, checks and provenance in one file that needs no server. Of several runs it is
-    written here unless -o tells where.
+    A single self-contained file with case, pictures, tables, checks and provenance. For several runs it is
+    written to the current directory unless -o is given.
     """
     with numerics(1):
         from mlsanm_cli.app.results.report import report as write_report

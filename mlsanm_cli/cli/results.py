@@ -1,4 +1,4 @@
-"""The closing tables of a run and of a comparison: what an engineer wants to know first."""
+"""Summary tables of a run and of a comparison."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _QUALITY = ("residual", "force_balance", "energy_error", "stability", "peak_memo
 
 
 def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
-    """The summary of a run as text, contacts first, with long lines folded at ``width``."""
+    """The summary of a run as text, contacts first, with lines wrapped at ``width``."""
     parts = [table(_headline(summary), _outcome(summary), color)]
     contacts = summary.get("contacts", {})
     for name, contact in contacts.items():
@@ -36,9 +36,9 @@ def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
 
 
 def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What an engineer asks of a contact, and how far it can be believed."""
+    """The main results of a contact with their error estimate."""
     rows = [(label(key), number(contact[key])) for key in _CONTACT if key in contact]
-    # Without friction nothing sticks, and all that is closed may slip.
+    # Stick and slip are distinguished with friction only.
     frictionless = contact.get("max_cone_ratio") is None and "closed_nodes" in contact
     nodes = ("closed_nodes",) if frictionless else ("stick_nodes", "slip_nodes")
     rows += [(label(key), number(contact[key])) for key in nodes if key in contact]
@@ -47,7 +47,7 @@ def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) 
         rows.append(("error estimate", _percent(pressures[name], "of the pressures")))
     reference = contact.get("reference")
     if reference:
-        away = _percent(reference.get("pressure_error_l2"), "of the pressures away")
+        away = _percent(reference.get("pressure_error_l2"), "pressure error")
         rows.append(
             (str(reference.get("solution")), f"{away}, peak {number(reference.get('peak_pressure'))}")
         )
@@ -55,7 +55,7 @@ def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) 
 
 
 def _percent(value: Any, of: str) -> str:
-    return "not known" if value is None else f"{100.0 * float(value):.2g} % {of}"
+    return "unknown" if value is None else f"{100.0 * float(value):.2g} % {of}"
 
 
 _WORK = {
@@ -74,7 +74,7 @@ _APART = ("pressure", "traction", "displacement")
 
 
 def comparison_text(result: Mapping[str, Any], color: bool) -> str:
-    """A comparison as text: what the methods did, and how far they are apart."""
+    """A comparison as text: work and differences of the methods."""
     methods = result["methods"]
     work = [[_cell(method, key) for key in _WORK] for method in methods]
     parts = [grid("work and CPU seconds", list(_WORK.values()), work, color)]
@@ -82,7 +82,7 @@ def comparison_text(result: Mapping[str, Any], color: bool) -> str:
     analytic = any("reference_error" in method for method in methods)
     columns += ["reference error"] if analytic else []
     rows = [_apart(method) + ([_worst(method)] if analytic else []) for method in methods]
-    title = f"largest differences at {len(result['levels'])} load levels, over the peak"
+    title = f"largest differences at {len(result['levels'])} load levels, relative to the peak"
     parts.append(grid(title, columns, rows, color))
     parts += [
         f"{method['method']} failed: {method['reason']}" + (f"; {method['hint']}" if method["hint"] else "")
@@ -133,7 +133,7 @@ def _outcome(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _limited(key: str, summary: Mapping[str, Any]) -> str:
-    """A figure with the limit beyond which a run fails."""
+    """A quantity with the limit at which a run fails."""
     limit = summary.get("limits", {}).get(key)
     shown = number(summary[key])
     if limit is None or shown == "-":

@@ -1,4 +1,4 @@
-"""``mlsanm resume``, and how a run that has ended is shown."""
+"""``mlsanm resume``, and the output at the end of a run."""
 
 from __future__ import annotations
 
@@ -22,17 +22,12 @@ _STATUS_CODES = {"failed": 3, "stopped": 75}
 @click.command()
 @click.argument("rundir", type=FILE)
 @max_wall_option
-@click.option(
-    "--threads", type=click.IntRange(min=1), help="Threads to use.  [default: as many as the run used]"
-)
+@click.option("--threads", type=click.IntRange(min=1), help="Number of threads.  [default: that of the run]")
 @cache_option
 @common
 @click.pass_obj
 def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None, cache: bool) -> int:
-    """Go on with the run in RUNDIR that was stopped or killed, behind its last finished step.
-
-    Clouds and operators must come out as they were, to the last bit.
-    """
+    """Continue the interrupted run in RUNDIR after its last completed step."""
     threads = threads or _threads_of(rundir)
     with numerics(threads):
         from mlsanm_cli.app.resume import resume as resume_run
@@ -46,7 +41,7 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
 
 
 def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
-    """Print how a run ended; returns its exit code."""
+    """Prints the result of a run and returns its exit code."""
     width = shutil.get_terminal_size((100, 24)).columns
     print_result(settings, summary, run_text(summary, settings.paints(sys.stdout), width))
     if not settings.quiet and not settings.json and "directory" in summary:
@@ -55,10 +50,10 @@ def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
 
 
 def _threads_of(rundir: Path) -> int:
-    """The threads a run used, from its first event: run.h5 cannot be opened before they are set."""
+    """The number of threads of a run, from its first event: run.h5 cannot be opened before it is set."""
     try:
         with (rundir / "events.jsonl").open(encoding="utf-8") as stream:
             return max(int(json.loads(stream.readline())["threads"]), 1)
     except (OSError, ValueError, KeyError, TypeError):
-        # What is wrong with the directory is told by the one who reads it.
+        # Problems of the directory are reported when it is read.
         return 1

@@ -1,4 +1,4 @@
-"""What the options common to all commands say."""
+"""Settings from the options common to all commands."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"
 
 @dataclass
 class Settings:
-    """Filled in while the command line is read; the error handler looks at it too."""
+    """Set while the command line is parsed; used by the error handler too."""
 
     quiet: bool = False
     json: bool = False
     debug: bool = False
     color: str = "auto"
     unsaid: OSError | None = None
-    """Why the result could not be written to stdout, if it could not."""
+    """The error of writing the result to stdout, if any."""
 
     def paints(self, stream: TextIO) -> bool:
-        """Whether text for the stream is coloured: the option first, then NO_COLOR, then the terminal."""
+        """Whether output to the stream is coloured: by the option, NO_COLOR, or the terminal."""
         if self.color != "auto":
             return self.color == "always"
         return not os.environ.get("NO_COLOR") and is_terminal(stream)
@@ -35,14 +35,14 @@ def is_terminal(stream: TextIO) -> bool:
 
 
 def set_threads(threads: int) -> None:
-    """Limits the numerical libraries to a number of threads; they read it when they are first imported."""
+    """Sets the number of threads of the numerical libraries, which read it when they are first imported."""
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
 
 
 @contextmanager
 def numerics(threads: int) -> Iterator[None]:
-    """The block in which a command imports what it needs, for so many threads."""
+    """The block in which a command imports the numerics, with this number of threads."""
     from mlsanm_cli.lean import lean_imports
 
     set_threads(threads)

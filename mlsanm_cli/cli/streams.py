@@ -1,4 +1,4 @@
-"""The standard streams, of which a caller may have closed some, or whose reader may leave at any moment."""
+"""The standard streams, which may be closed by the caller or the reader at any time."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from mlsanm_cli.cli.settings import Settings
 
 
 def open_closed_streams() -> None:
-    """Give a process that was started without stdin, stdout or stderr (``>&-``) the null device for it.
+    """Replaces closed standard streams (``>&-``) by the null device.
 
-    Otherwise the first file of a run would get the number of the stream, and whatever is written there.
+    Otherwise the first file of a run would get the number of the stream and receive its output.
     """
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
-    # Python has None for a stream that was closed when it started; it lives as long as the process.
+    # Python sets streams that are closed at start to None.
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
 def say(settings: Settings, text: str, *, newline: bool = True) -> None:
-    """Write to stdout. Where that fails the settings remember why, and the command goes on: what it did, and
-    its exit code, do not depend on who reads the result."""
+    """Writes to stdout. An error is stored in the settings, and the command continues: its work and exit code
+    do not depend on the reader."""
     if settings.unsaid is not None:
         return
     try:
-        # The text is coloured or plain already; click would decide again by its own rules.
+        # Colours are decided already; click must not change them.
         click.echo(text, nl=newline, color=True)
     except OSError as error:
         settings.unsaid = error
@@ -41,7 +41,7 @@ def say(settings: Settings, text: str, *, newline: bool = True) -> None:
 
 
 def silence(stream: TextIO) -> None:
-    """Let what a stream still has, and all that comes, go nowhere: Python flushes it once more at its end."""
-    # A stream that is no file, as in tests, has no number.
+    """Discards buffered and future output of a stream, which Python flushes again at exit."""
+    # A stream that is not a file, as in tests, has no number.
     with contextlib.suppress(OSError, ValueError, AttributeError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

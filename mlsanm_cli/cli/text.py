@@ -12,12 +12,12 @@ BOLD, RED, YELLOW, DIM = "1", "31", "33", "2"
 
 
 def paint(text: str, code: str, color: bool) -> str:
-    """The text in a terminal style, or as it is."""
+    """The text in a terminal style, or unchanged."""
     return f"\x1b[{code}m{text}\x1b[0m" if color and text else text
 
 
 def printable(text: str) -> str:
-    r"""The text without characters that a terminal would obey, and without the middle of endless lines.
+    r"""The text with control characters escaped and very long lines shortened.
 
     >>> printable("a\x1b[2Jb")
     'a\\x1b[2Jb'
@@ -100,7 +100,7 @@ def grid(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], colo
 
 
 def pretty(mapping: Mapping[str, Any], title: str = "", color: bool = False, width: int = 100) -> str:
-    """A nested mapping as tables: single values as rows, equal sub-mappings as columns side by side."""
+    """A nested mapping as tables: values as rows, similar mappings as columns."""
     if mapping and title and all(isinstance(value, dict) for value in mapping.values()):
         return _items(title, mapping, color, width)
     flat: list[tuple[str, str]] = []
@@ -123,7 +123,7 @@ def pretty(mapping: Mapping[str, Any], title: str = "", color: bool = False, wid
 
 
 def _items(title: str, items: Mapping[str, Mapping[str, Any]], color: bool, width: int) -> str:
-    """Items with the same kind of values: one row each when they fit, one below the other otherwise."""
+    """Items with the same keys: one row each if they fit, else one table each."""
     keys = list(dict.fromkeys(key for item in items.values() for key in item))
     simple = not any(isinstance(item.get(key), dict) for item in items.values() for key in keys)
     rows = [[name, *(number(item.get(key)) for key in keys)] for name, item in items.items()]

@@ -11,7 +11,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.loops import Loop, signed_area
+from mlsanm_cli.cloud.loops import Loop
+from mlsanm_cli.cloud.polygon import signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass

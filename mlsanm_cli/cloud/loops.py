@@ -15,6 +15,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
+from mlsanm_cli.cloud.polygon import signed_area
 from mlsanm_cli.cloud.sight import look
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface
@@ -50,12 +51,6 @@ class _Piece:
     name: str
     curve: Curve
     nodes: IntArray
-
-
-def signed_area(points: FloatArray) -> float:
-    """Area inside a closed polygon ``points`` (k, 2), negative where it runs clockwise."""
-    x, y = (points - points[0]).T
-    return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
 
 
 def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Traced:

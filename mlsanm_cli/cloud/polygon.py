@@ -1,4 +1,4 @@
-"""Points in polygons."""
+"""Points in polygons, and their areas."""
 
 from __future__ import annotations
 
@@ -23,3 +23,9 @@ def inside_polygon(edges: FloatArray, points: FloatArray) -> BoolArray:
         odd = np.bincount(point[x[point] < crossing], minlength=len(x)) % 2
         inside[first : first + step] = odd == 1
     return inside
+
+
+def signed_area(points: FloatArray) -> float:
+    """Area inside a closed polygon ``points`` (k, 2), negative where it runs clockwise."""
+    x, y = (points - points[0]).T
+    return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())

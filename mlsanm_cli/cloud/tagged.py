@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.loops import Loop, signed_area, turns
-from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.loops import Loop, turns
+from mlsanm_cli.cloud.polygon import inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.values import dataclass

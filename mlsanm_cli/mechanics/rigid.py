@@ -63,8 +63,13 @@ def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> RigidBody
     center = (float(middle[0]), float(middle[1]))
     whole = np.stack([rigid_pattern(points, center, component).ravel() for component in range(3)], axis=1)
     whole[:, ROTATION] /= size
-    rows = whole[held.ravel()]
-    if not len(rows):
+    return left_free(whole[held.ravel()], center, size)
+
+
+def left_free(rows: FloatArray, center: tuple[float, float], size: float) -> RigidBodyModes:
+    """What is left free by conditions that resist the displacements ``rows`` (m, 3) of a body under unit
+    motions: x, y, and a rotation by 1/``size`` about ``center``."""
+    if not len(rows) or not np.abs(rows).max():
         return RigidBodyModes(center, (0, 1, ROTATION))
     _, sizes, motions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
     free = motions[np.append(sizes, np.zeros(3 - len(sizes))) <= HELD * sizes[0]]

@@ -135,7 +135,7 @@ def test_an_existing_run_is_kept(
 
 @pytest.mark.parametrize(
     ("content", "told"),
-    [(None, "there is no case file"), (b"\xff\xfe\x00\x01", "no UTF-8 text"), ("directory", "case.toml")],
+    [(None, "there is no case file"), (b"\xff\xfe\x00\x01", "not UTF-8 text"), ("directory", "case.toml")],
 )
 def test_unreadable_file(
     content: bytes | str | None,

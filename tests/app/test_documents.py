@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,15 +11,11 @@ from typing import Any
 import h5py
 import pytest
 from click import Context
-from pydantic import BaseModel
 
 from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT, BALANCE_WARNING
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import AMPLIFIED, ROUNDED_EDGE, SOFT_STICK
-from mlsanm_cli.case import Body, Case, Contact, load_case, resolved_mapping
-from mlsanm_cli.case.model.case import Adapt, Mls, Refine, Regularization, Solver, Support
-from mlsanm_cli.case.model.loads import LOADS
-from mlsanm_cli.case.model.shapes import SHAPES
+from mlsanm_cli.case import load_case, resolved_mapping
 from mlsanm_cli.cli import main
 from mlsanm_cli.cli.commands import cli
 from mlsanm_cli.cli.main import BUG, STOPPED, USAGE
@@ -38,50 +35,9 @@ def blocks(text: str, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
-def all_keys() -> set[str]:
-    """Every key of a case file, tables included."""
-    keys: set[str] = set()
-
-    def visit(annotation: Any) -> None:
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            for name, field in annotation.model_fields.items():
-                keys.add(field.alias or name)
-                visit(field.annotation)
-        for argument in getattr(annotation, "__args__", ()):
-            visit(argument)
-
-    visit(Case)
-    for model in (*LOADS.values(), *SHAPES.values()):
-        keys.update(field.alias or name for name, field in model.model_fields.items())
-    return keys
-
-
-def test_all_keys_are_found_in_the_model() -> None:
-    parted = {
-        field.alias or name for model in (Support, Contact) for name, field in model.model_fields.items()
-    }
-    assert all_keys() >= {*Body.model_fields, *parted, "growth", "eta"}
-
-
-def test_every_key_is_documented() -> None:
-    words = {word for pattern in (r"\w+", r"[\w-]+") for word in re.findall(pattern, CASE_FILE)}
-    assert all_keys() <= words, all_keys() - words
-    for names in (SHAPES, LOADS):
-        assert all(f'"{name}"' in CASE_FILE for name in names)
-
-
-@pytest.mark.parametrize("model", [Solver, Mls, Adapt, Regularization, Refine])
-def test_defaults_are_documented(model: type[BaseModel]) -> None:
-    name = {Regularization: "contact.regularization", Refine: "body.refine"}.get(
-        model, model.__name__.lower()
-    )
-    heading = re.compile(rf"^##+ `\[+{re.escape(name)}\]", flags=re.MULTILINE)
-    section = re.split(r"^##+ ", heading.split(CASE_FILE)[1], flags=re.MULTILINE)[0]
-    for key, field in model.model_fields.items():
-        if field.default is None or field.is_required():
-            continue
-        (row,) = re.findall(rf"^\| `{key}` \|.*\| (.*) \|$", section, flags=re.MULTILINE)
-        assert tomllib.loads(f"value = {row.strip('`')}")["value"] == field.default, key
+def test_the_reference_is_up_to_date() -> None:
+    page = runpy.run_path(str(ROOT / "docs" / "update_case_file.py"))["page"]
+    assert page() == CASE_FILE, "python docs/update_case_file.py"
 
 
 def test_the_two_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:

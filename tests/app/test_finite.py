@@ -237,7 +237,7 @@ def test_bodies_that_can_move_freely_and_resumed_runs_are_refused(tmp_path: Path
             "displacement = [0.0, -0.4]", "uy = -0.1"
         )
     )
-    with pytest.raises(CaseError, match=r"can drift"):
+    with pytest.raises(CaseError, match=r"can move freely"):
         solve(case.read_text(), tmp_path / "run")
     case.write_text(BLOCK)
     told = check(case, console=Quiet())

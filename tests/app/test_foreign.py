@@ -189,7 +189,7 @@ BAD = {
         OUTLINE.replace('use = "outline"\n', ""),
         "plate.msh",
         GOOD,
-        ("body.plate.spacing", "no meaning", 'use = "outline"'),
+        ("body.plate.spacing", "does not apply", 'use = "outline"'),
         "spacing =",
     ),
     "refined nodes": (

@@ -15,8 +15,7 @@ from mlsanm_cli.app.scene.default_spacing import arc_zones, valleys
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.app.scene.surfaces import drawn, outline_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case.model.chains import Smooth
-from mlsanm_cli.case.model.outline import OutlineShape
+from mlsanm_cli.case import OutlineShape
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.errors import CaseError
@@ -414,10 +413,9 @@ def test_a_closed_curve_begins_at_its_top_wherever_its_points_do(start: float) -
     text += '[[load]]\nname = "own"\nbody = "block"\nkind = "body-force"\nbody-force = [0.0, -1.0]\n'
     shape = parse(text).case.body[0].shape
     assert isinstance(shape, OutlineShape)
-    (piece,) = shape.loops[0]
-    assert isinstance(piece, Smooth)
-    assert piece.points[0] == pytest.approx((0.0, 1.0))
-    assert drawn(shape).curves[0].closed
+    (curve,) = drawn(shape).curves
+    assert curve.points(np.zeros(1))[0] == pytest.approx((0.0, 1.0))
+    assert curve.closed
 
 
 BLOCK = """

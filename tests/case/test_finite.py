@@ -59,7 +59,7 @@ def test_a_block_is_accepted() -> None:
         (("adapt.passes=1",), "adapt.passes", "refinement"),
         (('solver.method="active-set"',), "solver.method", "contact"),
         (('solver.linear="mumps"',), "solver.linear", "mumps"),
-        (('reference.solution="hertz-line"',), "reference", "closed formula"),
+        (('reference.solution="hertz-line"',), "reference", "analytical"),
     ],
 )
 def test_what_is_not_there_yet_is_refused_by_name(overrides: tuple[str, ...], key: str, word: str) -> None:
@@ -83,10 +83,10 @@ SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
         (SPRING, "support.1.spring", "spring"),
         (WARM, "load.warm.temperature", "temperature"),
         (f"{PLATE}fx = 1.0\n", "load.plate", "force"),
-        (f'{PLATE}ux = 0.1\nrotation = "free"\n', "load.plate.rotation", "turns"),
+        (f'{PLATE}ux = 0.1\nrotation = "free"\n', "load.plate.rotation", "rotating"),
         (f"{CONTACT}{OBSTACLE}", "contact.c.regularization.law", "hyperbolic"),
         (f"{CONTACT}friction = 0.1\n{OBSTACLE}{EXACT}", "contact.c.friction", "friction"),
-        (f"{CONTACT}reach = 0.1\n{OBSTACLE}{EXACT}", "contact.c.reach", "any node"),
+        (f"{CONTACT}reach = 0.1\n{OBSTACLE}{EXACT}", "contact.c.reach", "slave"),
         (f'{CONTACT}master = "block.right"\n{EXACT}', "contact.c.master", "between bodies"),
         (f"{CONTACT}{CORNER}{EXACT}", "contact.c.obstacle.kind", "polyline"),
         (f"{CONTACT}{OBSTACLE}{EXACT}{PUSH}", "load.push", "force"),

@@ -12,7 +12,6 @@ import pytest
 from mlsanm_cli.case import parse_case, schema
 from mlsanm_cli.case.model.base import UNIT
 from mlsanm_cli.case.reading.overrides import apply_overrides
-from mlsanm_cli.case.reading.unsupported import Planned
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import CaseError
 from tests.case.scenes import HERTZ
@@ -92,25 +91,9 @@ def test_what_the_model_takes_is_a_valid_case(setting: str) -> None:
     assert takes(HERTZ, setting)
 
 
-def test_refused_values_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    planned = (
-        Planned(("solver", "pade"), "", lambda value: value is False),
-        Planned(("solver", "max_steps"), ""),
-        Planned(("support", "*", "ux"), "", lambda value: value != 0.0),
-        Planned(("mls", "scheme"), "", lambda value: value == "ghost"),
-        Planned(("body", "*", "shape", "kind"), "", lambda value: value == "disk"),
-        Planned(("contact", "*", "obstacle"), ""),
-    )
-    monkeypatch.setattr(schema, "PLANNED", planned)
-    found = schema.json_schema()["definitions"]
-    solver = found["Solver"]["properties"]
-    assert solver["pade"]["enum"] == [True]
-    assert "max_steps" not in solver
-    assert found["Support"]["properties"]["ux"]["enum"] == [0.0]
-    assert "enum" not in found["Support"]["properties"]["uy"]
-    assert found["Mls"]["properties"]["scheme"]["enum"] == ["least-squares", "collocation"]
-    assert "kind" not in found["Disk"]["properties"]
-    assert "kind" in found["HalfDisk"]["properties"]
+def test_values_that_are_refused_by_name_are_left_out() -> None:
+    assert takes(HERTZ, "support.0.ux=0")
+    assert not takes(HERTZ, "support.0.ux=0.1")
 
 
 def test_every_key_is_described_and_numbers_have_units() -> None:

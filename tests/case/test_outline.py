@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.scene.imported import geometry_of
 from mlsanm_cli.app.scene.surfaces import drawn
 from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping
-from mlsanm_cli.case.model.outline import OutlineShape
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.summary import toml_text
 from tests.case.scenes import only, parse, problems
@@ -53,9 +53,9 @@ SIDES = "body.block.shape.sides"
 
 def test_sides_in_either_direction_are_the_same_outline() -> None:
     shape = parse(WAVY).case.body[0].shape
-    assert isinstance(shape, OutlineShape)
-    assert shape.boundaries == ("top", "right", "bottom", "left")
-    assert (shape.size, shape.normal("right"), shape.normal("top")) == (4.0, (1.0, 0.0), None)
+    geometry = geometry_of(shape)
+    assert set(geometry.normals) == {"top", "right", "bottom", "left"}
+    assert (geometry.size, geometry.normals["right"], geometry.normals["top"]) == (4.0, (1.0, 0.0), None)
     outline = drawn(shape)
     assert outline.names == ("left", "bottom", "right", "top")
     ends = [curve.points(np.array([0.0, curve.length])) for curve in outline.curves]
@@ -96,12 +96,12 @@ def test_points_of_a_file_stand_in_the_resolved_case(tmp_path: Path) -> None:
         (f"{SIDES}.right.to=[4.0, 2.0]", SIDES, "cross or touch"),
         (f"{SIDES}.left.to=[0.0, -0.5]", f"{SIDES}.top", '"left" ends at (0, -0.5)'),
         (f"{SIDES}.right.points=[[4.0, 0.0], [4.0, -1.0]]", f"{SIDES}.right.points", '"to" is given too'),
-        (f"{SIDES}.top.points=[[0.0, 0.0], [0.0, 0.0]]", f"{SIDES}.top.points.1", "follows itself"),
-        (f"{SIDES}=[{{to = [1.0, 0.0]}}, {{}}]", f"{SIDES}.0", "nothing tells where"),
+        (f"{SIDES}.top.points=[[0.0, 0.0], [0.0, 0.0]]", f"{SIDES}.top.points.1", "repeats"),
+        (f"{SIDES}=[{{to = [1.0, 0.0]}}, {{}}]", f"{SIDES}.0", "is missing"),
         (f"{SIDES}.left.too=[0.0, 0.0]", f"{SIDES}.left.too", 'did you mean "to"'),
         ("load.press.to=[1.0, 0.1]", "load.press.to", "the same point"),
         ("support.0.boundary=['block.left', 'block.left']", "support.0.boundary", "listed twice"),
-        ("support.0.boundary=['block.left', 'other.top']", "support.0.boundary", "of one body"),
+        ("support.0.boundary=['block.left', 'other.top']", "support.0.boundary", "one body"),
         ("support.0.boundary=['block.left', 'block.lid']", "support.0.boundary.1", 'no boundary "lid"'),
         ("support.0.from=[0.0, 0.0]", "support.0.from", 'needs "to" too'),
     ],
@@ -119,7 +119,6 @@ def test_sides_and_arcs_of_one_name_are_one_boundary() -> None:
     )
     text += WAVY[WAVY.index("[[support]]") :].replace("block.bottom", "block.foot")
     shape = parse(text).case.body[0].shape
-    assert isinstance(shape, OutlineShape) is False
     outline = drawn(shape)
     assert outline.names == ("foot/1", "foot/2", "foot/3", "foot/4", "corner3", "top", "left")
     assert only(text, ["body.block.shape.names=['foot', 'corner3', 'top', 'left']"]).key.endswith("names.1")

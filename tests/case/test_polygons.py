@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.scene.imported import geometry_of
 from mlsanm_cli.app.scene.surfaces import drawn
-from mlsanm_cli.case import Annulus, Polygon
-from mlsanm_cli.case.model.chains import Round, Side, pieces, signed_area
+from mlsanm_cli.cloud.curves import Arc, Outline
+from mlsanm_cli.cloud.polygon import signed_area
 from tests.case.scenes import only, parse, problems
 
 PLATE = """format = 1
@@ -44,42 +46,38 @@ traction = [1.0, 0.0]
 CORNERS = ((0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0))
 
 
-def shape() -> Polygon:
-    found = parse(PLATE).case.body[0].shape
-    assert isinstance(found, Polygon)
-    return found
+def plate(**changes: Any) -> Outline:
+    """The outline of the plate with other keys."""
+    return drawn(parse(PLATE).case.body[0].shape.model_copy(update=changes))
 
 
 def test_boundaries_of_an_angle_with_a_hole() -> None:
-    plate = shape()
-    assert plate.boundaries == ("bottom", "tip", "corner3", "arm", "corner4", "shank", "top", "left", "bolt")
-    assert (plate.centre, plate.size) == ((2.0, 2.0), 4.0)
-    assert plate.samples("tip")[1] == pytest.approx((4.0, 1.7))
-    assert plate.normal("arm") == pytest.approx((0.0, 1.0))
-    assert plate.normal("corner3") is None
-    assert plate.curvature("corner3") == pytest.approx(1.0 / 0.3)
-    assert plate.curvature("corner4") == pytest.approx(-1.0 / 0.5)
-    assert plate.curvature("bolt") == pytest.approx(-1.0 / 0.4)
-    assert plate.curvature("arm") == 0.0
-    assert len(plate.samples("bolt")) == 4
-    ends = plate.samples("corner4")
-    assert ends[0] == pytest.approx((2.5, 2.0))
-    assert ends[-1] == pytest.approx((2.0, 2.5))
-    assert ends[1] == pytest.approx((2.5 - 0.5 * math.sqrt(0.5), 2.5 - 0.5 * math.sqrt(0.5)))
+    outline = plate()
+    names = ("bottom", "tip", "corner3", "arm", "corner4", "shank", "top", "left", "bolt")
+    assert outline.names == names
+    assert outline.starts == (0, 8)
+    curves = dict(zip(names, outline.curves, strict=True))
+    for name, curvature in (("corner3", 1.0 / 0.3), ("corner4", -2.0), ("bolt", -2.5), ("arm", 0.0)):
+        assert curves[name].curvature(np.zeros(1))[0] == pytest.approx(curvature)
+    tip, fillet = curves["tip"], curves["corner4"]
+    assert tip.points(np.array([tip.length]))[0] == pytest.approx((4.0, 1.7))
+    middle = 2.5 - 0.5 * math.sqrt(0.5)
+    at = fillet.points(np.array([0.0, 0.5, 1.0]) * fillet.length)
+    assert at == pytest.approx(np.array([[2.5, 2.0], [middle, middle], [2.0, 2.5]]))
+    geometry = geometry_of(parse(PLATE).case.body[0].shape)
+    assert (geometry.centre, geometry.size) == ((2.0, 2.0), 4.0)
+    assert geometry.normals["arm"] == pytest.approx((0.0, 1.0))
+    assert geometry.normals["corner3"] is None
 
 
 @pytest.mark.parametrize("backwards", [False, True])
 def test_sides_and_arcs_join_smoothly_in_either_direction(backwards: bool) -> None:
     points = CORNERS[::-1] if backwards else CORNERS
-    rounding = (0.3, 0.2, 0.0, 0.4, 0.3, 0.5)
-    chain = pieces(points, (), rounding)
-    assert signed_area([p.start for p in chain if isinstance(p, Side)]) > 0.0
-    outline = drawn(Polygon(kind="polygon", points=points, rounding=rounding))
-    assert outline.names == tuple(piece.name for piece in chain)
-
+    outline = plate(points=points, names=(), rounding=(0.3, 0.2, 0.0, 0.4, 0.3, 0.5), holes=())
     ends = [
         (c.points(np.array([0.0, c.length])), c.normals(np.array([0.0, c.length]))) for c in outline.curves
     ]
+    assert signed_area(np.array([end[0][0] for end in ends])) > 0.0
     smooth = 0
     for (this, normal), (following, other) in zip(ends, ends[1:] + ends[:1], strict=True):
         assert np.abs(this[1] - following[0]).max() <= 1e-14 * 10.0
@@ -87,37 +85,34 @@ def test_sides_and_arcs_join_smoothly_in_either_direction(backwards: bool) -> No
     # Every arc meets both its neighbours without a kink; one corner stays sharp.
     assert smooth == 2 * 5
     # Side k goes from point k to the next one of the file, whichever way round that is.
-    sides = {piece.name: piece for piece in chain if isinstance(piece, Side)}
+    sides = dict(zip(outline.names, ends, strict=True))
     for k in range(6):
-        side, a, b = sides[f"side{k + 1}"], points[k], points[(k + 1) % 6]
-        along = (b[0] - a[0], b[1] - a[1])
-        for x, y in (side.start, side.end):
-            assert along[0] * (y - a[1]) - along[1] * (x - a[0]) == pytest.approx(0.0, abs=1e-12)
+        a, b = np.array(points[k]), np.array(points[(k + 1) % 6])
+        for x, y in sides[f"side{k + 1}"][0] - a:
+            assert (b - a)[0] * y - (b - a)[1] * x == pytest.approx(0.0, abs=1e-12)
 
 
 def test_arcs_may_use_up_a_side() -> None:
-    chain = pieces(((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (0.0, 1.0)), (), (0.5, 0.5, 0.5, 0.5))
-    assert [piece.name for piece in chain] == [
-        "corner1", "side1", "corner2", "corner3", "side3", "corner4",
-    ]  # fmt: skip
-    assert all(piece.sweep == pytest.approx(0.5 * math.pi) for piece in chain if isinstance(piece, Round))
+    points = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (0.0, 1.0))
+    outline = plate(points=points, names=(), rounding=(0.5, 0.5, 0.5, 0.5), holes=())
+    assert outline.names == ("corner1", "side1", "corner2", "corner3", "side3", "corner4")
+    arcs = [curve for curve in outline.curves if isinstance(curve, Arc)]
+    assert [arc.sweep for arc in arcs] == pytest.approx([0.5 * math.pi] * 4)
 
 
 def test_default_names() -> None:
-    plain = Polygon(kind="polygon", points=CORNERS, holes=({"center": (1.0, 1.0), "radius": 0.4},))  # type: ignore[arg-type]
-    assert plain.boundaries == (*(f"side{k}" for k in range(1, 7)), "hole1")
+    plain = PLATE.replace('name = "bolt"\n', "").replace("names", "#").replace("rounding", "#")
+    plain = plain.replace("plate.left", "plate.side6").replace("plate.tip", "plate.side2")
+    assert drawn(parse(plain).case.body[0].shape).names == (*(f"side{k}" for k in range(1, 7)), "hole1")
 
 
 def test_ring() -> None:
-    ring = Annulus(kind="annulus", center=(1.0, 0.0), radii=(1.0, 2.0))
-    assert ring.boundaries == ("outer", "inner")
-    assert (ring.curvature("outer"), ring.curvature("inner")) == (0.5, -1.0)
     text = PLATE[: PLATE.index("kind")] + 'kind = "annulus"\ncenter = [0.0, 0.0]\nradii = [2.0, 1.0]\n'
     text += PLATE[PLATE.index("[[support]]") :].replace("plate.left", "plate.inner").replace("tip", "outer")
     assert only(text).key == "body.plate.shape.radii"
-    shape = parse(text.replace("[2.0, 1.0]", "[1.0, 2.0]")).case.body[0].shape
-    assert isinstance(shape, Annulus)
-    assert shape.size == 4.0
+    ring = parse(text.replace("[2.0, 1.0]", "[1.0, 2.0]")).case.body[0].shape
+    assert geometry_of(ring).size == 4.0
+    assert tuple(geometry_of(ring).normals) == ("outer", "inner")
 
 
 @pytest.mark.parametrize(
@@ -150,7 +145,7 @@ def test_what_can_be_wrong(setting: str, key: str, words: str) -> None:
     [
         # A bow tie, a repeated point, a spike, a side that touches another, points on a line.
         ("[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 3.0]", "points", "cross or touch"),
-        ("[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 0.0]", "points.3", "point 1 again"),
+        ("[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 0.0]", "points.3", "point 1"),
         (
             "[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0], [3.0, 2.0], [0.0, 3.0]",
             "points",

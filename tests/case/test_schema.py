@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 import re
 import tomllib
 from pathlib import Path
@@ -14,7 +13,7 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlsanm_cli.case import Case, Disk, HalfDisk, Platen, Rectangle, load_case, resolved_mapping
+from mlsanm_cli.case import Case, HalfDisk, Platen, Rectangle, load_case, resolved_mapping
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse, problems
 
@@ -25,9 +24,7 @@ def test_values_and_defaults() -> None:
     assert (case.material["steel"].E, case.material["steel"].nu) == (210e3, 0.3)
     cylinder, block = case.body
     assert isinstance(cylinder.shape, HalfDisk)
-    assert cylinder.shape.boundaries == ("arc", "flat")
     assert isinstance(block.shape, Rectangle)
-    assert block.shape.boundaries == ("left", "right", "bottom", "top")
     assert (cylinder.seed, cylinder.refine[0].growth, block.refine[0].along) == (0, 0.12, "top")
     assert case.stage == ({"press": 1.0},)
     contact = case.contact[0]
@@ -47,7 +44,7 @@ def test_whole_numbers_are_numbers_and_become_floats() -> None:
     assert isinstance(case.material["rubber"].E, float)
     shape = case.body[0].shape
     assert isinstance(shape, Rectangle)
-    assert shape.size == 1.0
+    assert shape.x == (0.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -65,17 +62,6 @@ def test_platen_control(keys: str, control: object) -> None:
     assert isinstance(load, Platen)
     assert load.control == control
     assert load.rotation == "fixed"
-
-
-def test_shape_geometry() -> None:
-    disk = Disk(kind="disk", center=(1.0, 2.0), radius=3.0)
-    assert disk.boundaries == ("arc",)
-    half = HalfDisk(kind="half-disk", center=(1.0, 2.0), radius=3.0, side="lower")
-    ends = half.samples("flat")
-    assert sorted(round(x, 12) for x, _ in ends) == [-2.0, 4.0]
-    assert all(math.isclose(y, 2.0) for _, y in ends)
-    assert math.isclose(min(y for _, y in half.samples("arc")), -1.0)
-    assert half.normal("flat") == (0.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -199,7 +185,7 @@ def test_an_unknown_key_hides_no_other_fault(change: tuple[str, str], key: str) 
         ("body.0.shape={kind=3}", 'unknown kind "3"'),
         ("body=[]", "body: the list is empty"),
         ("body.0.name=3", "letters, digits"),
-        ('body.0.name=""', "body.0.name: a name has"),
+        ('body.0.name=""', "body.0.name: a name"),
         ('body.0.refine.0.spacing="4"', 'without quotes: "4" is text'),
         ("model.plane=true", "true is not a valid value"),
         ('model.plane="shell"', "valid: strain, stress"),
@@ -360,7 +346,7 @@ def test_a_directory_whose_name_is_no_text(tmp_path: Path) -> None:
     folder = tmp_path / "\udcff"
     folder.mkdir()
     (folder / "case.toml").write_text(HERTZ)
-    with pytest.raises(RunError, match="is no UTF-8 text"):
+    with pytest.raises(RunError, match="not UTF-8 text"):
         load_case(folder / "case.toml")
 
 
@@ -370,7 +356,7 @@ def test_a_case_that_is_not_there_gets_the_nearest(tmp_path: Path) -> None:
     for name, hint in {
         "hertz": "did you mean .*hertz.toml",
         "herz.toml": "did you mean .*hertz.toml",
-        "zzzz": "cases there: .*hertz.toml, .*ring.toml",
+        "zzzz": "cases: .*hertz.toml, .*ring.toml",
         "no/hertz.toml": "mlsanm new",
     }.items():
         with pytest.raises(RunError, match="there is no case file") as caught:

@@ -59,7 +59,7 @@ def test_explain(capsys: Capture) -> None:
     assert main(["explain", "solver.order", "--color", "never"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["default", "20"] in lines
-    assert ["allowed", "from", "2,", "up", "to", "40"] in lines
+    assert ["allowed", "at", "least", "2,", "at", "most", "40"] in lines
     assert main(["explain", "solver.order", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)["explanations"]
     assert (found["key"], found["default"]) == ("solver.order", "20")
@@ -123,15 +123,15 @@ def test_probe_of_a_contact(monkeypatch: pytest.MonkeyPatch, capsys: Capture) ->
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--force", "a", "--contact", "b"], "more than one thing"),
-        (["--body", "a"], "go together"),
-        (["--point", "1,2"], "go together"),
-        (["--body", "a", "--point", "1"], "no point"),
-        (["--body", "a", "--point", "1,nan"], "no places"),
-        (["--force", "a", "--quantity", "gap"], "of a contact"),
-        (["--contact", "a", "--field", "stress"], "of a point"),
-        (["--field", "stress"], "of a point"),
-        (["--force", "a", "--csv", "--json"], "both"),
+        (["--force", "a", "--contact", "b"], "more than one"),
+        (["--body", "a"], "needed together"),
+        (["--point", "1,2"], "needed together"),
+        (["--body", "a", "--point", "1"], "not a point"),
+        (["--body", "a", "--point", "1,nan"], "nan"),
+        (["--force", "a", "--quantity", "gap"], "--contact"),
+        (["--contact", "a", "--field", "stress"], "--point"),
+        (["--field", "stress"], "--point"),
+        (["--force", "a", "--csv", "--json"], "--json"),
         (["--force", "a"], "is not a run"),
     ],
 )

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from mlsanm_cli.app.scene.materials import materials
+from mlsanm_cli.app.scene.surfaces import drawn, numbers_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import (
-    Case,
-    Chained,
-    Contact,
-    DiskObstacle,
-    DrawnShape,
-    LoadedCase,
-    Mesh,
-    Points,
-    split_boundary,
-)
-from mlsanm_cli.case.model.chains import Round, Smooth
+from mlsanm_cli.case import Case, Contact, DiskObstacle, LoadedCase, Mesh, Points, split_boundary
+from mlsanm_cli.cloud.curves import Arc, Curve, Segment
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.reference.hertz import HertzLine
@@ -134,34 +126,32 @@ def _middle(
 
 
 def _without_radius(case: Case, boundary: str) -> bool:
+    """Whether the case states no radius of a boundary: of curves, boundaries of several pieces, and files."""
+    return not isinstance(_curve(case, boundary), Arc | Segment)
+
+
+def _curve(case: Case, boundary: str) -> Curve | None:
+    """The curve of a boundary of one piece, None of others and of shapes in files."""
     body, edge = split_boundary(boundary)
     shape = next(b.shape for b in case.body if b.name == body)
-    if isinstance(shape, Chained):
-        # Of curves and of boundaries of several pieces the case states none either.
-        piece = shape.piece(edge)
-        return piece is None or isinstance(piece, Smooth)
-    return isinstance(shape, Mesh | Points)
-
-
-def _shape(case: Case, boundary: str) -> DrawnShape:
-    body, _ = split_boundary(boundary)
-    shape = next(b.shape for b in case.body if b.name == body)
-    assert not isinstance(shape, Mesh | Points)
-    return shape
+    if isinstance(shape, Mesh | Points):
+        return None
+    outline = drawn(shape)
+    numbers = numbers_of(outline, edge)
+    return outline.curves[numbers[0]] if len(numbers) == 1 else None
 
 
 def _center(case: Case, boundary: str) -> tuple[float, float]:
     """Centre of a curved boundary."""
-    shape = _shape(case, boundary)
-    if isinstance(shape, Chained):
-        piece = shape.piece(split_boundary(boundary)[1])
-        assert isinstance(piece, Round)
-        return piece.center
-    return shape.centre
+    curve = _curve(case, boundary)
+    assert isinstance(curve, Arc)
+    return curve.center
 
 
 def _curvature(case: Case, boundary: str) -> float:
-    return _shape(case, boundary).curvature(split_boundary(boundary)[1])
+    """1/R, positive for a convex boundary."""
+    curve = _curve(case, boundary)
+    return math.copysign(1.0 / curve.radius, curve.sweep) if isinstance(curve, Arc) else 0.0
 
 
 def _relative(case: Case, contact: Contact) -> float:

@@ -8,11 +8,11 @@ import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.default_spacing import arc_zones, bond_zones, contact_zone, usual_spacing
-from mlsanm_cli.app.scene.imported import foreign
 from mlsanm_cli.app.scene.surfaces import (
     bond_ends,
     curve_at,
     drawn,
+    foreign,
     numbers_of,
     outline_of,
     sides_of,

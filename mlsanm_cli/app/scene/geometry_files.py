@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case.model.files import FileShape, Mesh, Surveyed
+from mlsanm_cli.case.model.files import FileShape, Mesh
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.crossings import first_crossing
-from mlsanm_cli.cloud.curves import Curve, Segment
 from mlsanm_cli.cloud.elements import Marks, boundary_loops
 from mlsanm_cli.cloud.loops import Loop, Traced, cloud_of_nodes, trace
 from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
@@ -25,8 +24,6 @@ from mlsanm_cli.values import dataclass
 
 LARGEST = 256 * MB
 """Largest file of a body, in bytes: a million nodes or more."""
-LEVEL = 1e-9
-"""Components of a normal below this are round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,34 +79,3 @@ def _read(shape: FileShape) -> Foreign:
     if crossing is not None:
         raise GeometryError(f"the outline crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g})")
     return Foreign(str(shape.sha256), points, trace(points, loops, math.radians(shape.corner)), normals)
-
-
-def survey_of(shape: FileShape) -> Surveyed:
-    """What the checks of a case want to know. Raises GeometryError."""
-    body = read_body(shape)
-    low, high = body.points.min(axis=0), body.points.max(axis=0)
-    middle = 0.5 * (low + high)
-    outline = body.traced.outline
-    named = list(zip(outline.names, outline.curves, strict=True))
-    return Surveyed(
-        kind=shape.kind,
-        digest=body.digest,
-        centre=(float(middle[0]), float(middle[1])),
-        size=float((high - low).max()),
-        spans={name: _span(curve) for name, curve in named},
-        directions={name: _direction(curve) for name, curve in named},
-    )
-
-
-def _span(curve: Curve) -> tuple[tuple[float, float], ...]:
-    parts = [0.0, 0.25, 0.5, 0.75] if curve.closed else [0.0, 0.5, 1.0]
-    if isinstance(curve, Segment):
-        parts = [0.0, 1.0]
-    return tuple((float(x), float(y)) for x, y in curve.points(curve.length * np.array(parts)))
-
-
-def _direction(curve: Curve) -> tuple[float, float] | None:
-    if not isinstance(curve, Segment):
-        return None
-    x, y = curve.normals(np.zeros(1))[0]
-    return (float(x) if abs(x) > LEVEL else 0.0, float(y) if abs(y) > LEVEL else 0.0)

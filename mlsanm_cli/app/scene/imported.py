@@ -1,31 +1,145 @@
-"""Cases with bodies from files. What reads and traces these is imported for cases that have such bodies."""
+"""Cases with their geometry: the answers that the case layer asks for, given by the bodies' outlines."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from mlsanm_cli.case import LoadedCase, load_case
-from mlsanm_cli.case.model.files import FileShape, Surveyed
+import numpy as np
 
-if TYPE_CHECKING:
-    from mlsanm_cli.app.scene.geometry_files import Foreign
+from mlsanm_cli.app.scene.surfaces import drawn, foreign, numbers_of
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import (
+    AnyShape,
+    Case,
+    Displacement,
+    Geometry,
+    LoadedCase,
+    Mesh,
+    Place,
+    Platen,
+    Points,
+    Survey,
+    load_case,
+    split_boundary,
+)
+from mlsanm_cli.cloud.curves import Curve, Outline, Segment
+from mlsanm_cli.errors import Fault
+from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, left_free, rigid_pattern
+
+SAMPLES = 9
+"""Points on a curve: enough for its bounding box and for what rigid motions it holds."""
+LEVEL = 1e-12
+"""Components of a normal below this are round-off."""
+SMALL = 1e-9
+"""Coordinates below this fraction of a body's size are round-off."""
 
 
 def load_with_files(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
-    """A validated case whose shapes may stand in files. Raises RunError and CaseError."""
+    """A validated case whose geometry is checked, that of bodies in files too. Raises RunError and
+    CaseError."""
     return load_case(path, overrides, inspect_geometry_file)
 
 
-def foreign(shape: FileShape) -> Foreign:
-    """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
-    from mlsanm_cli.app.scene.geometry_files import read_body
+def geometry_of(shape: AnyShape) -> Geometry:
+    """What the checks of a case need to know of a shape. Raises GeometryError."""
+    outline, digest = drawn(shape), ""
+    points = np.concatenate([_points(curve) for curve in outline.curves])
+    if isinstance(shape, Mesh | Points):
+        body = foreign(shape)
+        points, digest = body.points, body.digest
+    normals: dict[str, tuple[float, float] | None] = {}
+    for full, curve in zip(outline.names, outline.curves, strict=True):
+        name, normal = full.partition("/")[0], _normal(curve)
+        normals[name] = normal if normals.get(name, normal) == normal else None
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, y = (0.5 * (low + high)).tolist()
+    return Geometry(normals, (x, y), float((high - low).max()), digest)
 
-    return read_body(shape)
+
+def floating(case: Case) -> Iterator[Fault]:
+    """A fault for every body without contact that can move freely; what contacts hold is decided later.
+
+    A plate moved by a force holds only the rotation of its boundary, unless it is free to turn.
+    """
+    touching = {split_boundary(boundary)[0] for contact in case.contact for boundary in contact.boundaries}
+    for index, body in enumerate(case.body):
+        if body.name in touching:
+            continue
+        outline = drawn(body.shape)
+        corners = np.concatenate([_points(curve) for curve in outline.curves])
+        middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+        center, size = (float(middle[0]), float(middle[1])), float(np.ptp(corners, axis=0).max())
+        rows = [np.zeros((0, 3)), *_held(case, body.name, outline, center, size)]
+        free = left_free(np.concatenate(rows), center, size)
+        if free.components:
+            what, needs = _described(free, size)
+            hint = f"add a [[support]], a displacement or a platen: {needs}"
+            yield Fault(("body", index), f"can move freely: nothing resists {what}", hint)
 
 
-def inspect_geometry_file(shape: FileShape) -> Surveyed:
-    """What the checks of a case want to know. Raises GeometryError."""
-    from mlsanm_cli.app.scene.geometry_files import survey_of
+inspect_geometry_file = Survey(geometry_of, floating)
 
-    return survey_of(shape)
+
+def _held(
+    case: Case, body: str, outline: Outline, center: tuple[float, float], size: float
+) -> Iterator[FloatArray]:
+    """Displacements (m, 3) that supports and loads resist, under unit motions of the body in x, y and a turn
+    by 1/size."""
+
+    def displacements(points: FloatArray) -> FloatArray:
+        motions = np.stack([rigid_pattern(points, center, k) for k in range(3)], axis=2)
+        motions[:, :, ROTATION] /= size
+        return motions
+
+    for support in case.support:
+        if support.body == body and support.near is not None:
+            yield displacements(np.array([support.near]))[:, list(support.holds)].reshape(-1, 3)
+        elif support.place is not None and support.place.body == body:
+            moved = displacements(_place_points(outline, support.place))
+            yield moved[:, list(support.holds)].reshape(-1, 3)
+    for load in case.load:
+        if not isinstance(load, Displacement | Platen) or body not in load.owners:
+            continue
+        moved = displacements(_place_points(outline, load.places[load.owners.index(body)]))
+        if isinstance(load, Displacement):
+            yield moved[:, [part is not None for part in load.components]].reshape(-1, 3)
+            continue
+        for axis, (control, _) in load.control.items():
+            along = moved[:, "xy".index(axis)]
+            if control == "displacement":
+                yield along.mean(axis=0, keepdims=True)
+            if load.turning != "free":
+                yield along - along.mean(axis=0)
+
+
+def _place_points(outline: Outline, place: Place) -> FloatArray:
+    if place.ends is not None:
+        return np.array(place.ends)
+    numbers = dict.fromkeys(number for edge in place.edges for number in numbers_of(outline, edge))
+    return np.concatenate([_points(outline.curves[number]) for number in numbers])
+
+
+def _points(curve: Curve) -> FloatArray:
+    return curve.points(np.linspace(0.0, curve.length, 2 if isinstance(curve, Segment) else SAMPLES))
+
+
+def _normal(curve: Curve) -> tuple[float, float] | None:
+    """The outward normal of a straight boundary."""
+    if not isinstance(curve, Segment):
+        return None
+    x, y = curve.normals(np.zeros(1))[0].tolist()
+    return (x if abs(x) > LEVEL else 0.0, y if abs(y) > LEVEL else 0.0)
+
+
+def _described(free: RigidBodyModes, size: float) -> tuple[str, str]:
+    """Free motions in words, and what would resist them."""
+    x, y = (place if abs(place) > SMALL * size else 0.0 for place in free.center)
+    about = f" about ({x:.6g}, {y:.6g})" if free.components == (ROTATION,) else ""
+    words = {
+        0: ("translation in x", "hold ux"),
+        1: ("translation in y", "hold uy"),
+        ROTATION: (f"rotation{about}", "hold a second point or a whole boundary"),
+    }
+    what, needs = zip(*(words[component] for component in free.components), strict=True)
+    return " and ".join(what), ", ".join(needs)

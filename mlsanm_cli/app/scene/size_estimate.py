@@ -8,8 +8,7 @@ from dataclasses import replace
 
 from mlsanm_cli.app.scene.assemble import mls_settings
 from mlsanm_cli.app.scene.clouds import spacing_of
-from mlsanm_cli.app.scene.imported import foreign
-from mlsanm_cli.app.scene.surfaces import outline_of
+from mlsanm_cli.app.scene.surfaces import foreign, outline_of
 from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing

@@ -8,27 +8,38 @@ surface.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mlsanm_cli.app.scene.imported import foreign
-from mlsanm_cli.case import Case, Chained, Displacement, Place, Platen, Pressure, Traction
+from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.case import Body, Contact
-from mlsanm_cli.case.model.chains import Piece, Side, Smooth
-from mlsanm_cli.case.model.files import Mesh, Points
-from mlsanm_cli.case.model.round_shapes import Annulus, HalfDisk, Sector
-from mlsanm_cli.case.model.shapes import AnyShape, Rectangle
+from mlsanm_cli.case.model.files import FileShape, Mesh, Points
+from mlsanm_cli.case.model.shapes import (
+    Annulus,
+    AnyShape,
+    Disk,
+    HalfDisk,
+    OutlineShape,
+    Polygon,
+    Rectangle,
+    Sector,
+    hole_names,
+    side_names,
+)
+from mlsanm_cli.cloud import drawing
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.curves import Curve, Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.joined import chain_of, cut, joined, part_of
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.values import dataclass
+
+if TYPE_CHECKING:
+    from mlsanm_cli.app.scene.geometry_files import Foreign
 
 FAR = 0.1
 """The ends of a part of a boundary are within this part of its length of it."""
@@ -38,10 +49,18 @@ AT_END = 1e-6
 """Ends of parts nearer than this part of a piece's length to its end are there."""
 
 
+def foreign(shape: FileShape) -> Foreign:
+    """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
+    # What reads and traces files is imported for cases that have such bodies.
+    from mlsanm_cli.app.scene.geometry_files import read_body
+
+    return read_body(shape)
+
+
 @lru_cache(maxsize=256)
 def drawn(shape: AnyShape) -> Outline:
     """The outline of a shape: closed loops of named curves. Several pieces of one name are "name/1" and so
-    on."""
+    on. Raises GeometryError for shapes that are no closed boundary of a body."""
     if isinstance(shape, Rectangle):
         return rectangle(shape.x, shape.y)
     if isinstance(shape, HalfDisk):
@@ -53,28 +72,21 @@ def drawn(shape: AnyShape) -> Outline:
         return annulus(shape.center, shape.radii)
     if isinstance(shape, Mesh | Points):
         return foreign(shape).traced.outline
-    if isinstance(shape, Chained):
-        chain = [piece for loop in shape.loops for piece in loop]
-        ends = accumulate(len(loop) for loop in shape.loops[:-1])
-        return Outline(_own_names(chain), tuple(map(_curve, chain)), (0, *ends))
-    return disk(shape.center, shape.radius)
+    if isinstance(shape, Disk):
+        return disk(shape.center, shape.radius)
+    return _looped(shape)
 
 
-def _own_names(chain: Sequence[Piece]) -> tuple[str, ...]:
-    total, passed = Counter(piece.name for piece in chain), Counter[str]()
-    names = []
-    for piece in chain:
-        passed[piece.name] += 1
-        names.append(f"{piece.name}/{passed[piece.name]}" if total[piece.name] > 1 else piece.name)
-    return tuple(names)
-
-
-def _curve(piece: Piece) -> Curve:
-    if isinstance(piece, Side):
-        return Segment(piece.start, piece.end)
-    if isinstance(piece, Smooth):
-        return SplinePart(NodeSpline(np.array(piece.points), piece.closed), 0, len(piece.points) - 1)
-    return Arc(piece.center, piece.radius, piece.start, piece.sweep)
+def _looped(shape: Polygon | OutlineShape) -> Outline:
+    holes = [
+        (name, hole.center, hole.radius) for name, hole in zip(hole_names(shape), shape.holes, strict=True)
+    ]
+    if isinstance(shape, Polygon):
+        outer = drawing.polygon(shape.points, shape.names, shape.rounding, shape.corners)
+        return drawing.with_holes(outer, holes, "points")
+    named = zip(side_names(shape), shape.sides, strict=True)
+    outer = drawing.closed_chain([drawing.Side(name, side.to, side.points) for name, side in named])
+    return drawing.with_holes(outer, holes, "sides")
 
 
 def outline_of(case: Case, body: Body) -> Outline:

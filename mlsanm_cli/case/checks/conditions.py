@@ -1,12 +1,11 @@
-"""Overlapping conditions: a component of a boundary is held or loaded, never both, and
-no surface in contact is held."""
+"""Overlapping boundary conditions: a component of a boundary is either fixed or loaded, and a contact surface
+is not fixed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Literal
 
-from mlsanm_cli.case.checks.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import split_boundary
 from mlsanm_cli.case.model.case import Support
@@ -20,18 +19,19 @@ from mlsanm_cli.case.model.loads import (
     Traction,
 )
 from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.sound import Sound
 from mlsanm_cli.values import dataclass
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
 
-# Kinds that may meet in one component: the same kind adds up, scaled by its own load factor.
+# Kinds that may be combined in one component: values of one kind add up, each with its own load factor.
 _ADDING: frozenset[Kind] = frozenset({"displacement", "traction", "platen force", "platen displacement"})
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A condition on one component (0: x, 1: y) of a boundary, or of a part of it only: where these lie, the
-    bodies' outlines tell."""
+    """A condition on one component (0: x, 1: y) of a boundary, or of a part of it. Whether parts overlap is
+    checked later on the outlines."""
 
     boundary: str
     component: int
@@ -41,9 +41,9 @@ class Claim:
     partial: bool = False
 
 
-def check_conditions(draft: Draft, report: Report) -> None:
-    """Adds a problem for every pair of conditions that cannot both hold."""
-    claims = [*_support_claims(draft), *_load_claims(draft)]
+def check_conditions(sound: Sound, report: Report) -> None:
+    """Adds a problem for every pair of conditions that exclude each other."""
+    claims = [*_support_claims(sound), *_load_claims(sound)]
     taken: dict[tuple[str, int], list[Claim]] = {}
     told: set[tuple[KeyPath, KeyPath]] = set()
     for claim in claims:
@@ -56,19 +56,19 @@ def check_conditions(draft: Draft, report: Report) -> None:
             component = "xy"[claim.component]
             message = f"{claim.label} and {other.label} both act on {claim.boundary} in {component}"
             report.add(claim.path, message, "one condition per boundary and direction")
-    _check_point_supports(draft, report)
-    _check_rotations(draft, report)
-    _check_obstacle_motions(draft, report)
-    _check_contact_surfaces(draft, report, claims)
+    _check_point_supports(sound, report)
+    _check_rotations(sound, report)
+    _check_obstacle_motions(sound, report)
+    _check_contact_surfaces(sound, report, claims)
 
 
 def may_meet(one: Kind, other: Kind) -> bool:
-    """Springs give way under tractions; what is of one kind adds up."""
+    """Springs may be combined with tractions; conditions of one kind add up."""
     return (one == other and one in _ADDING) or {one, other} == {"spring", "traction"}
 
 
-def _support_claims(draft: Draft) -> Iterator[Claim]:
-    for index, support in draft.supports.items():
+def _support_claims(sound: Sound) -> Iterator[Claim]:
+    for index, support in sound.supports.items():
         if support.place is None:
             continue
         for boundary in support.place.boundaries:
@@ -78,7 +78,7 @@ def _support_claims(draft: Draft) -> Iterator[Claim]:
 
 
 def support_components(support: Support) -> Iterator[tuple[int, Kind]]:
-    """The components that a support holds or has springs in."""
+    """The components that a support fixes or has springs in."""
     for component, value in enumerate((support.ux, support.uy)):
         if value is not None:
             yield component, "support"
@@ -87,15 +87,15 @@ def support_components(support: Support) -> Iterator[tuple[int, Kind]]:
             yield component, "spring"
 
 
-def _load_claims(draft: Draft) -> Iterator[Claim]:
-    for index, load in draft.loads.items():
+def _load_claims(sound: Sound) -> Iterator[Claim]:
+    for index, load in sound.loads.items():
         if isinstance(load, BodyForce | Temperature | ObstacleMotion):
             continue
         for boundary in [name for place in load.places for name in place.boundaries]:
-            # On a straight boundary along an axis a pressure leaves the other direction alone.
+            # A pressure on a boundary along an axis has no component along that axis.
             name, edge = split_boundary(boundary)
-            shape = draft.geometry(name)
-            normal = shape.normal(edge) if shape is not None and edge in shape.boundaries else None
+            shape = sound.geometry(name)
+            normal = shape.normals.get(edge) if shape is not None else None
             for component, kind in load_components(load, normal):
                 label, part = f'load "{load.name}" ({kind})', load.ends is not None
                 yield Claim(boundary, component, kind, ("load", index), label, part)
@@ -104,8 +104,7 @@ def _load_claims(draft: Draft) -> Iterator[Claim]:
 def load_components(
     load: Traction | Pressure | Displacement | Platen, normal: tuple[float, float] | None
 ) -> Iterator[tuple[int, Kind]]:
-    """The components that a load on a boundary prescribes, of which the ``normal`` is known if it is
-    straight."""
+    """The components that a load on a boundary prescribes; ``normal`` is that of a straight boundary."""
     if isinstance(load, Platen):
         for direction, (control, _) in load.control.items():
             yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
@@ -123,9 +122,9 @@ def load_components(
                 yield component, "traction"
 
 
-def _check_point_supports(draft: Draft, report: Report) -> None:
+def _check_point_supports(sound: Sound, report: Report) -> None:
     seen: set[tuple[str, tuple[float, float], int]] = set()
-    for index, support in draft.supports.items():
+    for index, support in sound.supports.items():
         if support.body is None or support.near is None:
             continue
         for component, value in enumerate((support.ux, support.uy)):
@@ -133,46 +132,46 @@ def _check_point_supports(draft: Draft, report: Report) -> None:
                 continue
             point = (support.body, support.near, component)
             if point in seen:
-                message = f"another support holds this point in {'xy'[component]} already"
+                message = f"another support fixes this point in {'xy'[component]} already"
                 report.add(("support", index), message)
             seen.add(point)
 
 
-def _check_rotations(draft: Draft, report: Report) -> None:
+def _check_rotations(sound: Sound, report: Report) -> None:
     first: dict[str, Platen] = {}
-    for index, load in draft.loads.items():
+    for index, load in sound.loads.items():
         if not isinstance(load, Platen):
             continue
         other = first.setdefault(load.label, load)
         if other.turning != load.turning:
-            message = f'"{load.turning}", but load "{other.name}" on the same platen says "{other.turning}"'
-            report.add(("load", index, "rotation"), message, "loads on one boundary move one platen")
+            message = f'"{load.turning}" here, "{other.turning}" in load "{other.name}" on the same platen'
+            report.add(("load", index, "rotation"), message, "loads on one boundary act on one platen")
         elif other.hinge != load.hinge:
-            message = f'another point than in load "{other.name}" on the same platen'
-            report.add(("load", index, "hinge"), message, "loads on one boundary move one platen")
+            message = f'differs from that of load "{other.name}" on the same platen'
+            report.add(("load", index, "hinge"), message, "loads on one boundary act on one platen")
 
 
-def _check_obstacle_motions(draft: Draft, report: Report) -> None:
-    """A direction of an obstacle is moved by forces or by displacements."""
+def _check_obstacle_motions(sound: Sound, report: Report) -> None:
+    """A direction of an obstacle has either forces or displacements."""
     first: dict[tuple[str, str], tuple[str, str]] = {}
-    for index, load in draft.loads.items():
+    for index, load in sound.loads.items():
         if isinstance(load, ObstacleMotion):
             for direction, (control, _) in load.control.items():
                 other, name = first.setdefault((load.obstacle, direction), (control, load.name))
                 if other != control:
                     message = f'{control} here, {other} in load "{name}" on the same obstacle in {direction}'
-                    report.add(("load", index), message, "one or the other in each direction")
+                    report.add(("load", index), message, "use one of the two in each direction")
 
 
-def _check_contact_surfaces(draft: Draft, report: Report, claims: list[Claim]) -> None:
-    for index, contact in draft.contacts.items():
+def _check_contact_surfaces(sound: Sound, report: Report, claims: list[Claim]) -> None:
+    for index, contact in sound.contacts.items():
         for key, side in zip(("slave", "master"), contact.sides, strict=False):
             path: KeyPath = ("contact", index, key)
             for claim in claims:
-                # Given tractions and those of the contact add up.
+                # Prescribed tractions and contact tractions add up.
                 apart = claim.partial and side.ends is not None
                 if claim.boundary in side.boundaries and claim.kind != "traction" and not apart:
                     message = f"{claim.label} acts on the contact surface {claim.boundary}"
-                    hint = "a surface is in contact or held, not both; tractions and pressures may act on it"
+                    hint = "only tractions and pressures may act on a contact surface"
                     report.add(path, message, hint)
                     break

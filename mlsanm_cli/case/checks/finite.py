@@ -1,54 +1,51 @@
-"""Finite strain: what it asks of a case, and what it cannot do yet, which is refused by name."""
+"""Finite strain: its requirements, and features that it does not support yet."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from mlsanm_cli.case.checks.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Contact
 from mlsanm_cli.case.model.loads import ObstacleMotion, Platen, Pressure, Temperature
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.sound import Sound
 
 LARGEST_NU = 4.0 / 9.0
-"""Poisson's ratio in plane strain up to which equilibrium by second derivatives does not lock: lambda is
-8 mu there."""
+"""Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""
 _ALONE = "with finite strain is not supported yet"
-_SMALL = 'use strain = "small" in [model], or leave it out'
+_SMALL = 'use strain = "small" in [model], or remove it'
 
 
-def check_finite(draft: Draft, report: Report) -> None:
-    """Adds what does not go together with the ``strain`` of the model."""
-    if draft.model is None:
+def check_finite(sound: Sound, report: Report) -> None:
+    """Adds everything that is incompatible with the ``strain`` of the model."""
+    if sound.model is None:
         return
-    if draft.model.strain == "small":
-        _check_small(draft, report)
+    if sound.model.strain == "small":
+        _check_small(sound, report)
         return
-    for name, material in draft.materials.items():
-        _check_law(material, ("material", name), draft.model.plane, report)
-    _check_loads(draft, draft.model.plane, report)
-    _check_rest(draft, report)
+    for name, material in sound.case.material.items():
+        _check_law(material, ("material", name), sound.model.plane, report)
+    _check_loads(sound, sound.model.plane, report)
+    _check_rest(sound, report)
 
 
-def _check_small(draft: Draft, report: Report) -> None:
+def _check_small(sound: Sound, report: Report) -> None:
     hint = 'write strain = "finite" in [model], or remove the key'
-    for name, material in draft.materials.items():
+    for name, material in sound.case.material.items():
         if material.law != "linear":
-            message = f'"{material.law}" is a law of finite strain; the model has small strains'
+            message = f'"{material.law}" needs finite strain'
             report.add(("material", name, "law"), message, hint)
-    for index, load in draft.loads.items():
+    for index, load in sound.loads.items():
         if isinstance(load, Pressure) and load.follows:
-            report.add(("load", index, "follows"), "loads follow at finite strain only", hint)
+            report.add(("load", index, "follows"), "follower loads need finite strain", hint)
 
 
 def _check_law(material: Material, path: KeyPath, plane: str, report: Report) -> None:
     if material.law == "linear":
-        message = '"linear" elasticity is for small strains; the model has finite ones'
+        message = '"linear" elasticity is not valid at finite strain'
         report.add((*path, "law"), message, 'law = "saint-venant-kirchhoff" or "neo-hookean"')
         return
     if material.form != "isotropic":
-        report.add((*path, "law"), f'"{material.law}" is an isotropic law', "give E and nu")
+        report.add((*path, "law"), f'"{material.law}" needs an isotropic material', "give E and nu")
         return
     if material.nu is None:
         return
@@ -59,18 +56,16 @@ def _check_law(material: Material, path: KeyPath, plane: str, report: Report) ->
         report.add((*path, "nu"), f"{material.nu:g}: an incompressible material {_ALONE}", "below 0.5")
 
 
-def _check_loads(draft: Draft, plane: str, report: Report) -> None:
-    for index, support in draft.supports.items():
+def _check_loads(sound: Sound, plane: str, report: Report) -> None:
+    for index, support in sound.supports.items():
         if support.spring is not None:
             report.add(("support", index, "spring"), f"a spring {_ALONE}", _SMALL)
-    for index, load in draft.loads.items():
+    for index, load in sound.loads.items():
         path: KeyPath = ("load", index)
         if isinstance(load, Temperature):
             report.add((*path, "temperature"), f"a change of temperature {_ALONE}", _SMALL)
         elif isinstance(load, Pressure) and load.follows and plane == "stress":
-            report.add(
-                (*path, "follows"), f"a following pressure in plane stress {_ALONE}", "follows = false"
-            )
+            report.add((*path, "follows"), f"a follower pressure in plane stress {_ALONE}", "follows = false")
         elif isinstance(load, ObstacleMotion):
             if any(control == "force" for control, _ in load.control.values()):
                 report.add(path, f"an obstacle moved by a force {_ALONE}", "move it by a displacement")
@@ -79,7 +74,7 @@ def _check_loads(draft: Draft, plane: str, report: Report) -> None:
                 hint = "move it by a displacement, or load the boundary with a traction"
                 report.add(path, f"a platen moved by a force {_ALONE}", hint)
             if load.rotation == "free":
-                report.add((*path, "rotation"), f"a platen that turns {_ALONE}", 'rotation = "fixed"')
+                report.add((*path, "rotation"), f"a rotating platen {_ALONE}", 'rotation = "fixed"')
 
 
 def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
@@ -99,29 +94,25 @@ def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
         report.add((*path, "regularization", "law"), message, 'law = "exact"')
     for key in ("accuracy", "reach"):
         if key in contact.model_fields_set:
-            message = "has no meaning at finite strain: any node of the slave may touch"
+            message = "does not apply at finite strain: all nodes of the slave are candidates"
             report.add((*path, key), message, "remove it")
 
 
-def _check_rest(draft: Draft, report: Report) -> None:
-    for index, contact in draft.contacts.items():
+def _check_rest(sound: Sound, report: Report) -> None:
+    for index, contact in sound.contacts.items():
         _check_contact(contact, ("contact", index), report)
-    if draft.count("body") > 1:
-        report.add(("body", 1), f"more than one body {_ALONE}", "one case for each body")
-    if "reference" in draft.data:
-        report.add(("reference",), f"a closed formula {_ALONE}", "remove the table")
-    if draft.mls is not None:
-        if draft.mls.scheme != "least-squares":
-            report.add(("mls", "scheme"), f'"{draft.mls.scheme}" {_ALONE}', '"least-squares"')
-        if draft.mls.degree < 2:
-            report.add(("mls", "degree"), f"degree {draft.mls.degree} {_ALONE}", "at least 2")
-    if draft.adapt is not None and draft.adapt.passes:
+    if sound.count("body") > 1:
+        report.add(("body", 1), f"more than one body {_ALONE}", "use one case per body")
+    if "reference" in sound.data:
+        report.add(("reference",), f"an analytical solution {_ALONE}", "remove the table")
+    if sound.case.mls.scheme != "least-squares":
+        report.add(("mls", "scheme"), f'"{sound.case.mls.scheme}" {_ALONE}', '"least-squares"')
+    if sound.case.mls.degree < 2:
+        report.add(("mls", "degree"), f"degree {sound.case.mls.degree} {_ALONE}", "at least 2")
+    if sound.case.adapt.passes:
         report.add(("adapt", "passes"), f"refinement {_ALONE}", "write 0")
-    solver = draft.solver
-    given = draft.data.get("solver")
-    if solver is None or not isinstance(given, Mapping):
-        return
-    if solver.method == "active-set" and not draft.count("contact"):
-        report.add(("solver", "method"), '"active-set" is for contact', '"anm" or "newton"')
+    solver = sound.case.solver
+    if solver.method == "active-set" and not sound.count("contact"):
+        report.add(("solver", "method"), '"active-set" needs a contact', '"anm" or "newton"')
     if solver.linear in ("pardiso", "mumps"):
         report.add(("solver", "linear"), f'"{solver.linear}" {_ALONE}', '"auto"')

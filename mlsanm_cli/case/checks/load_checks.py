@@ -1,19 +1,19 @@
-"""Checks of loads and supports, each by itself and with its body's material."""
+"""Checks of single loads and supports."""
 
 from __future__ import annotations
 
-from mlsanm_cli.case.checks.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.loads import Displacement, ObstacleMotion, Platen, Pressure, Temperature, Traction
 from mlsanm_cli.case.model.places import Stretch
 from mlsanm_cli.case.report import Report, suggestion
+from mlsanm_cli.case.sound import Sound
 
 
-def check_loads(draft: Draft, report: Report) -> None:
-    """Adds what is missing, given twice or contradicts itself in loads and supports."""
-    for index in draft.supports:
-        _check_support(draft, report, index)
-    for index, load in draft.loads.items():
+def check_loads(sound: Sound, report: Report) -> None:
+    """Adds missing, duplicate and contradictory values of loads and supports."""
+    for index in sound.supports:
+        _check_support(sound, report, index)
+    for index, load in sound.loads.items():
         path: KeyPath = ("load", index)
         if isinstance(load, Stretch):
             check_ends(load, path, report)
@@ -26,64 +26,74 @@ def check_loads(draft: Draft, report: Report) -> None:
         elif isinstance(load, Displacement):
             _check_displacement(load, path, report)
         elif isinstance(load, Temperature):
-            _check_temperature(draft, load, path, report)
-    _check_obstacle_names(draft, report)
+            _check_temperature(sound, load, path, report)
+    _check_obstacle_names(sound, report)
 
 
 def check_ends(part: Stretch, path: KeyPath, report: Report) -> None:
     """Both ends of a part are given, or none."""
     if (part.start is None) != (part.to is None):
         key, other = ("from", "to") if part.to is None else ("to", "from")
-        report.add((*path, key), f'needs "{other}" too', "both ends of the part of the boundary")
+        report.add((*path, key), f'needs "{other}" too', "give both ends of the part of the boundary")
     elif part.start is not None and part.start == part.to:
-        report.add((*path, "to"), "is the same point", "the two ends of the part of the boundary")
+        report.add((*path, "to"), "is the same point", "give two different ends of the part of the boundary")
 
 
-def _check_support(draft: Draft, report: Report, index: int) -> None:
-    support, path = draft.supports[index], ("support", index)
+def _check_support(sound: Sound, report: Report, index: int) -> None:
+    support, path = sound.supports[index], ("support", index)
     check_ends(support, path, report)
     if support.boundary is None and (support.start is not None or support.to is not None):
-        report.add(path, '"from" and "to" are the ends of a part of a boundary', 'give "boundary"')
+        report.add(path, '"from" and "to" need a boundary', 'give "boundary"')
     if support.boundary is not None and (support.body is not None or support.near is not None):
         report.add(path, 'give either "boundary", or "body" and "near"')
     elif support.boundary is None and (support.body is None or support.near is None):
         if support.body is None and support.near is None:
-            report.add(path, "says nothing about where", 'give "boundary", or "body" and "near"')
+            report.add(path, "has no location", 'give "boundary", or "body" and "near"')
         else:
             report.add(
-                path, '"body" and "near" go together', "near = [x, y] picks the nearest node of the body"
+                path,
+                '"body" and "near" are needed together',
+                "near = [x, y] selects the nearest node of the body",
             )
     if support.spring is not None:
         here: KeyPath = (*path, "spring")
         if support.boundary is None:
-            report.add(here, "springs act along a boundary", 'give "boundary"')
+            report.add(here, "springs act on a boundary", 'give "boundary"')
         if min(support.spring) < 0.0 or max(support.spring) == 0.0:
-            report.add(here, "a spring's stiffness is above 0", "0 only for the direction without a spring")
+            report.add(
+                here,
+                "stiffnesses must not be negative, and one must be above 0",
+                "0 for a direction without spring",
+            )
     elif support.ux is None and support.uy is None:
-        report.add(path, "holds nothing", "give ux = 0.0, uy = 0.0 or both, or spring = [kx, ky]")
+        report.add(path, "fixes nothing", "give ux = 0.0, uy = 0.0 or both, or spring = [kx, ky]")
+    for key in ("ux", "uy"):
+        if getattr(support, key):
+            message = "a support that moves its boundary is not supported yet"
+            report.add((*path, key), message, 'a load of kind "displacement" moves a boundary')
 
 
 def _check_value(load: Traction | Pressure, path: KeyPath, report: Report) -> None:
     value = load.traction if isinstance(load, Traction) else load.pressure
     if value is None and load.table is None:
-        report.add((*path, load.kind), "missing, and it has no default", f'give "{load.kind}" or "table"')
+        report.add((*path, load.kind), "missing (required)", f'give "{load.kind}" or "table"')
     elif value is not None and load.table is not None:
-        report.add((*path, "table"), f'"{load.kind}" is given too', "one of the two")
+        report.add((*path, "table"), f'"{load.kind}" is given too', "give one of the two")
 
 
 def _check_displacement(load: Displacement, path: KeyPath, report: Report) -> None:
     single = [key for key in ("ux", "uy") if getattr(load, key) is not None]
     if load.displacement is not None and single:
-        message = '"displacement" gives both directions already'
-        report.add((*path, single[0]), message, "displacement, or ux, or uy")
+        message = '"displacement" gives both components already'
+        report.add((*path, single[0]), message, "give displacement, or ux, or uy")
     elif load.displacement is None and not single:
         hint = "give displacement, or ux or uy alone"
-        report.add((*path, "displacement"), "missing, and it has no default", hint)
+        report.add((*path, "displacement"), "missing (required)", hint)
 
 
-def _check_temperature(draft: Draft, load: Temperature, path: KeyPath, report: Report) -> None:
-    body = next((body for body in draft.bodies.values() if body.name == load.body), None)
-    material = draft.materials.get(body.material) if body is not None else None
+def _check_temperature(sound: Sound, load: Temperature, path: KeyPath, report: Report) -> None:
+    body = next((body for body in sound.bodies.values() if body.name == load.body), None)
+    material = sound.case.material.get(body.material) if body is not None else None
     if body is not None and material is not None and material.alpha is None:
         message = f'material "{body.material}" of body "{body.name}" has no thermal expansion'
         report.add(path, message, f"give alpha in [material.{body.material}]")
@@ -92,39 +102,45 @@ def _check_temperature(draft: Draft, load: Temperature, path: KeyPath, report: R
 def _check_moving(load: Platen | ObstacleMotion, path: KeyPath, report: Report) -> None:
     single = [key for key in ("ux", "uy", "fx", "fy") if getattr(load, key) is not None]
     if load.force is not None and load.displacement is not None:
-        report.add(path, "has both force and displacement", "one direction each: ux or fx, uy or fy")
+        report.add(
+            path, "has both force and displacement", "give one quantity per direction: ux or fx, uy or fy"
+        )
     elif (load.force is not None or load.displacement is not None) and single:
         both = "force" if load.force is not None else "displacement"
         report.add(
-            (*path, single[0]), f'"{both}" gives both directions already', "ux or fx, and uy or fy instead"
+            (*path, single[0]), f'"{both}" gives both components already', "ux or fx, and uy or fy instead"
         )
     elif not load.control:
-        what = "a platen" if isinstance(load, Platen) else "an obstacle's motion"
+        what = "a platen" if isinstance(load, Platen) else "the motion of an obstacle"
         report.add(path, f"{what} needs a direction", "give force, displacement, or ux/uy/fx/fy")
     for u, f in (("ux", "fx"), ("uy", "fy")):
         if u in single and f in single:
-            report.add((*path, f), f"the direction has {u} already", "it is moved by one of the two")
+            report.add((*path, f), f"{u} is given for this direction too", "give one of the two")
 
 
 def _check_turning(load: Platen, path: KeyPath, report: Report) -> None:
-    """What turns a plate, and about what, goes with whether it may turn."""
+    """Moment and hinge need a plate that can rotate."""
     if load.moment is not None and load.turning != "free":
-        hint = 'leave rotation away, or write rotation = "free"'
-        report.add((*path, "moment"), "a plate that is not free to turn takes no moment", hint)
+        hint = 'remove rotation, or write rotation = "free"'
+        report.add((*path, "moment"), "a moment needs a plate that is free to rotate", hint)
     if load.hinge is not None and load.turning == "fixed":
-        report.add((*path, "hinge"), "a plate that does not turn has no hinge", 'rotation = "free"')
+        report.add((*path, "hinge"), "a hinge needs a plate that can rotate", 'rotation = "free"')
     if len(load.places) > 1 and load.ends is not None:
-        report.add((*path, "from"), "parts are those of one body", "one boundary, or whole boundaries")
+        report.add(
+            (*path, "from"),
+            "parts of boundaries of several bodies are not supported",
+            "use one boundary, or whole boundaries",
+        )
 
 
-def _check_obstacle_names(draft: Draft, report: Report) -> None:
-    """Loads move obstacles that are there."""
-    names = [contact.name for contact in draft.contacts.values() if contact.obstacle is not None]
-    known = [name for _, name in draft.names("contact")]
-    for index, name in draft.texts("load", "obstacle"):
+def _check_obstacle_names(sound: Sound, report: Report) -> None:
+    """Loads of kind obstacle need a contact with an obstacle."""
+    names = [contact.name for contact in sound.contacts.values() if contact.obstacle is not None]
+    known = [name for _, name in sound.names("contact")]
+    for index, name in sound.texts("load", "obstacle"):
         if name not in known:
             hint = suggestion(name, names or known, "contacts with an obstacle")
             report.add(("load", index, "obstacle"), f'there is no contact "{name}"', hint)
-        elif name in [contact.name for contact in draft.contacts.values()] and name not in names:
-            message = f'contact "{name}" has a master, and no obstacle'
+        elif name in [contact.name for contact in sound.contacts.values()] and name not in names:
+            message = f'contact "{name}" has a master and no obstacle'
             report.add(("load", index, "obstacle"), message, 'a load of kind "platen" moves a boundary')

@@ -1,73 +1,96 @@
-"""Checks of what a case means: names and references, values that depend on each other.
+"""Checks of relations in a case: names and references, values that depend on each other.
 
-Overlapping conditions are in `conditions`, bodies that can drift in `drift`.
+Overlapping conditions are in `conditions`.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 
 from mlsanm_cli.case.checks.conditions import check_conditions
-from mlsanm_cli.case.checks.draft import Draft
-from mlsanm_cli.case.checks.drift import check_drift
 from mlsanm_cli.case.checks.finite import check_finite
 from mlsanm_cli.case.checks.load_checks import check_ends, check_loads
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, split_boundary
 from mlsanm_cli.case.model.case import Body, Contact
-from mlsanm_cli.case.model.files import Geometry, Points
+from mlsanm_cli.case.model.files import Geometry, Points, Survey
 from mlsanm_cli.case.model.loads import ObstacleMotion, Platen
 from mlsanm_cli.case.model.materials import check_material
 from mlsanm_cli.case.model.obstacles import check_obstacle
-from mlsanm_cli.case.model.outline import OutlineShape
-from mlsanm_cli.case.model.polygon import Polygon
-from mlsanm_cli.case.model.polygons import check_outline, check_polygon
-from mlsanm_cli.case.model.round_shapes import Annulus, Sector
-from mlsanm_cli.case.model.shapes import AnyShape, Rectangle
+from mlsanm_cli.case.model.shapes import shape_faults
 from mlsanm_cli.case.model.stop import check_stop
 from mlsanm_cli.case.report import Report, suggestion
+from mlsanm_cli.case.sound import Sound
+from mlsanm_cli.errors import GeometryError, OutlineError
 
 ROUND_OFF = 1e-9
-"""Smallest spacing, in parts of the largest coordinate."""
+"""Smallest spacing, relative to the largest coordinate."""
+HOLDING = ("model", "body", "support", "load", "contact")
+"""Sections that decide whether a body can move freely."""
 MOST_NEIGHBORS = 20
-"""Most nodes of a stencil, in coefficients of the polynomial."""
+"""Largest number of nodes of a stencil per coefficient of the polynomial."""
 
 
-def run_checks(draft: Draft, report: Report) -> None:
-    """Adds every problem that the sound parts of the case have with each other."""
-    _check_names(draft, report)
-    _check_materials(draft, report)
-    _check_references(draft, report)
-    for index, shape in draft.shapes.items():
-        _check_shape(shape, ("body", index, "shape"), report)
-    for index, body in draft.bodies.items():
+def run_checks(sound: Sound, inspect_geometry_file: Survey | None, report: Report) -> Sound:
+    """Adds every conflict between the sound parts of the case; returns these with the
+    geometries of their shapes. Without a ``inspect_geometry_file`` nothing is checked that depends on
+    these."""
+    sound = replace(sound, geometries=_geometries(sound, inspect_geometry_file, report))
+    _check_names(sound, report)
+    _check_materials(sound, report)
+    _check_references(sound, report)
+    for index, body in sound.bodies.items():
         _check_spacing(body, index, report)
-        if index in draft.geometries:
-            _check_body(body, draft.geometries[index], index, report)
-    check_loads(draft, report)
-    _check_contacts(draft, report)
-    _check_stages(draft, report)
-    _check_stops(draft, report)
-    _check_numerics(draft, report)
-    check_conditions(draft, report)
-    check_drift(draft, report)
-    check_finite(draft, report)
+        if index in sound.geometries:
+            _check_body(body, sound.geometries[index], index, report)
+    check_loads(sound, report)
+    _check_contacts(sound, report)
+    _check_stages(sound, report)
+    _check_stops(sound, report)
+    _check_numerics(sound, report)
+    check_conditions(sound, report)
+    check_finite(sound, report)
+    # A fault in a support would otherwise be reported twice.
+    if inspect_geometry_file is not None and not any(report.touches((section,)) for section in HOLDING):
+        for fault in inspect_geometry_file.floating(sound.case):
+            report.add(fault.key, fault.message, fault.hint)
+    return sound
 
 
-def _check_names(draft: Draft, report: Report) -> None:
+def _geometries(sound: Sound, inspect_geometry_file: Survey | None, report: Report) -> dict[int, Geometry]:
+    if not sound.count("body"):
+        report.add(("body",), "the list is empty, at least one item is required", "add [[body]]")
+    found: dict[int, Geometry] = {}
+    for index, body in sound.bodies.items():
+        path: KeyPath = ("body", index, "shape")
+        faults = tuple(shape_faults(body.shape))
+        if not faults and inspect_geometry_file is not None and not report.touches(path):
+            try:
+                found[index] = inspect_geometry_file.geometry(body.shape)
+            except OutlineError as error:
+                faults = error.faults
+            except GeometryError as error:
+                report.add((*path, "file"), error.message, error.hint)
+        for fault in faults:
+            report.add((*path, *fault.key), fault.message, fault.hint)
+    return found
+
+
+def _check_names(sound: Sound, report: Report) -> None:
     for section in ("body", "load", "contact", "probe"):
         first: dict[str, int] = {}
-        for index, name in draft.names(section):
+        for index, name in sound.names(section):
             if name in first:
-                report.add((section, index, "name"), f'"{name}" is the name of another {section} already')
+                report.add((section, index, "name"), f'another {section} is called "{name}" already')
             first.setdefault(name, index)
 
 
-def _check_materials(draft: Draft, report: Report) -> None:
-    table = draft.data.get("material")
+def _check_materials(sound: Sound, report: Report) -> None:
+    table = sound.data.get("material")
     defined = [name for name in table if isinstance(name, str)] if isinstance(table, dict) else []
-    used = draft.texts("body", "material")
+    used = sound.texts("body", "material")
     for index, name in used:
         if name not in defined:
             hint = suggestion(name, defined, "materials")
@@ -75,8 +98,8 @@ def _check_materials(draft: Draft, report: Report) -> None:
     for name in defined:
         if name not in [other for _, other in used]:
             report.add(("material", name), "no body uses this material", _use_hint(name))
-    plane = draft.model.plane if draft.model else None
-    for name, material in draft.materials.items():
+    plane = sound.model.plane if sound.model else None
+    for name, material in sound.case.material.items():
         check_material(material, ("material", name), plane, report)
 
 
@@ -84,32 +107,17 @@ def _use_hint(name: str) -> str:
     return f'remove it, or write material = "{name}" in a body'
 
 
-def _check_shape(shape: AnyShape, path: KeyPath, report: Report) -> None:
-    if isinstance(shape, Rectangle):
-        for axis, (low, high) in (("x", shape.x), ("y", shape.y)):
-            if not low < high:
-                report.add((*path, axis), f"[{low:g}, {high:g}] is no range", "the smaller number first")
-    if isinstance(shape, Sector | Annulus) and not 0.0 < shape.radii[0] < shape.radii[1]:
-        report.add((*path, "radii"), "must be the inner and the outer radius, both above 0")
-    if isinstance(shape, Sector) and not 0.0 < shape.angles[1] - shape.angles[0] < 360.0:
-        report.add((*path, "angles"), "must rise by less than 360 degrees", "as in [0.0, 90.0]")
-    if isinstance(shape, Polygon):
-        check_polygon(shape, path, report)
-    if isinstance(shape, OutlineShape):
-        check_outline(shape, path, report)
-
-
 def _check_spacing(body: Body, index: int, report: Report) -> None:
-    """Who places the nodes needs a spacing; who brings them has one."""
+    """Bodies with nodes from a file have no spacing of their own."""
     path: KeyPath = ("body", index)
     if not body.has_nodes:
         return
-    where = 'the nodes are those of the file; use = "outline" would place others'
+    where = 'the nodes are those of the file (use = "outline" places new ones)'
     if isinstance(body.shape, Points):
         where = "the nodes are those of the file"
     for key, given in (("spacing", body.spacing != "auto"), ("refine", body.refine), ("seed", body.seed)):
         if given:
-            report.add((*path, key), f"has no meaning here: {where}", "remove it")
+            report.add((*path, key), f"does not apply: {where}", "remove it")
 
 
 def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None:
@@ -122,27 +130,27 @@ def _check_body(body: Body, shape: Geometry, index: int, report: Report) -> None
     spacings += [((*path, "refine", n, "spacing"), refine.spacing) for n, refine in enumerate(body.refine)]
     for key, spacing in spacings:
         if spacing < ROUND_OFF * far:
-            message = f"{spacing:g} is lost in round-off at places up to {far:g} from the origin"
+            message = f"{spacing:g} is below round-off for coordinates up to {far:g}"
             report.add(key, message, f"at least {ROUND_OFF * far:.2g}")
     if given is not None and given > shape.size > 0.0:
-        report.add((*path, "spacing"), f"{given:g} is larger than the body itself ({shape.size:g})")
+        report.add((*path, "spacing"), f"{given:g} is larger than the body ({shape.size:g})")
     for place, refine in enumerate(body.refine):
         here: KeyPath = (*path, "refine", place)
         if (refine.at is None) == (refine.along is None):
             report.add(here, 'needs exactly one of "at" (a point) and "along" (a boundary)')
-        if refine.along is not None and refine.edge(body.name) not in shape.boundaries:
-            hint = suggestion(refine.edge(body.name), shape.boundaries, "boundaries")
+        if refine.along is not None and refine.edge(body.name) not in shape.normals:
+            hint = suggestion(refine.edge(body.name), shape.normals, "boundaries")
             report.add((*here, "along"), f'body "{body.name}" has no boundary "{refine.along}"', hint)
         if given is not None and refine.spacing > given:
             message = f"{refine.spacing:g} is larger than the body's spacing {given:g}"
-            report.add((*here, "spacing"), message, "a refinement can only make it smaller")
+            report.add((*here, "spacing"), message, "a refinement can only reduce it")
 
 
-def _check_references(draft: Draft, report: Report) -> None:
+def _check_references(sound: Sound, report: Report) -> None:
     """Names of bodies and boundaries, also in items with other faults."""
-    names = [known for _, known in draft.names("body")]
+    names = [known for _, known in sound.names("body")]
     for section in ("support", "load", "probe"):
-        for index, name in draft.texts(section, "body"):
+        for index, name in sound.texts(section, "body"):
             if name not in names:
                 hint = suggestion(name, names, "bodies")
                 report.add((section, index, "body"), f'there is no body "{name}"', hint)
@@ -152,30 +160,28 @@ def _check_references(draft: Draft, report: Report) -> None:
         ("contact", "slave"),
         ("contact", "master"),
     ):
-        for path, boundary in draft.boundaries(section, key):
+        for path, boundary in sound.boundaries(section, key):
             if BOUNDARY_PATTERN.fullmatch(boundary):
-                _check_boundary(draft, report, path, boundary)
+                _check_boundary(sound, report, path, boundary)
 
 
-def _check_boundary(draft: Draft, report: Report, path: KeyPath, boundary: str) -> None:
+def _check_boundary(sound: Sound, report: Report, path: KeyPath, boundary: str) -> None:
     name, edge = split_boundary(boundary)
-    names = [known for _, known in draft.names("body")]
+    names = [known for _, known in sound.names("body")]
     if name not in names:
         near = suggestion(name, names, "bodies")
         report.add(path, f'"{boundary}": there is no body "{name}"', near)
         return
-    shape = draft.geometry(name)
-    if shape is not None and edge not in shape.boundaries:
-        options = [f"{name}.{valid}" for valid in shape.boundaries]
+    edges = sound.edges(name)
+    if edges and edge not in edges:
+        options = [f"{name}.{valid}" for valid in edges]
         hint = suggestion(boundary, options, "boundaries")
-        report.add(
-            path, f'{"an" if shape.kind[0] in "ao" else "a"} {shape.kind} has no boundary "{edge}"', hint
-        )
+        report.add(path, f'body "{name}" has no boundary "{edge}"', hint)
 
 
-def _check_contacts(draft: Draft, report: Report) -> None:
+def _check_contacts(sound: Sound, report: Report) -> None:
     pairs: dict[tuple[frozenset[str], object], str] = {}
-    for index, contact in draft.contacts.items():
+    for index, contact in sound.contacts.items():
         path: KeyPath = ("contact", index)
         check_ends(contact, path, report)
         if (contact.master is None) == (contact.obstacle is None):
@@ -186,21 +192,23 @@ def _check_contacts(draft: Draft, report: Report) -> None:
             check_obstacle(contact.obstacle, (*path, "obstacle"), report)
         if contact.master is None:
             if contact.bonded:
-                hint = "hold the boundary with a [[support]], or move it with a platen"
-                report.add((*path, "friction"), "nothing is bonded to a rigid obstacle", hint)
+                hint = "fix the boundary with a [[support]], or move it with a platen"
+                report.add((*path, "friction"), "bonding to a rigid obstacle is not possible", hint)
             continue
         both = set(contact.sides[0].boundaries) & set(contact.sides[1].boundaries)
         if both:
             single = len(contact.boundaries) == 2
             message = (
-                "slave and master are the same boundary" if single else f"{both.pop()} is in the slave too"
+                "slave and master are the same boundary"
+                if single
+                else f"{both.pop()} is part of the slave too"
             )
             report.add((*path, "master"), message)
             continue
         bodies = {split_boundary(boundary)[0] for boundary in contact.boundaries}
         if len(bodies) == 1:
-            message = f"body {bodies.pop()} touching itself is not supported yet"
-            report.add(path, message, "slave and master on two bodies")
+            message = f"self-contact (body {bodies.pop()}) is not supported yet"
+            report.add(path, message, "slave and master must belong to two bodies")
         if contact.bonded:
             _check_bond(contact, path, report)
         pair = frozenset(contact.boundaries), contact.ends
@@ -210,139 +218,150 @@ def _check_contacts(draft: Draft, report: Report) -> None:
 
 
 def _check_bond(contact: Contact, path: KeyPath, report: Report) -> None:
-    """Keys that say nothing of surfaces that are one."""
+    """Keys that do not apply to bonded surfaces."""
     plain = Contact(name=contact.name, slave=contact.slave, master=contact.master)
     for key in ("interference", "gap", "reach", "regularization"):
         if getattr(contact, key) != getattr(plain, key):
-            report.add((*path, key), "has no meaning here: the surfaces are bonded as drawn", "remove it")
+            report.add((*path, key), "does not apply to bonded surfaces", "remove it")
 
 
-def _check_stages(draft: Draft, report: Report) -> None:
-    loads = [name for _, name in draft.names("load")]
-    fits = [contact.name for contact in draft.contacts.values() if contact.interference is not None]
-    for index, contact in draft.contacts.items():
+def _check_stages(sound: Sound, report: Report) -> None:
+    loads = [name for _, name in sound.names("load")]
+    fits = [contact.name for contact in sound.contacts.values() if contact.interference is not None]
+    for index, contact in sound.contacts.items():
         if contact.interference is not None and contact.name in loads:
-            message = f'"{contact.name}" is the name of a load too; a stage could not tell them apart'
+            message = f'a load is called "{contact.name}" too, which is ambiguous in stages'
             report.add(("contact", index, "name"), message)
-    if not loads and not fits and not draft.count("load") and len(draft.contacts) == draft.count("contact"):
-        report.add(("load",), "nothing acts on the bodies", "add [[load]], or interference in a contact")
-    if "stage" not in draft.data:
+    if not loads and not fits and not sound.count("load") and len(sound.contacts) == sound.count("contact"):
+        report.add(("load",), "no loads", "add [[load]], or interference in a contact")
+    if "stage" not in sound.data:
         return
     names = [*loads, *fits]
-    for index, stage in draft.stages.items():
+    for index, stage in sound.stages.items():
         if not stage:
-            report.add(("stage", index), "moves no load", suggestion("", names, "loads"))
+            report.add(("stage", index), "names no load", suggestion("", names, "loads"))
         for name in stage:
             if name not in names:
                 hint = suggestion(name, names, "loads")
                 report.add(("stage", index, name), f'there is no load "{name}"', hint)
-    if len(draft.stages) == draft.count("stage"):
-        moved = {name for stage in draft.stages.values() for name in stage}
-        for index, name in draft.names("load"):
+    if len(sound.stages) == sound.count("stage"):
+        moved = {name for stage in sound.stages.values() for name in stage}
+        for index, name in sound.names("load"):
             if name not in moved:
-                report.add(("load", index), "no stage moves this load", f"write {name} = 1.0 in a [[stage]]")
+                report.add(
+                    ("load", index), "no stage applies this load", f"write {name} = 1.0 in a [[stage]]"
+                )
 
 
-def _check_stops(draft: Draft, report: Report) -> None:
-    names = {section: [name for _, name in draft.names(section)] for section in ("load", "contact", "probe")}
-    names["support"] = [name for _, name in draft.texts("support", "boundary")]
-    # Loads that are not sound may be platens.
+def _check_stops(sound: Sound, report: Report) -> None:
+    names = {section: [name for _, name in sound.names(section)] for section in ("load", "contact", "probe")}
+    names["support"] = [name for _, name in sound.texts("support", "boundary")]
+    # Loads with faults may be platens.
     rigid = (Platen, ObstacleMotion)
     names["mover"] = [
         name
-        for index, name in draft.names("load")
-        if isinstance(draft.loads.get(index), (*rigid, type(None)))
+        for index, name in sound.names("load")
+        if isinstance(sound.loads.get(index), (*rigid, type(None)))
     ]
-    for index, stop in draft.stops.items():
+    for index, stop in sound.stops.items():
         check_stop(stop, ("stop", index), names, report)
-        smooth = [c.name for c in draft.contacts.values() if not c.friction]
+        smooth = [c.name for c in sound.contacts.values() if not c.friction]
         if stop.what == "slip" and stop.of in smooth:
-            report.add(("stop", index, "of"), f'contact "{stop.of}" has no friction and so no slip')
+            report.add(("stop", index, "of"), f'contact "{stop.of}" is frictionless and has no slip')
 
 
-def _check_numerics(draft: Draft, report: Report) -> None:
-    mls = draft.mls
-    if mls is not None and mls.neighbors != "auto":
-        terms = (mls.degree + 1) * (mls.degree + 2) // 2
-        if mls.neighbors < terms:
-            message = f"{mls.neighbors} nodes cannot carry the {terms} terms of degree {mls.degree}"
-            report.add(("mls", "neighbors"), message, f'at least {terms}, better twice as many, or "auto"')
-        elif mls.neighbors > MOST_NEIGHBORS * terms:
-            message = f"{mls.neighbors} nodes are far too many for the {terms} terms of degree {mls.degree}"
-            report.add(("mls", "neighbors"), message, f'at most {MOST_NEIGHBORS * terms}, or "auto"')
-    linear = draft.solver.linear if draft.solver is not None else "auto"
-    if mls is not None and mls.scheme != "least-squares" and linear in ("pardiso", "mumps"):
-        message = f'"{linear}" is for symmetric equations, which mls.scheme = "{mls.scheme}" has not'
+def _check_numerics(sound: Sound, report: Report) -> None:
+    case = sound.case
+    if case.mls.neighbors != "auto":
+        terms = (case.mls.degree + 1) * (case.mls.degree + 2) // 2
+        path: KeyPath = ("mls", "neighbors")
+        of = f"the {terms} terms of degree {case.mls.degree}"
+        if case.mls.neighbors < terms:
+            hint = f'at least {terms}, better twice as many, or "auto"'
+            report.add(path, f"{case.mls.neighbors} nodes are too few for {of}", hint)
+        elif case.mls.neighbors > MOST_NEIGHBORS * terms:
+            hint = f'at most {MOST_NEIGHBORS * terms}, or "auto"'
+            report.add(path, f"{case.mls.neighbors} nodes are too many for {of}", hint)
+    if case.mls.scheme != "least-squares" and case.solver.linear in ("pardiso", "mumps"):
+        message = (
+            f'"{case.solver.linear}" needs symmetric equations; mls.scheme = "{case.mls.scheme}" has none'
+        )
         report.add(("solver", "linear"), message, 'write "auto"')
-    _check_laws(draft, report, [one for one in draft.contacts.values() if not one.bonded])
-    fixed = [body.name for body in draft.bodies.values() if body.has_nodes]
-    if draft.adapt is not None and draft.adapt.passes and fixed:
-        message = f'body "{fixed[0]}" cannot be refined: its nodes are those of its file'
-        report.add(("adapt", "passes"), message, 'write 0, or take the outline only: use = "outline"')
-    contacts = draft.contacts.values()
-    if draft.adapt is not None and draft.adapt.passes and contacts and all(one.bonded for one in contacts):
-        hint = "write 0, and refine along the bonds, above all where they end, with [[body.refine]]"
-        report.add(("adapt", "passes"), "refinement by passes does not know what bonds need", hint)
-    if draft.output is None:
-        return
-    for field, times in Counter(draft.output.fields).items():
+    _check_laws(sound, report, [one for one in case.contact if not one.bonded])
+    if case.adapt.passes:
+        fixed = [body.name for body in case.body if body.has_nodes]
+        if fixed:
+            message = f'body "{fixed[0]}" cannot be refined: its nodes are those of its file'
+            report.add(("adapt", "passes"), message, 'write 0, or take the outline only: use = "outline"')
+        if case.contact and not case.touching:
+            hint = "write 0, and refine along the bonds and at their ends with [[body.refine]]"
+            report.add(("adapt", "passes"), "bonded contacts are not refined automatically", hint)
+    for field, times in Counter(case.output.fields).items():
         if times > 1:
             report.add(("output", "fields"), f'"{field}" is listed {times} times')
-    stages = draft.count("stage") if "stage" in draft.data else 1
-    for index, position in enumerate(draft.output.at):
+    stages = sound.count("stage") if "stage" in sound.data else 1
+    for index, position in enumerate(case.output.at):
         if not 0.0 <= position <= stages:
             message = f"{position:g} is outside the path, which goes from 0 to {stages}"
             report.add(("output", "at", index), message, "a position is the stage index + fraction")
 
 
-def _check_laws(draft: Draft, report: Report, contacts: Iterable[Contact]) -> None:
+def _check_laws(sound: Sound, report: Report, contacts: Iterable[Contact]) -> None:
     laws = {contact.name: contact.regularization.law for contact in contacts}
     first = next(iter(laws.values()), None)
-    for index, contact in draft.contacts.items():
+    for index, contact in sound.contacts.items():
         if not contact.bonded and contact.regularization.law != first:
-            message = f'"{contact.regularization.law}" here and "{first}" in another contact'
-            hint = "one law in all contacts; mixed laws are not supported yet"
+            message = f'"{contact.regularization.law}" here, "{first}" in another contact'
+            hint = "use one law in all contacts; mixed laws are not supported yet"
             report.add(("contact", index, "regularization", "law"), message, hint)
-    _check_friction_laws(draft, report)
-    if draft.solver and draft.solver.polish is True and first != "hyperbolic":
+    _check_friction_laws(sound, report)
+    if first is None and "contact" in sound.incomplete:
+        return
+    solver = sound.case.solver
+    if solver.polish is True and first != "hyperbolic":
         why = "the exact contact law needs none" if first else "there is no [[contact]]"
         report.add(("solver", "polish"), f"nothing to polish: {why}", "remove it, or set it to false")
-    method = draft.solver.method if draft.solver else "auto"
-    fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}
-    if method in fitting and first is not None and first != fitting[method]:
-        message = f'"{method}" cannot follow the {first} contact law'
-        hint = f'law = "{fitting[method]}" in [contact.regularization], or method = "auto"'
+    fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}.get(solver.method, first)
+    if first not in (None, fitting):
+        message = f'"{solver.method}" cannot solve the {first} contact law'
+        hint = f'law = "{fitting}" in [contact.regularization], or method = "auto"'
         report.add(("solver", "method"), message, hint)
-    if draft.solver and draft.solver.formulation == "monolithic" and first != "hyperbolic":
-        if first is None:
-            message, hint = "there is no contact to be solved together with the bodies", "remove the key"
-        else:
-            message = "the exact contact law is solved on the condensed system only"
-            hint = 'law = "hyperbolic" in [contact.regularization], or formulation = "condensed"'
+    if solver.formulation == "monolithic":
+        _check_monolithic(sound, first, report)
+
+
+def _check_monolithic(sound: Sound, law: str | None, report: Report) -> None:
+    contacts = sound.case.contact
+    tied = [c.name for c in contacts if c.bonded]
+    rigid = [c.name for c in contacts if c.obstacle is not None or c.interference is not None]
+    hint = 'formulation = "condensed"'
+    if law is None:
+        report.add(("solver", "formulation"), "there is no contact to solve together with the bodies", hint)
+    elif law != "hyperbolic":
+        message = "the exact contact law is solved on the condensed system only"
+        other = 'law = "hyperbolic" in [contact.regularization], or ' + hint
+        report.add(("solver", "formulation"), message, other)
+    if tied:
+        message = f"bonds (contact {tied[0]}) need the condensed formulation"
         report.add(("solver", "formulation"), message, hint)
-    tied = [c.name for c in draft.contacts.values() if c.bonded]
-    if draft.solver and draft.solver.formulation == "monolithic" and tied:
-        message = f"the bond of contact {tied[0]} is known to the condensed system only"
-        report.add(("solver", "formulation"), message, 'formulation = "condensed"')
-    rigid = [c.name for c in draft.contacts.values() if c.obstacle is not None or c.interference is not None]
-    if draft.solver and draft.solver.formulation == "monolithic" and rigid:
-        message = f"the obstacle or interference of contact {rigid[0]} is known to the condensed system only"
-        report.add(("solver", "formulation"), message, 'formulation = "condensed"')
+    if rigid:
+        message = f"obstacles and interference (contact {rigid[0]}) need the condensed formulation"
+        report.add(("solver", "formulation"), message, hint)
 
 
-def _check_friction_laws(draft: Draft, report: Report) -> None:
+def _check_friction_laws(sound: Sound, report: Report) -> None:
     rough = {
-        index: contact for index, contact in draft.contacts.items() if contact.friction and not contact.bonded
+        index: contact for index, contact in sound.contacts.items() if contact.friction and not contact.bonded
     }
     first = next(iter(rough.values()), None)
     for index, contact in rough.items():
         here, path = contact.regularization, ("contact", index, "regularization", "friction_law")
         if first is not None and here.friction_law != first.regularization.friction_law:
-            message = (
-                f'"{here.friction_law}" here and "{first.regularization.friction_law}" in another contact'
-            )
-            report.add(path, message, "one friction law in all contacts")
+            message = f'"{here.friction_law}" here, "{first.regularization.friction_law}" in another contact'
+            report.add(path, message, "use one friction law in all contacts")
         if here.friction_law == "holonomic" and here.law == "exact":
             report.add(
-                path, "the exact contact law remembers", 'law = "hyperbolic", or friction_law = "memory"'
+                path,
+                "holonomic friction needs the hyperbolic law",
+                'law = "hyperbolic", or friction_law = "memory"',
             )

@@ -1,4 +1,4 @@
-"""What every table of the case file has in common, and the field types they share."""
+"""Base class of the tables of the case file, and the field types they share."""
 
 from __future__ import annotations
 
@@ -23,24 +23,32 @@ from mlsanm_cli.values import dataclass
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*")
 LONGEST_NAME = 80
-"""Names become parts of the names of files."""
+"""Names become parts of file names."""
+Point = tuple[float, float]
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
 
 
 class Section(BaseModel):
-    """A table of the case file: frozen, no unknown keys, no nan or inf, no guessing between types.
+    """A table of the case file: frozen, no unknown keys, no nan or inf, no conversion between types.
 
-    The docstring below a key is what `mlsanm explain` and the JSON Schema say of it; keys that are tables
-    themselves are described by the docstring of their class.
+    The docstring below a key is its description in `mlsanm explain`, the case reference and the JSON Schema;
+    a table is described by the docstring of its class.
     """
 
     # Deferred: the whole case is built once, when it is needed, and not every table before it too.
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        defer_build=True,
+        use_attribute_docstrings=True,
+    )
 
 
 @dataclass(frozen=True)
 class Unit:
-    """What a number measures; `mlsanm explain` and the JSON Schema tell it."""
+    """Unit of a number, shown by `mlsanm explain` and in the JSON Schema."""
 
     name: str
 
@@ -66,11 +74,9 @@ def _two_items(value: Any) -> Any:
 
 def _name(value: Any) -> str:
     if isinstance(value, str) and len(value) > LONGEST_NAME:
-        raise PydanticCustomError("name", f"a name has {LONGEST_NAME} characters at most")
+        raise PydanticCustomError("name", f"a name has at most {LONGEST_NAME} characters")
     if not isinstance(value, str) or NAME_PATTERN.fullmatch(value) is None:
-        raise PydanticCustomError(
-            "name", "a name has letters, digits, _ and - only, and is no number: it is used in keys and files"
-        )
+        raise PydanticCustomError("name", "a name consists of letters, digits, _ and -, and is not a number")
     return value
 
 
@@ -100,9 +106,9 @@ def _coefficient(value: Any) -> float | Literal["bonded"]:
     if value == "bonded":
         return "bonded"
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("coefficient", 'expected a number from 0, or "bonded"')
+        raise PydanticCustomError("coefficient", 'expected a number of at least 0, or "bonded"')
     if not math.isfinite(value):
-        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+        raise PydanticCustomError("finite_number", "nan and inf are not allowed")
     if value < 0.0:
         raise PydanticKnownError("greater_than_equal", {"ge": 0})
     return float(value)
@@ -114,7 +120,7 @@ def _rotation(value: Any) -> float | Literal["fixed", "free"]:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise PydanticCustomError("rotation", 'expected "fixed", "free", or an angle in radian')
     if not math.isfinite(value):
-        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+        raise PydanticCustomError("finite_number", "nan and inf are not allowed")
     return float(value)
 
 
@@ -128,7 +134,7 @@ def _amount(value: Any) -> float | str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise PydanticCustomError("amount", "expected a number, or an expression in x and y in quotes")
     if not math.isfinite(value):
-        raise PydanticCustomError("finite_number", "nan and inf are no values here")
+        raise PydanticCustomError("finite_number", "nan and inf are not allowed")
     return float(value)
 
 
@@ -141,7 +147,7 @@ Amount = Annotated[
 """A finite number, or an expression in x and y."""
 
 AmountVector = Annotated[tuple[Amount, Amount], BeforeValidator(_two_items)]
-"""Two of them."""
+"""Two numbers or expressions in x and y."""
 
 Positive = Annotated[float, Field(gt=0.0)]
 """A finite number above 0."""
@@ -170,14 +176,14 @@ Rotation = Annotated[
     PlainValidator(_rotation),
     WithJsonSchema({"anyOf": [{"enum": ["fixed", "free"]}, {"type": "number"}]}),
 ]
-"""Whether a plate may turn, or by what angle it does."""
+"""Rotation of a plate: fixed, free, or a prescribed angle."""
 
 Coefficient = Annotated[
     float | Literal["bonded"],
     PlainValidator(_coefficient),
     WithJsonSchema({"anyOf": [{"const": "bonded"}, {"type": "number", "minimum": 0.0}]}),
 ]
-"""A coefficient of friction, or surfaces that are one."""
+"""A coefficient of friction, or bonded surfaces."""
 
 
 def split_boundary(boundary: str) -> tuple[str, str]:

@@ -1,7 +1,6 @@
 """The case file as frozen values: one class per table, attributes named like the keys.
 
-Units are the user's own and never assumed: lengths, forces per unit thickness and stresses only have to
-agree with each other. Defaults stand here and nowhere else.
+Any consistent units of length, force per unit thickness and stress can be used. All defaults are set here.
 """
 
 from __future__ import annotations
@@ -35,77 +34,80 @@ from mlsanm_cli.case.model.shapes import Shape
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.model.units import Units
 
+HELD = Field(json_schema_extra={"enum": [0.0]})
+"""The only value supported so far."""
+
 
 class Model(Section):
-    """The plane problem."""
+    """Plane strain or plane stress, small or finite strain."""
 
     plane: Literal["strain", "stress"]
-    """Plane strain (nothing moves out of the plane) or plane stress (a thin sheet)."""
+    """Plane strain (no displacement out of the plane) or plane stress (thin sheet)."""
     strain: Literal["small", "finite"] = "small"
-    """Small strains and rotations (linear elasticity), or finite ones: equilibrium of the deformed body, with
-    a material `law`."""
+    """Linear elasticity (small strains and rotations), or equilibrium of the deformed body (finite), which
+    needs a hyperelastic `law` of the material."""
 
 
 class Refine(Section):
-    """Finer nodes near a point or a boundary; of several refinements the smallest spacing holds."""
+    """Local refinement near a point or a boundary. Where several overlap, the smallest spacing applies."""
 
     at: Annotated[Vector, LENGTH] | None = None
-    """The point to refine around; either this or `along`."""
+    """Point to refine around; give `at` or `along`."""
     along: str | None = None
-    """The boundary of the body to refine along; either this or `at`."""
+    """Boundary of the body to refine along; give `at` or `along`."""
     spacing: Annotated[Positive, LENGTH]
-    """Node spacing within `radius` of the place, at most the body's."""
+    """Node spacing within `radius` of the point or boundary, at most that of the body."""
     radius: Annotated[float, Field(ge=0.0), LENGTH]
-    """Within this distance of the place the spacing is even; outside it grows."""
+    """Distance up to which the spacing is constant; beyond it grows."""
     growth: Annotated[float, Field(gt=0.0, le=1.0), NUMBER] = 0.12
-    """Growth of the spacing per unit length outside `radius`; above 0.3 a run warns."""
+    """Increase of the spacing per unit length outside `radius`; values above 0.3 cause a warning."""
 
     def edge(self, body: str) -> str:
-        """The boundary in ``along`` without the name of its body, which may stand in front or not."""
+        """The boundary in ``along`` without the name of its body, which is optional there."""
         return (self.along or "").removeprefix(f"{body}.")
 
 
 class Body(Section):
-    """One elastic body and the spacing of its nodes, unless a file brings them."""
+    """An elastic body: its material, its shape and the spacing of its nodes."""
 
     name: Name
-    """Name of the body; its boundaries are called `<body>.<boundary>`."""
+    """Name of the body; its boundaries are addressed as `<body>.<boundary>`."""
     material: str
     """Name of its material."""
     spacing: Annotated[AutoLength, LENGTH] = "auto"
-    """Node spacing far from refinements. Automatic is a twentieth of the body or a sixth of its mean
-    thickness, finer near contacts that are close to another boundary, and along arcs."""
+    """Node spacing away from refinements. `"auto"` is 1/20 of the body's size or 1/6 of its mean thickness,
+    whichever is smaller, and finer along arcs and near contacts close to another boundary."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    """Seed of the random generator that places the nodes: another seed, another cloud of the same spacing."""
+    """Seed of the random generator that places the nodes; it changes the cloud, not its spacing."""
     shape: Shape
     refine: tuple[Refine, ...] = ()
 
     @property
     def has_nodes(self) -> bool:
-        """Whether the nodes come with the shape and are not placed by us."""
+        """Whether the nodes are read from a file."""
         return isinstance(self.shape, Mesh | Points) and self.shape.has_nodes
 
 
 class Support(Stretch):
-    """Holds displacements at zero, of a boundary or of the node of a body nearest to a point; or springs on
-    a boundary."""
+    """Displacements fixed at zero on a boundary or at the node of a body nearest to a point, or elastic
+    springs on a boundary."""
 
     boundary: Boundaries | None = None
-    """The boundary that is held, or a list of several; either this, or `body` and `near`."""
+    """The supported boundary or boundaries of one body; give `boundary`, or `body` and `near`."""
     body: str | None = None
-    """The body of which one node is held."""
+    """Body of which a single node is supported."""
     near: Annotated[Vector, LENGTH] | None = None
-    """The node nearest to this point is held."""
-    ux: Annotated[float, LENGTH] | None = None
-    """Displacement in x; a direction that is not named is free."""
-    uy: Annotated[float, LENGTH] | None = None
-    """Displacement in y; a direction that is not named is free."""
+    """The node nearest to this point is supported."""
+    ux: Annotated[float, HELD, LENGTH] | None = None
+    """0.0 fixes the displacement in x; without it x is free."""
+    uy: Annotated[float, HELD, LENGTH] | None = None
+    """0.0 fixes the displacement in y; without it y is free."""
     spring: Annotated[Vector, FOUNDATION] | None = None
-    """Springs on the boundary: traction per displacement, x and y."""
+    """Stiffness of springs on the boundary (Winkler foundation): traction per displacement in x and y."""
 
     @property
     def place(self) -> Place | None:
-        """The boundaries it acts on; None if it holds a single node."""
+        """The boundaries it acts on; None if it fixes a single node."""
         return None if self.boundary is None else Place(listed(self.boundary), self.ends)
 
     @property
@@ -116,55 +118,55 @@ class Support(Stretch):
 
 
 class Regularization(Section):
-    """The law of contact and friction."""
+    """The contact and friction law."""
 
     law: Literal["hyperbolic", "exact"] = "hyperbolic"
-    """Smooth hyperbola, whose path is followed by power series, or exact; the same in all contacts."""
+    """Regularised contact law (a smooth hyperbola, required by power series) or exact Signorini and Coulomb
+    conditions; the same in all contacts."""
     eta: Annotated[Positive, NUMBER] = 1e-4
-    """Smallness of the hyperbolic law, relative to the largest pressure."""
+    """Regularisation parameter of the hyperbolic law, relative to the largest pressure."""
     stick: Annotated[Positive, NUMBER] = 1e-4
-    """Under the hyperbolic law, slip of a sticking node at its friction limit, relative to the largest slip
-    that friction at its limit everywhere would cause."""
+    """Slip at the onset of sliding, relative to the largest slip at full sliding (hyperbolic law only)."""
     friction_law: Literal["memory", "holonomic"] = "memory"
-    """Friction that remembers, or that knows the total slip only (hyperbolic law, loads that never turn
-    back); the same in all contacts."""
+    """History-dependent friction, or holonomic friction that depends on the total slip only (hyperbolic law,
+    monotonic loading); the same in all contacts."""
 
 
 class Contact(Stretch):
-    """Two boundaries that may touch, or one and a rigid obstacle; with ``interference`` they overlap on
-    purpose. With ``from`` and ``to`` it is a part of the slave."""
+    """A possible contact between two boundaries, or between a boundary and a rigid obstacle. ``from`` and
+    ``to`` restrict it to a part of the slave."""
 
     name: Name
     """Name of the contact."""
     slave: Boundaries
-    """The boundary whose nodes carry the pressures: the one with the finer nodes or the smaller radius; or a
-    list of boundaries that join end to end."""
+    """Boundary that carries the contact pressures, or a list of boundaries that join end to end. Choose the
+    one with the finer nodes or the smaller radius."""
     master: Boundaries | None = None
-    """The boundary it may touch, or a list of boundaries that join end to end."""
+    """Opposite boundary, or a list of boundaries that join end to end; give `master` or `obstacle`."""
     obstacle: Obstacle | None = None
-    """The rigid obstacle it may touch instead."""
+    """Rigid obstacle instead of a master."""
     interference: Annotated[Positive, LENGTH] | None = None
-    """By how much the surfaces overlap on purpose where they do so most."""
+    """Interference of a press fit: the largest overlap of the undeformed surfaces."""
     gap: Annotated[Amount, LENGTH] = 0.0
-    """What is added to the gap between the surfaces as drawn: a number, or an expression in x and y of the
-    slave's points. Crowned, wavy and rough profiles need not be drawn."""
+    """Initial gap in addition to the drawn one: a number or an expression in the coordinates x, y of the
+    slave, for crowned, wavy or rough profiles."""
     friction: Annotated[Coefficient, NUMBER] = 0.0
-    """Coulomb's coefficient, 0 leaves every tangential unknown out; or `"bonded"`: surfaces drawn touching
-    are one, and carry tension too."""
+    """Coulomb's coefficient of friction, or `"bonded"`: touching surfaces are tied together and carry tension
+    as well."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
-    """Error of the pressures that their grid is refined to, relative to the largest."""
+    """Tolerance of the contact grid: error of the pressures relative to the largest."""
     reach: Annotated[AutoLength, LENGTH] = "auto"
-    """Nodes with a larger initial gap are left out; a run in which one of them closes fails."""
+    """Search distance: nodes with a larger initial gap are ignored; the run fails if one of them closes."""
     regularization: Regularization = Regularization()
 
     @property
     def bonded(self) -> bool:
-        """Whether its surfaces are one."""
+        """Whether its surfaces are tied together."""
         return self.friction == "bonded"
 
     @property
     def coefficient(self) -> float:
-        """Coulomb's coefficient; inf where surfaces are bonded."""
+        """Coulomb's coefficient; inf for bonded surfaces."""
         return math.inf if self.friction == "bonded" else self.friction
 
     @property
@@ -180,7 +182,7 @@ class Contact(Stretch):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the sides are called."""
+        """Names of the sides."""
         return tuple(side.label for side in self.sides)
 
 
@@ -188,89 +190,89 @@ class Probe(Section):
     """Displacement and stress at a point of a body, recorded at every step."""
 
     name: Name
-    """Name under which the values are stored, as `/probes/<name>` in run.h5."""
+    """Name; values are stored as `/probes/<name>` in run.h5."""
     body: str
-    """The body that the point belongs to."""
+    """Body that contains the point."""
     point: Annotated[Vector, LENGTH]
-    """The point, before loading; inside the body or on its boundary."""
+    """Coordinates in the undeformed body, inside it or on its boundary."""
 
 
 class Mls(Section):
-    """Moving least squares."""
+    """Moving least squares approximation."""
 
     degree: Annotated[int, Field(ge=1, le=6)] = 2
     """Degree of the local polynomials."""
     scheme: Literal["least-squares", "collocation", "ghost"] = "least-squares"
-    """What becomes of the rows: all of them in the least-squares sense, or one per unknown."""
+    """All equations in the least-squares sense, or square systems by collocation or with ghost nodes."""
     neighbors: AutoCount = "auto"
-    """Nodes per stencil; automatic is about 2.5 times the number of coefficients."""
+    """Nodes per stencil; `"auto"` is about 2.5 times the number of coefficients."""
 
 
 class Adapt(Section):
-    """Refinement of the clouds by what was found on coarser ones."""
+    """Adaptive refinement."""
 
     passes: Annotated[int, Field(ge=0, le=20)] = 0
-    """So often the scene is solved, refined where contact begins and ends and where local fits are poor, and
-    solved again; it ends earlier when nothing changes any more."""
+    """Number of refinement passes: solve, refine at contact edges and where the local error is large, solve
+    again. Stops earlier at convergence."""
 
 
 class Solver(Section):
-    """How the load path is followed."""
+    """Path following and linear solver."""
 
     method: Literal["auto", "anm", "newton", "active-set"] = "auto"
-    """Power series (anm) or Newton-Raphson steps for the hyperbolic law, active-set for the exact one; auto
-    takes what fits."""
+    """Power series (anm) or Newton-Raphson for the hyperbolic law, active-set for the exact law; `"auto"`
+    selects by the law."""
     formulation: Literal["condensed", "monolithic"] = "condensed"
-    """Unknowns of the path: condensed leaves the contact's own, monolithic takes the bodies' displacements
-    too."""
+    """Static condensation to the contact unknowns, or all displacements as unknowns of the path
+    (monolithic)."""
     order: Annotated[int, Field(ge=2, le=40)] = 20
     """Order of the power series."""
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 1e-8
-    """Largest scaled residual anywhere on the path."""
+    """Largest allowed scaled residual on the path."""
     pade: bool = True
-    """Use Padé approximants where they lengthen a step."""
+    """Use Padé approximants where they extend a step."""
     polish: bool | Literal["auto"] = "auto"
-    """End every saved level with the exact laws; auto does where these need no history: not with friction
-    that remembers."""
+    """Solve saved load levels again with the exact laws; `"auto"` does so unless friction depends on the
+    history."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
-    """A path that needs more steps fails."""
+    """Largest number of steps; a path that needs more fails."""
     linear: Literal["auto", "superlu", "pardiso", "mumps"] = "auto"
-    """Direct solver of the bodies' linear systems: auto is our own, with SuperLU for square schemes; pardiso
-    and mumps, which keeps its factors on disk, take packages of their own."""
+    """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation, or SuperLU for square schemes.
+    `"pardiso"` and `"mumps"` (factors on disk) need optional packages."""
 
 
 class Output(Section):
-    """What is written, and where on the path."""
+    """Output files."""
 
     at: Annotated[tuple[float, ...], Unit("position on the path")] = ()
-    """Positions (finished stages + fraction of the current one) at which fields are written; the end of the
-    path when empty."""
+    """Path positions (completed stages + fraction of the current one) at which fields are written; the end of
+    the path if empty."""
     fields: tuple[Literal["displacement", "stress", "von_mises", "strain"], ...] = (
         "displacement",
         "stress",
         "von_mises",
     )
-    """Which fields are written."""
+    """Fields to write."""
     vtu: bool = True
     """Write VTU files for ParaView."""
 
 
 class Reference(Section):
-    """The closed formula that the result is compared with; its parameters come from the case."""
+    """Analytical solution for comparison; its parameters are taken from the case."""
 
     solution: Literal["hertz-line", "uniform-pressure"]
-    """Hertz' line contact, or the same pressure everywhere; one that does not fit the scene is an error."""
+    """Hertz' line contact or a uniform pressure; a solution that does not match the scene is an error."""
 
 
 def _no_bool(value: Any) -> Any:
-    """The value of ``format``; true, which Python takes for 1, is none."""
+    """The value of ``format``; Python would accept true for 1."""
     if isinstance(value, bool):
         raise PydanticKnownError("literal_error", {"expected": "1"})
     return value
 
 
 class Case(Section):
-    """A scene for mlsanm. No units are assumed: lengths, stresses and forces only have to agree."""
+    """A scene. Any consistent units can be used."""
 
     format: Annotated[Literal[1], BeforeValidator(_no_bool)]
     """Version of the file format."""
@@ -279,15 +281,15 @@ class Case(Section):
     model: Model
     units: Units = Units()
     material: dict[Name, Material]
-    """Materials by name."""
-    body: tuple[Body, ...] = Field(min_length=1)
+    # Checked with the relations: a case whose only body has a fault has others, too.
+    body: tuple[Body, ...] = Field(json_schema_extra={"minItems": 1})
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
     contact: tuple[Contact, ...] = ()
     stop: tuple[Stop, ...] = ()
     stage: tuple[dict[str, float], ...] = ()
-    """Stages follow each other. In each the loads named move together from where they are to these factors;
-    without any there is one stage that brings every load to 1."""
+    """Load stages, one after the other: load factors change proportionally from their current values to those
+    given. Without stages all factors increase from 0 to 1."""
     mls: Mls = Mls()
     adapt: Adapt = Adapt()
     solver: Solver = Solver()
@@ -297,17 +299,17 @@ class Case(Section):
 
     @property
     def moved(self) -> tuple[str, ...]:
-        """What has a load factor: the loads, then the contacts with an interference."""
+        """Names of load factors: the loads, then the contacts with an interference."""
         return (*(load.name for load in self.load), *(c.name for c in self.contact if c.interference))
 
     @property
     def touching(self) -> tuple[Contact, ...]:
-        """The contacts whose surfaces may come apart: all but bonded ones."""
+        """The unilateral contacts: all but bonded ones."""
         return tuple(contact for contact in self.contact if not contact.bonded)
 
     @property
     def polished(self) -> bool:
-        """Whether saved levels end with the exact laws."""
+        """Whether saved load levels are solved again with the exact laws."""
         if self.solver.polish != "auto":
             return self.solver.polish
         first = self.touching[0].regularization if self.touching else None
@@ -318,7 +320,7 @@ class Case(Section):
     @model_validator(mode="before")
     @classmethod
     def _default_stage(cls, data: Any) -> Any:
-        """One stage that brings all to 1; an interference that no stage names grows in the first one."""
+        """One stage up to load factor 1; an interference that no stage names is applied in the first one."""
         if not isinstance(data, dict):
             return data
         given = data.get("stage")

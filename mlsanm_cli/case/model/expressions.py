@@ -1,8 +1,8 @@
-"""Expressions in x and y, as loads that depend on the place are written: read, checked and never executed.
+"""Expressions in x and y for quantities that depend on position: parsed and checked, never run as Python.
 
-The text is parsed as a Python expression, of which only numbers, x, y, pi, arithmetic, comparisons, choices
-(``a if x < 1 else b``) and the functions below are understood; everything else is refused by name. All
-numbers are floats, so that no result can grow without bound.
+The text is parsed as a Python expression. Only numbers, x, y, pi, arithmetic, comparisons, conditionals
+(``a if x < 1 else b``) and the functions below are allowed. All numbers are floats, so that results cannot
+grow without bound.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ FUNCTIONS: Mapping[str, tuple[Operation, int, int]] = {
     "tan": (math.tan, 1, 1),
     "tanh": (math.tanh, 1, 1),
 }
-"""Every function with its smallest and largest number of arguments."""
+"""Functions with their smallest and largest number of arguments."""
 NAMES = ("x", "y", "pi")
 _BINARY: Mapping[type[ast.operator], Operation] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
-    # Never complex, and an OverflowError where the operator of whole numbers would fill the memory.
+    # Never complex; raises OverflowError where integers would fill the memory.
     ast.Pow: math.pow,
 }
 _COMPARED: Mapping[type[ast.cmpop], Callable[[float, float], bool]] = {
@@ -59,7 +59,7 @@ _COMPARED: Mapping[type[ast.cmpop], Callable[[float, float], bool]] = {
 
 
 class ExpressionError(ValueError):
-    """What is wrong with an expression, or with its value at some place."""
+    """A problem with an expression, or with its value at some point."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(f"{message} ({hint})" if hint else message)
@@ -73,16 +73,16 @@ def compile_expression(text: str) -> Value:
     17.0
     """
     if len(text) > LONGEST:
-        raise ExpressionError(f"an expression has {LONGEST} characters at most, not {len(text)}")
+        raise ExpressionError(f"an expression has at most {LONGEST} characters, not {len(text)}")
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise ExpressionError(f'"{text}" is no expression in x and y') from error
+        raise ExpressionError(f'"{text}" is not an expression in x and y') from error
     return _compiled(tree.body, DEEPEST)
 
 
 def value_at(text: str, x: float, y: float) -> float:
-    """The finite value of an expression at one place. Raises ExpressionError."""
+    """The finite value of an expression at a point. Raises ExpressionError."""
     try:
         value = compile_expression(text)(x, y)
     except ZeroDivisionError as error:
@@ -96,7 +96,7 @@ def value_at(text: str, x: float, y: float) -> float:
 
 def _compiled(node: ast.expr, depth: int) -> Value:
     if depth == 0:
-        raise ExpressionError(f"an expression is nested {DEEPEST} deep at most")
+        raise ExpressionError(f"an expression is nested at most {DEEPEST} levels deep")
     if isinstance(node, ast.Constant):
         return _number(node.value)
     if isinstance(node, ast.Name):
@@ -122,7 +122,7 @@ def _compiled(node: ast.expr, depth: int) -> Value:
         return _applied(_function(node), parts)
     power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor)
     hint = "powers are written x**2" if power else ""
-    raise ExpressionError(f"{_quoted(node)} has no place in an expression in x and y", hint)
+    raise ExpressionError(f"{_quoted(node)} is not allowed in an expression in x and y", hint)
 
 
 def _applied(operation: Operation, parts: list[Value]) -> Value:
@@ -130,7 +130,7 @@ def _applied(operation: Operation, parts: list[Value]) -> Value:
 
 
 def _operands(node: ast.expr) -> list[ast.expr]:
-    """The parts of an expression that are expressions themselves; none of what is not understood."""
+    """The operands of an expression; none of unsupported nodes."""
     if isinstance(node, ast.UnaryOp):
         return [node.operand]
     if isinstance(node, ast.BinOp):
@@ -148,7 +148,7 @@ def _operands(node: ast.expr) -> list[ast.expr]:
 
 def _number(value: object) -> Value:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ExpressionError(f"{value!r} is no number")
+        raise ExpressionError(f"{value!r} is not a number")
     try:
         number = float(value)
     except OverflowError as error:
@@ -165,7 +165,7 @@ def _name(name: str) -> Value:
         return lambda x, y: math.pi
     if name in FUNCTIONS:
         raise ExpressionError(f"{name} is a function", f"write {name}(...)")
-    raise ExpressionError(f'"{name}" is not known', suggestion(name, [*NAMES, *FUNCTIONS], "known"))
+    raise ExpressionError(f'"{name}" is not defined', suggestion(name, [*NAMES, *FUNCTIONS], "known"))
 
 
 def _function(call: ast.Call) -> Operation:

@@ -1,4 +1,4 @@
-"""Loads: each has a name, a place, a kind, and a value that a stage scales by the load's factor."""
+"""Loads: each has a name, a region, a kind, and a value that stages multiply by the load factor."""
 
 from __future__ import annotations
 
@@ -39,138 +39,132 @@ def _sound(rows: Rows) -> Rows:
 
 class _OnBoundary(Stretch):
     name: Name
-    """Name of the load; stages call it by this name."""
+    """Name of the load, used by stages."""
     boundary: Boundaries
-    """The boundary it acts on, or a list of several that are one."""
+    """Loaded boundary, or a list of boundaries of one body."""
 
     @property
     def place(self) -> Place:
-        """Where it acts."""
+        """The loaded region."""
         return Place(listed(self.boundary), self.ends)
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """The same body by body; more than one of plates only."""
+        """The loaded regions, one per body; only plates have more than one."""
         return (self.place,)
 
     @property
     def owner(self) -> str:
-        """The body it acts on, of several the first."""
+        """The loaded body, of several the first."""
         return self.place.body
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """The bodies it acts on."""
+        """The loaded bodies."""
         return tuple(place.body for place in self.places)
 
 
 class _InBody(Section):
     name: Name
-    """Name of the load; stages call it by this name."""
+    """Name of the load, used by stages."""
     body: str
-    """The body it acts on."""
+    """The loaded body."""
 
     @property
     def owner(self) -> str:
-        """The body it acts on."""
+        """The loaded body."""
         return self.body
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """The same as of loads that act on several."""
+        """The loaded bodies."""
         return (self.body,)
 
 
 class Traction(_OnBoundary):
-    """Force per unit length of boundary and unit thickness, (x, y).
-
-    Numbers or expressions in x and y; or a ``table`` of arc length, x and y, interpolated linearly.
-    """
+    """Traction on a boundary: constant, an expression in x and y, or a table over the arc length."""
 
     kind: Literal["traction"]
-    """What the load is."""
+    """Kind of load."""
     traction: Annotated[AmountVector, STRESS] | None = None
-    """Force per length of boundary, x and y: numbers or expressions in x and y."""
+    """Components in x and y: numbers or expressions in x and y."""
     table: Annotated[tuple[tuple[float, float, float], ...], AfterValidator(_sound), STRESS] | None = None
-    """Rows of arc length along the boundary, x and y, interpolated linearly; instead of `traction`."""
+    """Rows [arc length, x component, y component], interpolated linearly; instead of `traction`."""
 
 
 class Pressure(_OnBoundary):
-    """Pressure along the inward normal, positive in compression: a number, an expression in x and y, or a
-    ``table`` of arc length and pressure."""
+    """Pressure on a boundary: constant, an expression in x and y, or a table over the arc length."""
 
     kind: Literal["pressure"]
-    """What the load is."""
+    """Kind of load."""
     pressure: Annotated[Amount, STRESS] | None = None
     """Pressure, positive in compression: a number or an expression in x and y."""
     table: Annotated[tuple[tuple[float, float], ...], AfterValidator(_sound), STRESS] | None = None
-    """Rows of arc length along the boundary and pressure, interpolated linearly; instead of `pressure`."""
+    """Rows [arc length, pressure], interpolated linearly; instead of `pressure`."""
     follows: bool = False
-    """Whether the pressure follows the deformed boundary (finite strain): per current length, along the
-    current normal. If not, it keeps the direction and the force it has before loading."""
+    """Follower load (finite strain): pressure per current length along the current normal. Otherwise force
+    and direction are those of the undeformed boundary."""
 
 
 class Displacement(_OnBoundary):
-    """Displacement of the boundary's points, numbers or expressions: both directions, or ``ux`` or ``uy``
-    alone."""
+    """Prescribed displacement of a boundary: both components, or ``ux`` or ``uy`` alone."""
 
     kind: Literal["displacement"]
-    """What the load is."""
+    """Kind of load."""
     displacement: Annotated[AmountVector, LENGTH] | None = None
-    """Displacement of every point, x and y: numbers or expressions in x and y."""
+    """Components in x and y: numbers or expressions in x and y."""
     ux: Annotated[Amount, LENGTH] | None = None
-    """Displacement in x alone."""
+    """Displacement in x; y remains free."""
     uy: Annotated[Amount, LENGTH] | None = None
-    """Displacement in y alone."""
+    """Displacement in y; x remains free."""
 
     @property
     def components(self) -> tuple[Amount | None, Amount | None]:
-        """What is prescribed in x and in y, None where nothing is."""
+        """Prescribed components in x and in y, None where free."""
         return self.displacement if self.displacement is not None else (self.ux, self.uy)
 
 
 class BodyForce(_InBody):
-    """Force per unit volume (x, y), numbers or expressions in x and y."""
+    """Body force per unit volume."""
 
     kind: Literal["body-force"]
-    """What the load is."""
+    """Kind of load."""
     body_force: Annotated[AmountVector, DENSITY] = Field(alias="body-force")
-    """Force per volume, x and y: numbers or expressions in x and y."""
+    """Components in x and y: numbers or expressions in x and y."""
 
 
 class Temperature(_InBody):
-    """A change of the body's temperature, in the degrees of the material's ``alpha``: a number, or an
-    expression in x and y."""
+    """Temperature change of a body whose material has a thermal expansion ``alpha``."""
 
     kind: Literal["temperature"]
-    """What the load is."""
+    """Kind of load."""
     temperature: Annotated[Amount, TEMPERATURE]
-    """Change of temperature: a number, or an expression in x and y."""
+    """Temperature change: a number or an expression in x and y."""
 
 
 class _Moving(Section):
-    """Moved by a force or by a displacement in each direction.
+    """A rigid body with a prescribed force or displacement in each direction.
 
-    ``force`` or ``displacement`` give both directions; ``ux, uy, fx, fy`` one each. Forces are per unit
+    ``force`` or ``displacement`` give both components; ``ux, uy, fx, fy`` one each. Forces are per unit
     thickness.
     """
 
     force: Annotated[Vector, FORCE] | None = None
-    """Force on it, x and y."""
+    """Force, x and y."""
     displacement: Annotated[Vector, LENGTH] | None = None
-    """Its displacement, x and y."""
+    """Displacement, x and y."""
     ux: Annotated[float, LENGTH] | None = None
-    """Its displacement in x alone."""
+    """Displacement in x."""
     uy: Annotated[float, LENGTH] | None = None
-    """Its displacement in y alone."""
+    """Displacement in y."""
     fx: Annotated[float, FORCE] | None = None
-    """Force on it in x alone."""
+    """Force in x."""
     fy: Annotated[float, FORCE] | None = None
-    """Force on it in y alone."""
+    """Force in y."""
 
     @property
     def control(self) -> dict[str, tuple[Control, float]]:
-        """What moves it in each direction, at load factor 1.
+        """The controlled quantity in each direction and its value at load factor 1.
 
         >>> Platen(name="p", boundary="a.top", kind="platen", fy=-2.0).control
         {'y': ('force', -2.0)}
@@ -191,31 +185,30 @@ class _Moving(Section):
 
 
 class Platen(_OnBoundary, _Moving):
-    """A rigid plate on the boundary. A direction that is not mentioned is free: the plate is smooth there."""
+    """A rigid plate bonded to a boundary. A direction without force or displacement is free to slide."""
 
     boundary: PlateBoundaries
-    """The boundary it is on, or a list of several, also of several bodies, which it moves together."""
+    """Boundary with the plate, or a list of boundaries, also of several bodies, that move together."""
     kind: Literal["platen"]
-    """What the load is."""
+    """Kind of load."""
     rotation: Annotated[Rotation, TURN] = "fixed"
-    """Whether the plate may turn, `"fixed"` or `"free"`, or by what angle (radian, counter-clockwise) it
-    does; free by default where there is a `hinge` or a `moment`."""
+    """Rotation of the plate: `"fixed"`, `"free"`, or a prescribed angle (counter-clockwise). Free by default
+    if a `hinge` or a `moment` is given."""
     hinge: Annotated[Vector, LENGTH] | None = None
-    """The point that forces act at and moments are counted about, and whose displacement is told; the middle
-    of the boundary by default."""
+    """Reference point of force, moment and displacement; the middle of the boundary by default."""
     moment: Annotated[float, MOMENT] | None = None
-    """Moment on the plate about its hinge, counter-clockwise."""
+    """Moment about the hinge, counter-clockwise."""
 
     @model_validator(mode="before")
     @classmethod
     def _turns(cls, data: Any) -> Any:
-        """Plates with a hinge or a moment are free to turn."""
+        """Plates with a hinge or a moment are free to rotate."""
         turned = isinstance(data, dict) and ("hinge" in data or "moment" in data)
         return {"rotation": "free", **data} if turned else data
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Where it is, body by body."""
+        """The regions it covers, one per body."""
         names = listed(self.boundary)
         bodies = dict.fromkeys(split_boundary(name)[0] for name in names)
         own = [tuple(name for name in names if split_boundary(name)[0] == body) for body in bodies]
@@ -223,49 +216,40 @@ class Platen(_OnBoundary, _Moving):
 
     @property
     def place(self) -> Place:
-        """Where it is on its first body."""
+        """The region it covers on its first body."""
         return self.places[0]
 
     @property
     def label(self) -> str:
-        """What the plate is called in messages."""
+        """Name in messages."""
         return " and ".join(place.label for place in self.places)
 
     @property
     def turning(self) -> Literal["fixed", "free", "prescribed"]:
-        """What its rotation is."""
+        """Kind of rotation."""
         return "prescribed" if isinstance(self.rotation, float) else self.rotation
 
 
 class ObstacleMotion(_Moving):
-    """What moves the rigid obstacle of a contact. A direction that is not mentioned is held."""
+    """Motion of the rigid obstacle of a contact. A direction without force or displacement is fixed."""
 
     name: Name
-    """Name of the load; stages call it by this name."""
+    """Name of the load, used by stages."""
     obstacle: str
-    """The contact whose obstacle it moves."""
+    """Contact to which the obstacle belongs."""
     kind: Literal["obstacle"]
-    """What the load is."""
+    """Kind of load."""
 
     @property
     def owner(self) -> None:
-        """It acts on no body."""
+        """No body is loaded directly."""
         return None
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """The same as of loads that act on several."""
+        """The loaded bodies."""
         return ()
 
 
 AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature | ObstacleMotion
 Load = Annotated[AnyLoad, Field(discriminator="kind")]
-LOADS: dict[str, type[Section]] = {
-    "platen": Platen,
-    "traction": Traction,
-    "pressure": Pressure,
-    "displacement": Displacement,
-    "body-force": BodyForce,
-    "temperature": Temperature,
-    "obstacle": ObstacleMotion,
-}

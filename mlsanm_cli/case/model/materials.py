@@ -1,4 +1,4 @@
-"""Materials: isotropic, orthotropic or a plane stiffness as it is, and whether such a material can exist."""
+"""Materials: isotropic, orthotropic or given by a plane stiffness; checks that they are admissible."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ FORMS: dict[Form, tuple[str, ...]] = {
     "orthotropic": ("E1", "E2", "G12", "nu12"),
     "stiffness": ("stiffness",),
 }
-"""The keys that each form of a material needs."""
+"""Keys required by each form of a material."""
 ACROSS = ("E3", "nu13", "nu23")
-"""What an orthotropic material needs beyond that in plane strain."""
+"""Keys that an orthotropic material requires in addition in plane strain."""
 SYMMETRIC = 1e-9
 DEFINITE = 1e-12
 """Least determinants of a stiffness or compliance scaled to a unit diagonal."""
@@ -61,38 +61,34 @@ def _expansion(value: Any) -> float | Triple:
 
 
 class Material(Section):
-    """Elasticity in one of three forms (stress unit), and thermal expansion ``alpha`` per degree.
-
-    Isotropic by E and nu; orthotropic by E1, E2, G12, nu12 along axes turned by ``angle`` (degrees) from x,
-    in plane strain with E3, nu13, nu23 of the third axis; or ``stiffness`` between plane stresses and strains
-    in the order xx, yy, xy, the last strain being the engineer's.
-    """
+    """An elastic material: isotropic (E, nu), orthotropic (E1, E2, G12, nu12; in plane strain also E3, nu13,
+    nu23), or given by its plane ``stiffness``."""
 
     E: Annotated[Positive, STRESS] | None = None
     """Young's modulus."""
     nu: Annotated[float, NUMBER] | None = None
-    """Poisson's ratio, above -1 and up to 0.5; below 0.5 in plane strain."""
+    """Poisson's ratio, above -1 and at most 0.5; below 0.5 in plane strain."""
     E1: Annotated[Positive, STRESS] | None = None
     """Young's modulus along the first axis of an orthotropic material."""
     E2: Annotated[Positive, STRESS] | None = None
     """Young's modulus along the second axis."""
     E3: Annotated[Positive, STRESS] | None = None
-    """Young's modulus across the plane; plane strain needs it."""
+    """Out-of-plane Young's modulus; required in plane strain."""
     G12: Annotated[Positive, STRESS] | None = None
-    """Shear modulus in the plane."""
+    """In-plane shear modulus."""
     nu12: Annotated[float, NUMBER] | None = None
-    """Contraction along the second axis over stretch along the first."""
+    """Poisson's ratio: contraction along axis 2 under tension along axis 1; nu12/E1 = nu21/E2."""
     nu13: Annotated[float, NUMBER] | None = None
-    """Contraction across the plane over stretch along the first axis; plane strain needs it."""
+    """Out-of-plane contraction under tension along axis 1; required in plane strain."""
     nu23: Annotated[float, NUMBER] | None = None
-    """Contraction across the plane over stretch along the second axis; plane strain needs it."""
+    """Out-of-plane contraction under tension along axis 2; required in plane strain."""
     angle: Annotated[float, ANGLE] | None = None
-    """From the x axis to the first axis, counter-clockwise; 0 by default."""
+    """Angle from the x axis to axis 1, counter-clockwise; 0 by default."""
     stiffness: (
         Annotated[tuple[Triple, Triple, Triple], PlainValidator(_matrix), WithJsonSchema(_MATRIX), STRESS]
         | None
     ) = None
-    """Between plane strains and stresses in the order xx, yy, xy, the last strain being the engineer's."""
+    """Matrix from strains xx, yy, 2xy to stresses xx, yy, xy; symmetric and positive definite."""
     alpha: (
         Annotated[
             float | Triple,
@@ -102,15 +98,16 @@ class Material(Section):
         ]
         | None
     ) = None
-    """Thermal expansion: one number, or three where the material has axes; none by default."""
+    """Coefficient of thermal expansion; for orthotropic materials also [a1, a2, a3] along the axes; with a
+    `stiffness` the strains [xx, yy, 2xy] of a body that is free in the plane."""
 
     law: Literal["linear", "saint-venant-kirchhoff", "neo-hookean"] = "linear"
-    """Elastic law: linear for small strains; for finite ones Saint Venant-Kirchhoff (large rotations,
-    moderate strains) or compressible neo-Hookean (large strains), by the E and nu of small strains."""
+    """Linear elasticity for small strains; Saint Venant-Kirchhoff (large rotations, moderate strains) or
+    compressible neo-Hookean (large strains) for finite strains, with E and nu of the undeformed state."""
 
     @property
     def form(self) -> Form:
-        """Which form the keys belong to; isotropic where there are none."""
+        """The form that the keys belong to; isotropic if there are none."""
         if self.stiffness is not None:
             return "stiffness"
         given = [getattr(self, key) for key in (*FORMS["orthotropic"], *ACROSS, "angle")]
@@ -118,21 +115,21 @@ class Material(Section):
 
 
 def check_material(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
-    """Adds what is missing or contradicts itself, and stiffnesses that no material has in ``plane``."""
+    """Adds missing and contradictory keys, and stiffnesses that are not positive definite in ``plane``."""
     form = material.form
     allowed = {*FORMS[form], "alpha", "law", *((*ACROSS, "angle") if form == "orthotropic" else ())}
     for key in material.model_fields_set - allowed:
-        message = f"does not go together with {', '.join(FORMS[form])}"
+        message = f"cannot be combined with {', '.join(FORMS[form])}"
         report.add((*path, key), message, "E, nu; or E1, E2, G12, nu12; or stiffness")
     needed = [*FORMS[form], *(ACROSS if form == "orthotropic" and plane == "strain" else ())]
     missing = [key for key in needed if getattr(material, key) is None]
     for key in missing:
         hint = {
             "isotropic": "" if material.model_fields_set else "E, nu; or E1, E2, G12, nu12; or stiffness",
-            "orthotropic": "plane strain needs the third axis too" if key in ACROSS else "",
+            "orthotropic": "plane strain requires the third axis too" if key in ACROSS else "",
             "stiffness": "",
         }[form]
-        report.add((*path, key), "missing, and it has no default", hint)
+        report.add((*path, key), "missing (required)", hint)
     if not missing:
         {"isotropic": _check_isotropic, "orthotropic": _check_orthotropic, "stiffness": _check_stiffness}[
             form
@@ -143,8 +140,10 @@ def check_material(material: Material, path: KeyPath, plane: str | None, report:
 def _check_isotropic(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
     assert material.nu is not None
     if plane == "strain" and material.nu == 0.5:
-        hint = "take a value below 0.5, or plane stress"
-        report.add((*path, "nu"), "0.5 (incompressible) has no plane strain stiffness", hint)
+        hint = "use a value below 0.5, or plane stress"
+        report.add(
+            (*path, "nu"), "an incompressible material (0.5) has no finite stiffness in plane strain", hint
+        )
     elif not -1.0 < material.nu <= 0.5:
         report.add((*path, "nu"), f"{material.nu:g} is not between -1 and 0.5")
 
@@ -172,8 +171,8 @@ def _check_orthotropic(material: Material, path: KeyPath, plane: str | None, rep
         ]
         unit = [[1.0, cross[0], cross[1]], [cross[0], 1.0, cross[2]], [cross[1], cross[2], 1.0]]
         if not _determinant(unit) > DEFINITE:
-            message = "nu12, nu13 and nu23 together give a stiffness that is not positive"
-            report.add((*path, "nu12"), message, "make them smaller")
+            message = "nu12, nu13 and nu23 together give a stiffness that is not positive definite"
+            report.add((*path, "nu12"), message, "reduce them")
 
 
 def _check_stiffness(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
@@ -183,7 +182,7 @@ def _check_stiffness(material: Material, path: KeyPath, plane: str | None, repor
     if any(abs(c[i][j] - c[j][i]) > SYMMETRIC * largest for i, j in ((0, 1), (0, 2), (1, 2))):
         report.add(here, "is not symmetric", "rows and columns are xx, yy, xy; the last strain is 2 e_xy")
     elif not _positive(c):
-        report.add(here, "is not positive definite: some strain would release energy")
+        report.add(here, "is not positive definite")
 
 
 def _positive(c: Sequence[Sequence[float]]) -> bool:
@@ -205,7 +204,7 @@ def _determinant(m: Sequence[Sequence[float]]) -> float:
 def _check_expansion(material: Material, path: KeyPath, plane: str | None, report: Report) -> None:
     listed = isinstance(material.alpha, tuple)
     if listed and material.form == "isotropic":
-        report.add((*path, "alpha"), "an isotropic material has one number")
+        report.add((*path, "alpha"), "an isotropic material has a single coefficient")
     elif material.form == "stiffness" and material.alpha is not None and plane == "strain" and not listed:
-        message = "a plane stiffness does not tell how expansion across the plane acts in it"
-        report.add((*path, "alpha"), message, "give the plane strains per degree, [xx, yy, xy]")
+        message = "with a plane stiffness the effect of out-of-plane expansion is unknown"
+        report.add((*path, "alpha"), message, "give the plane strains per degree, [xx, yy, 2xy]")

@@ -1,4 +1,4 @@
-"""Rigid obstacles: shapes that a slave boundary can be pressed on instead of another body's boundary."""
+"""Rigid obstacles that a boundary can touch instead of another body."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from mlsanm_cli.case.report import Report
 
 
 class PlaneObstacle(Section):
-    """All that lies behind a straight line through ``point``, which ``normal`` points away from."""
+    """A rigid half-plane, bounded by a straight line."""
 
     kind: Literal["plane"]
-    """What the obstacle is."""
+    """Kind of obstacle."""
     point: Annotated[Vector, LENGTH]
-    """A point of it."""
+    """A point on its boundary."""
     normal: Annotated[Vector, NUMBER]
-    """A vector of any length that points out of it."""
+    """Outward normal, of any length."""
 
     @property
     def curvature(self) -> float:
@@ -29,16 +29,16 @@ class PlaneObstacle(Section):
 
 
 class DiskObstacle(Section):
-    """A disk; with ``inside`` all around it instead, as the wall of a hole."""
+    """A rigid disk, or with ``inside`` the wall of a circular hole."""
 
     kind: Literal["disk"]
-    """What the obstacle is."""
+    """Kind of obstacle."""
     center: Annotated[Vector, LENGTH]
-    """Its centre."""
+    """Centre."""
     radius: Annotated[Positive, LENGTH]
-    """Its radius."""
+    """Radius."""
     inside: bool = False
-    """Whether it is what lies around the circle, as around a hole."""
+    """Whether the rigid region is outside the circle."""
 
     @property
     def curvature(self) -> float:
@@ -47,12 +47,13 @@ class DiskObstacle(Section):
 
 
 class PolylineObstacle(Section):
-    """Straight sides from point to point, the obstacle on their left."""
+    """A rigid region bounded by straight sides, or by a smooth curve where points sample one."""
 
     kind: Literal["polyline"]
-    """What the obstacle is."""
+    """Kind of obstacle."""
     points: Annotated[tuple[Vector, ...], Field(min_length=2), LENGTH]
-    """Its corners, the obstacle on the left of the way along them."""
+    """Points along its boundary, with the obstacle on the left. Three or more consecutive turns of at most 15
+    degrees that change gradually are taken as a smooth curve."""
 
     @property
     def curvature(self) -> float:
@@ -62,18 +63,13 @@ class PolylineObstacle(Section):
 
 AnyObstacle = PlaneObstacle | DiskObstacle | PolylineObstacle
 Obstacle = Annotated[AnyObstacle, Field(discriminator="kind")]
-OBSTACLES: dict[str, type[Section]] = {
-    "plane": PlaneObstacle,
-    "disk": DiskObstacle,
-    "polyline": PolylineObstacle,
-}
 
 
 def check_obstacle(obstacle: AnyObstacle, path: KeyPath, report: Report) -> None:
-    """Adds a problem for a normal without direction, sides without length, and sides that fold back."""
+    """Adds a problem for a normal of zero length and for repeated points."""
     if isinstance(obstacle, PlaneObstacle) and obstacle.normal == (0.0, 0.0):
-        report.add((*path, "normal"), "points nowhere", "it points out of the obstacle, as in [0.0, 1.0]")
+        report.add((*path, "normal"), "has no direction", "it points out of the obstacle, as in [0.0, 1.0]")
     if isinstance(obstacle, PolylineObstacle):
         for index, (a, b) in enumerate(zip(obstacle.points[:-1], obstacle.points[1:], strict=True)):
             if math.dist(a, b) == 0.0:
-                report.add((*path, "points", index + 1), "repeats the point before it")
+                report.add((*path, "points", index + 1), "repeats the previous point")

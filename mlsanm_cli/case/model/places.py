@@ -1,4 +1,4 @@
-"""Where something acts: a boundary, several that are one surface, or a part of them."""
+"""Regions: a boundary, several boundaries that form one surface, or a part of them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, LENGTH, Section, Vector, split_boundary
-from mlsanm_cli.case.model.chains import Point
+from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, LENGTH, Point, Section, Vector, split_boundary
 from mlsanm_cli.values import dataclass
 
 _NAME = {"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}
@@ -20,7 +19,7 @@ def _boundaries(value: Any) -> str | tuple[str, ...]:
         text = 'expected "<body>.<boundary>", as in "block.top", or a list of such names'
         raise PydanticCustomError("boundary", text)
     if len({split_boundary(name)[0] for name in names}) > 1:
-        raise PydanticCustomError("boundary", "the boundaries of a list are those of one body")
+        raise PydanticCustomError("boundary", "the boundaries of a list must belong to one body")
     if len(set(names)) < len(names):
         raise PydanticCustomError("boundary", "a boundary is listed twice")
     return names if isinstance(value, tuple) else names[0]
@@ -31,7 +30,7 @@ Boundaries = Annotated[
     PlainValidator(_boundaries),
     WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
 ]
-"""A boundary of a body, or several that are one surface."""
+"""A boundary of a body, or several that form one surface."""
 
 
 def _plated(value: Any) -> str | tuple[str, ...]:
@@ -39,7 +38,7 @@ def _plated(value: Any) -> str | tuple[str, ...]:
     bodies = list(dict.fromkeys(split_boundary(name)[0] for name in names if isinstance(name, str)))
     if len(bodies) < 2:
         return _boundaries(value)
-    # Each body's own are judged as others are.
+    # Each body's own boundaries follow the common rules.
     for body in bodies:
         own = [name for name in names if not isinstance(name, str) or split_boundary(name)[0] == body]
         _boundaries(tuple(own))
@@ -51,7 +50,7 @@ PlateBoundaries = Annotated[
     PlainValidator(_plated),
     WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]}),
 ]
-"""The same, of one body or of several that one plate moves."""
+"""The same, of one body or of several that one rigid plate moves."""
 
 
 def listed(boundaries: str | tuple[str, ...] | None) -> tuple[str, ...]:
@@ -66,7 +65,7 @@ def listed(boundaries: str | tuple[str, ...] | None) -> tuple[str, ...]:
 
 
 def label_of(boundaries: tuple[str, ...]) -> str:
-    """What a surface of several boundaries is called.
+    """Name of a surface of several boundaries.
 
     >>> label_of(("pad.left", "pad.foot"))
     'pad.left+foot'
@@ -93,7 +92,7 @@ class Place:
 
     @property
     def label(self) -> str:
-        """What it is called in messages and results."""
+        """Name in messages and results."""
         if self.ends is None:
             return label_of(self.boundaries)
         (a, b), (c, d) = self.ends
@@ -101,15 +100,15 @@ class Place:
 
 
 class Stretch(Section):
-    """From where to where on a boundary something acts; all along it by default."""
+    """A part of a boundary; all of it by default."""
 
     start: Annotated[Vector, LENGTH] | None = Field(default=None, alias="from")
-    """It acts on the part of the boundary between the points nearest to this one and to `to`; on all of it
-    by default. On closed boundaries the part from here on with the material on the left."""
+    """Start of the loaded, supported or contacting part of the boundary: the point nearest to this one. On
+    closed boundaries the part runs from here with the material on the left."""
     to: Annotated[Vector, LENGTH] | None = None
-    """The other end of the part that it acts on."""
+    """End of that part."""
 
     @property
     def ends(self) -> tuple[Point, Point] | None:
-        """Both ends, None where it acts all along."""
+        """Both ends, None for the whole boundary."""
         return None if self.start is None or self.to is None else (self.start, self.to)

@@ -1,80 +1,220 @@
-"""Shapes of bodies: their keys, the names of their boundaries, a few points on each boundary.
-
-Lengths are in the case's own unit.
-"""
+"""Shapes of bodies: the keys that draw them. Their geometry is found and checked on outlines (``cloud``)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.base import LENGTH, Section, Vector
-from mlsanm_cli.case.model.chains import Point
+from mlsanm_cli.case.model.base import ANGLE, LENGTH, Name, Positive, Section, Vector
 from mlsanm_cli.case.model.files import Mesh, Points
-from mlsanm_cli.case.model.outline import OutlineShape
-from mlsanm_cli.case.model.polygon import Polygon
-from mlsanm_cli.case.model.round_shapes import Annulus, Disk, HalfDisk, Sector
+from mlsanm_cli.errors import Fault
+
+Center = Annotated[Vector, LENGTH]
+Radius = Annotated[Positive, LENGTH]
 
 
 class Rectangle(Section):
-    """A rectangle with sides along the axes: ``x`` and ``y`` are its ranges."""
+    """A rectangle with sides along the axes; boundaries left, right, bottom, top."""
 
     kind: Literal["rectangle"]
-    """What the shape is."""
+    """Kind of shape."""
     x: Annotated[Vector, LENGTH]
     """Range in x, the smaller number first."""
     y: Annotated[Vector, LENGTH]
     """Range in y, the smaller number first."""
 
-    @property
-    def boundaries(self) -> tuple[str, ...]:
-        """Names of the boundaries."""
-        return ("left", "right", "bottom", "top")
 
-    @property
-    def centre(self) -> Point:
-        """Middle of the rectangle."""
-        return 0.5 * (self.x[0] + self.x[1]), 0.5 * (self.y[0] + self.y[1])
+class Disk(Section):
+    """A full disk; its only boundary is ``arc``."""
 
-    @property
-    def size(self) -> float:
-        """Largest extent."""
-        return max(self.x[1] - self.x[0], self.y[1] - self.y[0])
+    kind: Literal["disk"]
+    """Kind of shape."""
+    center: Center
+    """Centre of the circle."""
+    radius: Radius
+    """Radius of the circle."""
 
-    def samples(self, boundary: str) -> tuple[Point, ...]:
-        """Points that span the boundary: its two ends."""
-        (x0, x1), (y0, y1) = self.x, self.y
-        ends: dict[str, tuple[Point, ...]] = {
-            "left": ((x0, y0), (x0, y1)),
-            "right": ((x1, y0), (x1, y1)),
-            "bottom": ((x0, y0), (x1, y0)),
-            "top": ((x0, y1), (x1, y1)),
-        }
-        return ends[boundary]
 
-    def normal(self, boundary: str) -> Point | None:
-        """Outward normal of a straight boundary, None on a curved one."""
-        normals = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "bottom": (0.0, -1.0), "top": (0.0, 1.0)}
-        return normals[boundary]
+class HalfDisk(Section):
+    """Half a disk; the boundary ``flat`` is the cut through the centre, ``arc`` the rest."""
 
-    def curvature(self, boundary: str) -> float:
-        """0: all sides are straight."""
-        return 0.0
+    kind: Literal["half-disk"]
+    """Kind of shape."""
+    center: Center
+    """Centre of the circle."""
+    radius: Radius
+    """Radius of the circle."""
+    side: Literal["lower", "upper", "left", "right"]
+    """The half that is kept."""
+
+
+class Sector(Section):
+    """Part of a ring between two radii and two angles; boundaries outer, end, inner, start."""
+
+    kind: Literal["sector"]
+    """Kind of shape."""
+    center: Center
+    """Centre of the circles."""
+    radii: Annotated[Vector, LENGTH]
+    """Inner and outer radius."""
+    angles: Annotated[Vector, ANGLE]
+    """First and last angle, counter-clockwise from the x axis; the straight sides are `start` and `end`."""
+
+
+class Annulus(Section):
+    """A whole ring; boundaries outer and inner."""
+
+    kind: Literal["annulus"]
+    """Kind of shape."""
+    center: Center
+    """Centre of the circles."""
+    radii: Annotated[Vector, LENGTH]
+    """Inner and outer radius."""
+
+
+class Hole(Section):
+    """A circular hole; its boundary is called ``name``."""
+
+    center: Center
+    """Centre of the circle."""
+    radius: Radius
+    """Radius of the circle."""
+    name: Name | None = None
+    """Name of its boundary; hole1, hole2 and so on by default."""
+
+
+class Polygon(Section):
+    """A polygon with rounded corners and circular holes. Sides and arcs of one name are one boundary."""
+
+    kind: Literal["polygon"]
+    """Kind of shape."""
+    points: Annotated[tuple[Vector, ...], Field(min_length=3), LENGTH]
+    """Corners in either direction; the last is joined to the first automatically."""
+    names: tuple[Name, ...] = ()
+    """Names of the sides, one per point: from that point to the next; side1, side2 ... by default."""
+    rounding: Annotated[tuple[Annotated[float, Field(ge=0.0)], ...], LENGTH] = ()
+    """Radius of the arc at each point, 0 where it stays sharp; all sharp by default."""
+    corners: tuple[Name | Literal[""], ...] = ()
+    """Names of the arcs, one per point; "" for the default: corner1 ..., or that of both sides beside it."""
+    holes: tuple[Hole, ...] = ()
+
+
+class OutlineSide(Section):
+    """A side of an outline: a straight line to a point, or a smooth curve through points. With neither, the
+    straight line from where the side before ends to where the next one begins."""
+
+    name: Name | None = None
+    """Name of the boundary; side1, side2 and so on by default. Sides of one name are one boundary."""
+    to: Annotated[Vector, LENGTH] | None = None
+    """End of the straight line that begins where the side before ends."""
+    points: Annotated[tuple[Vector, ...], Field(min_length=2), LENGTH] | None = None
+    """Points of a smooth curve, a cubic spline; an only side ends where it begins."""
+    file: Annotated[str, Field(min_length=1)] | None = None
+    """CSV file of these points, with the header x,y; a relative path is relative to the case file."""
+
+
+class OutlineShape(Section):
+    """Sides one after the other around the body, in either direction, and circular holes. Every side begins
+    where the one before ends; the first one begins where the last one ends."""
+
+    kind: Literal["outline"]
+    """Kind of shape."""
+    sides: Annotated[tuple[OutlineSide, ...], Field(min_length=1)]
+    holes: tuple[Hole, ...] = ()
 
 
 DrawnShape = Rectangle | Disk | HalfDisk | Sector | Annulus | Polygon | OutlineShape
 """Shapes whose geometry stands in the case file."""
 AnyShape = DrawnShape | Mesh | Points
-Shape = Annotated[AnyShape, Field(discriminator="kind")]
-SHAPES: dict[str, type[Section]] = {
-    "rectangle": Rectangle,
-    "disk": Disk,
-    "half-disk": HalfDisk,
-    "sector": Sector,
-    "annulus": Annulus,
-    "polygon": Polygon,
-    "outline": OutlineShape,
-    "mesh": Mesh,
-    "points": Points,
+EDGES = {
+    "rectangle": ("left", "right", "bottom", "top"),
+    "disk": ("arc",),
+    "half-disk": ("arc", "flat"),
+    "sector": ("outer", "end", "inner", "start"),
+    "annulus": ("outer", "inner"),
 }
+"""Boundaries of the shapes that always have the same."""
+Shape = Annotated[AnyShape, Field(discriminator="kind")]
+
+
+def side_names(shape: Polygon | OutlineShape) -> tuple[str, ...]:
+    """Names of all sides, default ones included."""
+    given = shape.names if isinstance(shape, Polygon) else tuple(side.name for side in shape.sides)
+    count = len(shape.points) if isinstance(shape, Polygon) else len(shape.sides)
+    given = (*given, *[None] * (count - len(given)))
+    return tuple(name or f"side{number}" for number, name in enumerate(given, start=1))
+
+
+def hole_names(shape: Polygon | OutlineShape) -> tuple[str, ...]:
+    """Names of all holes, default ones included."""
+    return tuple(hole.name or f"hole{number}" for number, hole in enumerate(shape.holes, start=1))
+
+
+def edge_names(shape: AnyShape) -> tuple[str, ...]:
+    """Names of the boundaries as the keys give them, none of shapes in files; a polygon's arcs may use up
+    sides."""
+    if isinstance(shape, Polygon | OutlineShape):
+        arcs = shape.corners if isinstance(shape, Polygon) else ()
+        rounded = enumerate(shape.rounding, start=1) if isinstance(shape, Polygon) else ()
+        corners = [f"corner{number}" for number, radius in rounded if radius]
+        return tuple(dict.fromkeys([*side_names(shape), *filter(None, arcs), *corners, *hole_names(shape)]))
+    return EDGES.get(shape.kind, ())
+
+
+def shape_faults(shape: AnyShape) -> Iterator[Fault]:
+    """Values that contradict each other, and names that are not unique; the geometry is checked elsewhere."""
+    if isinstance(shape, Rectangle):
+        for axis, (low, high) in (("x", shape.x), ("y", shape.y)):
+            if not low < high:
+                yield Fault((axis,), f"[{low:g}, {high:g}] is no range", "the smaller number first")
+    if isinstance(shape, Sector | Annulus) and not 0.0 < shape.radii[0] < shape.radii[1]:
+        yield Fault(("radii",), "must be the inner and the outer radius, both above 0")
+    if isinstance(shape, Sector) and not 0.0 < shape.angles[1] - shape.angles[0] < 360.0:
+        yield Fault(("angles",), "must increase by less than 360 degrees", "as in [0.0, 90.0]")
+    if isinstance(shape, Polygon):
+        yield from _polygon_faults(shape)
+    if isinstance(shape, OutlineShape):
+        for number, side in enumerate(shape.sides):
+            given = [key for key in ("to", "points", "file") if getattr(side, key) is not None]
+            if len(given) > 1:
+                hint = "one of to, points and file"
+                yield Fault(("sides", number, given[1]), f'"{given[0]}" is given too', hint)
+        explicit = {side.name for side in shape.sides}
+        for number, name in enumerate(side_names(shape)):
+            if shape.sides[number].name is None and name in explicit:
+                yield _twice(("sides", number), name)
+        yield from _hole_faults(shape)
+
+
+def _polygon_faults(shape: Polygon) -> Iterator[Fault]:
+    for key in ("names", "rounding", "corners"):
+        given = len(getattr(shape, key))
+        if given not in (0, len(shape.points)):
+            yield Fault((key,), f"has {given} items for {len(shape.points)} points", "one per point")
+    sides, holes = side_names(shape), hole_names(shape)
+    own = {*sides[len(shape.names) :], *holes}
+    for number, radius in enumerate(shape.rounding[: len(sides)]):
+        named = number < len(shape.corners) and shape.corners[number]
+        if radius and not named and sides[number - 1] != sides[number]:
+            own.add(f"corner{number + 1}")
+    for name in dict.fromkeys([*shape.names, *filter(None, shape.corners)]):
+        if name in own:
+            of_side = name in shape.names
+            yield _twice(("names", shape.names.index(name)) if of_side else ("corners",), name)
+    yield from _hole_faults(shape)
+
+
+def _hole_faults(shape: Polygon | OutlineShape) -> Iterator[Fault]:
+    names = hole_names(shape)
+    # Names given to sides of polygons are reported there.
+    given = shape.names if isinstance(shape, Polygon) else ()
+    sides = [name for name in side_names(shape) if name not in given]
+    for number, name in enumerate(names):
+        if name in [*sides, *names[:number]]:
+            yield _twice(("holes", number), name)
+
+
+def _twice(key: tuple[str | int, ...], name: str) -> Fault:
+    return Fault(key, f'"{name}" is the name of two boundaries', "rename one of them")

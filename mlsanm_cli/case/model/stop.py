@@ -1,4 +1,4 @@
-"""``[[stop]]``: what ends a path before the end of its last stage."""
+"""``[[stop]]``: conditions that end the path before the last stage is complete."""
 
 from __future__ import annotations
 
@@ -8,38 +8,38 @@ from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import Section, Unit
 from mlsanm_cli.case.report import Report, suggestion
 
-AS_ASKED = Unit("as what is asked for")
+AS_ASKED = Unit("unit of the quantity")
 VECTORS = ("force", "displacement")
 
 
 class Stop(Section):
-    """Ends the path, done, at the exact load at which something is reached; of several the first one does."""
+    """Condition that ends the path at the load where a quantity reaches a limit."""
 
     what: Literal["force", "displacement", "pressure", "area", "slip", "von_mises", "fold"]
     """Force of a load, support or contact; displacement of a platen, obstacle or probe; largest pressure,
-    closed length (area) or largest slip of a contact; von Mises stress at a probe; or a fold, where loads can
-    rise no further."""
+    length in contact (area) or largest slip of a contact; von Mises stress at a probe; or a fold (limit
+    point)."""
     of: str = ""
-    """Name of the load, contact or probe, or boundary of the support."""
+    """Name of the load, contact or probe, or boundary of the support; empty for a fold."""
     component: Literal["x", "y", "size"] = "size"
-    """Of a force or displacement: along x or y, with its sign, or its size."""
+    """Component of a force or displacement, with its sign, or its magnitude (size)."""
     above: Annotated[float | None, AS_ASKED] = None
-    """The path ends where the value comes from below and reaches this."""
+    """Limit reached from below; give `above` or `below`."""
     below: Annotated[float | None, AS_ASKED] = None
-    """The path ends where the value comes from above and reaches this."""
+    """Limit reached from above; give `above` or `below`."""
 
     @property
     def told(self) -> str:
         """The condition in words."""
         if self.what == "fold":
-            return "fold: the loads can rise no further"
+            return "fold (limit point of the load)"
         along = f" in {self.component}" if self.component != "size" else ""
         side, value = ("above", self.above) if self.above is not None else ("below", self.below)
         return f"{self.what.replace('_', ' ')} of {self.of}{along} {side} {value:g}"
 
 
 def check_stop(stop: Stop, path: KeyPath, names: dict[str, list[str]], report: Report) -> None:
-    """Adds a problem for limits that are missing or double, and for names of what there is not.
+    """Adds a problem for missing or double limits and for unknown names.
 
     ``names`` are those of the load, contact, probe and support items of the case, and of what moves rigidly
     as "mover".
@@ -47,7 +47,7 @@ def check_stop(stop: Stop, path: KeyPath, names: dict[str, list[str]], report: R
     given = [key for key in ("above", "below") if getattr(stop, key) is not None]
     if stop.what == "fold":
         for key in (*given, *(("of",) if stop.of else ())):
-            report.add((*path, key), "a fold has none", "remove it")
+            report.add((*path, key), "does not apply to a fold", "remove it")
         return
     if len(given) != 1:
         report.add(path, "needs exactly one of above and below", "as in above = 100.0")

@@ -1,5 +1,4 @@
-"""Tables of loads along a boundary and of points of curves: read from CSV files into the case, so that it
-stands for itself."""
+"""Tables of loads and points of curves, read from CSV files into the case, which is then self-contained."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.inputs import MB, read_input
 
 HEADERS = {"pressure": ("s", "pressure"), "traction": ("s", "tx", "ty")}
-"""Columns of the table of every kind of load that may have one; s is the arc length."""
+"""Columns of the table by kind of load; s is the arc length."""
 POINTS = ("x", "y")
 """Columns of the table of a curve."""
 MOST_ROWS, MOST_POINTS = 100_000, 2000
@@ -25,13 +24,13 @@ LARGEST = 16 * MB
 
 
 class TableError(ValueError):
-    """What is wrong with a table's file."""
+    """A problem with the file of a table."""
 
 
 def inline_tables(data: Mapping[str, Any], base: Path) -> tuple[dict[str, Any], list[tuple[KeyPath, str]]]:
     """The content of a case with the rows of its tables in place of their files' names.
 
-    Names are relative to the directory ``base``. Also what was wrong, by key; there the name stays.
+    Names are relative to the directory ``base``. Also the problems found, by key; there the name stays.
     """
     content = dict(data)
     problems: list[tuple[KeyPath, str]] = []
@@ -86,7 +85,7 @@ def read_table(
     except RunError as error:
         raise TableError(f"{error.message} ({error.hint})" if error.hint else error.message) from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise TableError(f"{path} is no CSV text") from error
+        raise TableError(f"{path} is not CSV text") from error
     found = tuple(cell.strip() for cell in lines[0][1]) if lines else ()
     if found != header:
         raise TableError(f"{path} must begin with the line {','.join(header)}")
@@ -103,17 +102,17 @@ def _numbers(path: Path, line: int, row: list[str], columns: int) -> tuple[float
         try:
             number = float(cell)
         except ValueError as error:
-            raise TableError(f'{path}, line {line}: "{cell.strip()}" is no number') from error
+            raise TableError(f'{path}, line {line}: "{cell.strip()}" is not a number') from error
         if not math.isfinite(number):
-            raise TableError(f"{path}, line {line}: {cell.strip()} is no value here")
+            raise TableError(f"{path}, line {line}: {cell.strip()} is not allowed")
         numbers.append(number)
     return tuple(numbers)
 
 
 def row_problem(rows: tuple[tuple[float, ...], ...]) -> str:
-    """What is wrong with the arc lengths of a table, "" if nothing is."""
+    """The problem with the arc lengths of a table, "" if there is none."""
     if len(rows) < 2:
-        return "a table needs two rows or more"
+        return "a table needs at least two rows"
     for number, (before, after) in enumerate(pairwise(rows), start=2):
         if not before[0] < after[0]:
             return f"arc lengths must increase: row {number} has {after[0]:g} after {before[0]:g}"

@@ -1,4 +1,4 @@
-"""``[units]``: what numbers are called in pictures and reports. Nothing is converted."""
+"""``[units]``: unit symbols for pictures and reports. Nothing is converted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Symbol = Annotated[str, Field(max_length=20)]
 
 
 class Units(Section):
-    """Names of units, written behind the labels of pictures and reports and used for nothing else."""
+    """Unit symbols shown in pictures and reports. Nothing is converted."""
 
     length: Symbol = ""
     """Unit of lengths and displacements, as in "mm"."""

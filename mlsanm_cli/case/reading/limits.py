@@ -1,7 +1,7 @@
-"""What no case needs: refused before anything is done with it, so that a typing error costs no time.
+"""Limits on counts, depths and magnitudes, checked before anything else.
 
-Counts, depths and magnitudes far beyond any scene that could be solved. Where work grows faster than what it
-comes from, as with polygons whose sides must not cross, the limit is where it would take seconds.
+They are far beyond any scene that could be solved. Where the cost grows faster than the input, as in the
+search for crossing sides, the limit keeps it below seconds.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ MOST: Mapping[str, int] = {
     "points": 2000,
     "at": 10_000,
 }
-"""Most items by the key of their list or table."""
+"""Largest number of items by the key of their list or table."""
 SMALLEST, LARGEST = 1e-60, 1e60
-"""Magnitudes of numbers: products of a few of them must not leave what floating point can hold."""
+"""Magnitudes of numbers: products of a few of them must not overflow or underflow."""
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 LONG_KEY = re.compile(rf"""(?<![\w."'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 MOST_TABLES, MOST_KEYS, MOST_VALUES = 20_000, 100_000, 1_000_000
@@ -40,11 +40,11 @@ Problem = tuple[KeyPath, str, str]
 
 
 def text_problem(text: str) -> tuple[int, str]:
-    """Line and message of what would keep the TOML parser busy for minutes; line 0 where there is nothing."""
+    """Line and message of text that would keep the TOML parser busy for minutes; line 0 if there is none."""
     # A key needs two characters for each of its parts.
     for number, line in enumerate(text.split("\n"), start=1):
         if len(line) >= 2 * DEEPEST and LONG_KEY.search(line):
-            return number, f"a key of {DEEPEST} parts or more"
+            return number, f"a key of {DEEPEST} or more parts"
     if sum(1 for _ in TABLE.finditer(text)) > MOST_TABLES:
         return 1, f"more than {MOST_TABLES} tables"
     for sign, most, what in (("=", MOST_KEYS, "keys"), (",", MOST_VALUES, "values")):
@@ -54,13 +54,13 @@ def text_problem(text: str) -> tuple[int, str]:
 
 
 def size_problems(content: Mapping[str, Any]) -> list[Problem]:
-    """Lists with far too many items and tables nested far too deep; the rest of them is not looked at."""
+    """Lists with too many items and tables nested too deeply; their content is not examined."""
     problems: list[Problem] = []
     waiting: list[tuple[KeyPath, Any]] = [((), content)]
     while waiting:
         path, value = waiting.pop()
         if len(path) > DEEPEST:
-            return [(path[:1], f"is nested more than {DEEPEST} deep", "")]
+            return [(path[:1], f"is nested more than {DEEPEST} levels deep", "")]
         named = next((step for step in reversed(path) if isinstance(step, str)), "")
         counted = isinstance(value, list | tuple) or path == ("material",)
         most = MOST.get(named)
@@ -68,22 +68,22 @@ def size_problems(content: Mapping[str, Any]) -> list[Problem]:
             problems.append((path, f"has {len(value)} items", f"{most} at most"))
             continue
         if isinstance(value, Mapping) and len(value) > MOST_IN_TABLE:
-            problems.append((path, f"has {len(value)} keys", "no table needs so many"))
+            problems.append((path, f"has {len(value)} keys", f"at most {MOST_IN_TABLE}"))
             continue
         waiting += [((*path, step), item) for step, item in _items(value) if isinstance(item, _NESTED)]
     return problems
 
 
 def number_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
-    """Numbers with which nothing can be calculated."""
+    """Numbers too large or too small for floating-point arithmetic."""
     for path, value in _numbers((), content):
-        # Coordinates and components may be what round-off left of 0.
+        # Coordinates and components may be 0 up to round-off.
         small = 0.0 < abs(value) < SMALLEST and not isinstance(path[-1], int)
         if small or LARGEST < abs(value) < float("inf"):
             size = "small" if small else "large"
             shown = f"{value:g}" if isinstance(value, float) else "a number"
-            hint = f"magnitudes from {SMALLEST:g} to {LARGEST:g} in any units"
-            yield path, f"{shown} is too {size} to calculate with", hint
+            hint = f"allowed magnitudes: {SMALLEST:g} to {LARGEST:g}"
+            yield path, f"{shown} is too {size} for floating-point arithmetic", hint
 
 
 _NESTED = (Mapping, list, tuple)

@@ -1,4 +1,4 @@
-"""``--set KEY=VALUE``: changes to the content of a case file before it is validated."""
+"""``--set KEY=VALUE``: changes of the content of a case file before validation."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'\s]+))\s*(\.|$)""")
 
 
 ALL = "*"
-"""In a key it stands for all items of a list, or all tables of a table like ``material``."""
+"""Wildcard in a key for all items of a list, or all tables of a table like ``material``."""
 _WORD = re.compile(r"[^\W\d][^\n\"'\[\]{}#=,]*|[./~][^\n\"'\[\]{}#=,]*[^\W\d][^\n\"'\[\]{}#=,]*")
 
 
 def is_word(text: str) -> bool:
-    """Whether a value that is no TOML is a text without its quotes, as a shell takes them away.
+    """Whether a value that is not TOML is a text whose quotes were removed by the shell.
 
     >>> [is_word(text) for text in ("exact", "meshes/a.msh", "1e-", "[1", "")]
     [True, True, False, False, False]
@@ -41,9 +41,9 @@ class _BadOverride(Exception):
 def apply_overrides(
     data: dict[str, Any], overrides: Sequence[str]
 ) -> tuple[dict[str, Any], frozenset[KeyPath], tuple[CaseProblem, ...]]:
-    """The content with the overrides in it, the paths they changed, and what was wrong with them.
+    """The content with all overrides, the paths that they changed, and their problems.
 
-    They apply in order, each to the result of those before. ``data`` itself stays as it is.
+    They are applied in order. ``data`` is not changed.
     """
     content = copy.deepcopy(data)
     changed: set[KeyPath] = set()
@@ -63,7 +63,7 @@ def apply_overrides(
 
 
 def key_path(content: dict[str, Any], key: str) -> KeyPath:
-    """Where a dotted key, with list items by name, leads in the content; as far as it can be followed.
+    """The path of a dotted key, with list items by name, as far as it exists in the content.
 
     >>> key_path({"load": [{"name": "press"}]}, "load.press.force")
     ('load', 0, 'force')
@@ -87,10 +87,10 @@ def _parts(key: str) -> list[str]:
     more = True
     while more:
         if len(parts) == DEEPEST:
-            raise _BadOverride(f"is a key of {DEEPEST} parts or more")
+            raise _BadOverride(f"is a key of {DEEPEST} or more parts")
         found = _PART.match(key, at)
         if found is None:
-            raise _BadOverride("is no dotted key", "as in contact.interface.reach or body.0.spacing")
+            raise _BadOverride("is not a dotted key", "as in contact.interface.reach or body.0.spacing")
         parts.append(next(group for group in found.groups()[:3] if group is not None))
         at = found.end()
         more = found.group(4) == "."
@@ -110,12 +110,12 @@ def _value(key: str, text: str) -> Any:
         return word
     if parsed.keys() != {"value"}:
         hint = f"""text needs quotes: --set '{key}="{word}"'""" if word and '"' not in word else ""
-        raise _BadOverride(f"the value {word or '(nothing)'} is no TOML", hint)
+        raise _BadOverride(f"the value {word or '(empty)'} is not TOML", hint)
     return parsed["value"]
 
 
 def _spread(content: dict[str, Any], parts: list[str]) -> list[list[str]]:
-    """The keys that a key with stars in it stands for."""
+    """The keys matched by a key with wildcards."""
     if ALL not in parts:
         return [parts]
     at = parts.index(ALL)
@@ -126,7 +126,7 @@ def _spread(content: dict[str, Any], parts: list[str]) -> list[list[str]]:
     names = list(table) if isinstance(table, dict) else [str(k) for k in range(len(table or []))]
     if not names or at == len(parts) - 1:
         where = ".".join(parts[:at])
-        raise _BadOverride(f'"{where}.*" stands for nothing here', "as in contact.*.friction=0.3")
+        raise _BadOverride(f'"{where}.*" matches nothing', "as in contact.*.friction=0.3")
     spread = (_spread(content, [*parts[:at], name, *parts[at + 1 :]]) for name in names)
     return [key for keys in spread for key in keys]
 
@@ -151,12 +151,12 @@ def _assign(content: dict[str, Any], parts: list[str], value: Any) -> KeyPath:
 
 
 def _step(table: Any, part: str, before: list[str]) -> str | int:
-    """The key or the index that a part of a dotted key means in this table or list."""
+    """The key or index of a part of a dotted key in this table or list."""
     where = ".".join(before)
     if isinstance(table, dict):
         return part
     if not isinstance(table, list):
-        raise _BadOverride(f'"{where}" is a single value and has nothing below it')
+        raise _BadOverride(f'"{where}" is a single value without keys')
     names = [item.get("name") if isinstance(item, dict) else None for item in table]
     if part in names:
         return names.index(part)

@@ -1,4 +1,4 @@
-"""From a case file to a validated case, or to the list of everything wrong with it."""
+"""From a case file to a validated case, or to the list of all its problems."""
 
 from __future__ import annotations
 
@@ -11,25 +11,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from mlsanm_cli.case.checks.draft import look_into_files, make_draft
 from mlsanm_cli.case.checks.relations import run_checks
 from mlsanm_cli.case.lines import KeyPath, key_lines
 from mlsanm_cli.case.model.case import Case
-from mlsanm_cli.case.model.files import Survey, no_files
+from mlsanm_cli.case.model.files import Geometry, Survey
 from mlsanm_cli.case.model.tables import inline_tables
 from mlsanm_cli.case.reading.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
-from mlsanm_cli.case.reading.schema_errors import report_schema_errors
-from mlsanm_cli.case.reading.unsupported import refusals
 from mlsanm_cli.case.report import Report, nearest
+from mlsanm_cli.case.sound import validate
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.inputs import MB, is_text, read_input
 from mlsanm_cli.values import dataclass
 
 MOST_CASES = 1000
-"""Case files of a directory that are looked through for a name."""
+"""Largest number of case files in a directory that are searched for a similar name."""
 LARGEST = 16 * MB
 """Largest case file, in bytes."""
 
@@ -38,7 +34,7 @@ LARGEST = 16 * MB
 class LoadedCase:
     """A validated case with the text it came from.
 
-    ``case_hash`` is the SHA-256 of the resolved content: equal for equal cases, however they were written.
+    ``case_hash`` is the SHA-256 of the resolved content: equal for equal cases, however they are written.
     """
 
     case: Case
@@ -48,7 +44,7 @@ class LoadedCase:
     case_hash: str
 
     def located(self, error: CaseError) -> CaseError:
-        """The same problems with file and line, found by their keys (list items by name)."""
+        """The problems with file and line, found by their keys (list items by name)."""
         content, changed, _ = apply_overrides(tomllib.loads(self.raw), self.overrides)
         report = Report(content, key_lines(self.raw), str(self.path), changed)
         for problem in error.problems:
@@ -57,17 +53,18 @@ class LoadedCase:
 
 
 def load_case(
-    path: Path, overrides: Sequence[str] = (), inspect_geometry_file: Survey = no_files
+    path: Path, overrides: Sequence[str] = (), inspect_geometry_file: Survey | None = None
 ) -> LoadedCase:
     """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation.
 
-    ``inspect_geometry_file`` looks into the files of bodies that are not drawn in the case itself.
+    ``inspect_geometry_file`` answers about geometry; without one neither geometry nor the names of boundaries
+    are checked.
 
     Raises RunError when the file cannot be read and CaseError with every problem found otherwise.
     """
     if not is_text(path.absolute()):
-        # Files of bodies are stored with their whole path.
-        raise RunError(f"the path {str(path.absolute())!r} is no UTF-8 text", "rename the directories in it")
+        # Files of bodies are stored with their absolute path.
+        raise RunError(f"the path {str(path.absolute())!r} is not UTF-8 text", "rename the directories in it")
     try:
         content = read_input(path, LARGEST, what="case file", streams=True)
     except RunError as error:
@@ -75,17 +72,17 @@ def load_case(
             raise RunError(error.message, _nearest_case(path)) from error
         raise
     try:
-        # A byte order mark, as some editors write it, is no part of the text.
+        # Some editors write a byte order mark, which is not part of the text.
         text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
     except UnicodeDecodeError as error:
         raise RunError(
-            f"{path} is no UTF-8 text (byte {error.start})", "a case is a TOML text file"
+            f"{path} is not UTF-8 text (byte {error.start})", "a case is a TOML text file"
         ) from error
     return parse_case(text, path, overrides, inspect_geometry_file)
 
 
 def _nearest_case(path: Path) -> str:
-    """The case file whose name is most like that of one that is not there."""
+    """A hint with the most similar name of an existing case file."""
     try:
         there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:MOST_CASES]}
     except (OSError, ValueError):
@@ -94,13 +91,13 @@ def _nearest_case(path: Path) -> str:
     if found:
         return f"did you mean {there[found]}?"
     listed = ", ".join(str(one) for one in list(there.values())[:5])
-    return f"cases there: {listed}" if listed else "mlsanm new writes one to begin with"
+    return f"existing cases: {listed}" if listed else "mlsanm new writes a starter case"
 
 
 def parse_case(
-    text: str, path: Path, overrides: Sequence[str] = (), inspect_geometry_file: Survey = no_files
+    text: str, path: Path, overrides: Sequence[str] = (), inspect_geometry_file: Survey | None = None
 ) -> LoadedCase:
-    """The same from a text; ``path`` names the source in messages and the folder of its files.
+    """Validates a case given as text; ``path`` is the source in messages, and its folder that of other files.
 
     Raises CaseError.
     """
@@ -119,32 +116,25 @@ def parse_case(
     for key, message, hint in number_problems(data):
         report.add(key, message, hint)
         covered.append(key)
-    for refusal in refusals(data):
-        report.add(refusal.path, refusal.message, refusal.hint)
-        covered.append(refusal.covers)
-    case: Case | None = None
-    try:
-        case = Case.model_validate(data)
-    except ValidationError as error:
-        report_schema_errors(report, error, frozenset(covered))
-    draft, digests = look_into_files(make_draft(data, case), inspect_geometry_file, report)
-    run_checks(draft, report)
+    sound = validate(data, report, frozenset(covered))
+    if sound is not None:
+        sound = run_checks(sound, inspect_geometry_file, report)
     problems = report.problems + bad_overrides
-    if problems or case is None:
+    if problems or sound is None:
         raise CaseError(problems)
-    case = _with_digests(case, digests)
+    case = _with_digests(sound.case, sound.geometries)
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
 def stored_case(text: str) -> Case:
-    """The resolved case of a run, which was checked when it ran: files it names need not be there any more.
+    """The resolved case of a run, checked when it ran; files that it names may be gone.
 
     Raises RunError for a text that is no such case.
     """
     try:
         return Case.model_validate({key: _frozen(value) for key, value in tomllib.loads(text).items()})
     except ValueError as error:
-        raise RunError("the case stored in the run is damaged, or of another version") from error
+        raise RunError("the case stored in the run is damaged or from another version") from error
 
 
 def _anchored(data: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -165,19 +155,20 @@ def _anchored_body(body: Any, folder: Path) -> Any:
     return {**body, "shape": {**shape, "file": str((folder / file).absolute())}}
 
 
-def _with_digests(case: Case, digests: Mapping[int, str]) -> Case:
-    """The case with the SHA-256 of the files it was checked with."""
+def _with_digests(case: Case, geometries: Mapping[int, Geometry]) -> Case:
+    """The case with the SHA-256 of its files."""
     bodies = list(case.body)
-    for index, digest in digests.items():
-        shape = bodies[index].shape.model_copy(update={"sha256": digest})
-        bodies[index] = bodies[index].model_copy(update={"shape": shape})
+    for index, geometry in geometries.items():
+        if geometry.digest:
+            shape = bodies[index].shape.model_copy(update={"sha256": geometry.digest})
+            bodies[index] = bodies[index].model_copy(update={"shape": shape})
     return case.model_copy(update={"body": tuple(bodies)})
 
 
 def resolved_mapping(case: Case) -> dict[str, Any]:
-    """The case as nested plain values with every default filled in; keys without a value are left out.
+    """The case as nested plain values with all defaults; keys without a value are omitted.
 
-    Written as TOML and loaded again it gives an equal case.
+    Written as TOML and loaded again it is an equal case.
     """
     plain = _plain(case.model_dump(mode="python", exclude_none=True, by_alias=True))
     assert isinstance(plain, dict)
@@ -185,7 +176,7 @@ def resolved_mapping(case: Case) -> dict[str, Any]:
 
 
 def case_hash(case: Case) -> str:
-    """SHA-256 of the resolved content in a canonical writing; of files the content counts, not the path."""
+    """SHA-256 of the resolved content in a canonical form; files count by content, not by path."""
     content = resolved_mapping(case)
     for body in content["body"]:
         if "sha256" in body["shape"]:
@@ -204,7 +195,7 @@ def _refuse_sizes(content: dict[str, Any], report: Report) -> None:
 def _parse_toml(text: str, source: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     line, problem = text_problem(text)
     if line:
-        raise CaseError((CaseProblem("(file)", problem, line, source, "no case needs that"),))
+        raise CaseError((CaseProblem("(file)", problem, line, source, "far more than any case needs"),))
     try:
         return tomllib.loads(text), key_lines(text)
     except RecursionError as error:
@@ -222,9 +213,9 @@ def _parse_toml(text: str, source: str) -> tuple[dict[str, Any], dict[KeyPath, i
 
 def _syntax_hint(message: str) -> str:
     if message.startswith("Invalid value"):
-        return "text needs quotes, numbers a digit before and after the point"
+        return "text needs quotes, numbers need a digit before and after the point"
     if "overwrite" in message.lower() or "twice" in message.lower():
-        return "the key or table is there already"
+        return "the key or table is defined twice"
     return ""
 
 

@@ -1,0 +1,319 @@
+"""Outlines drawn by corners, straight sides and curves, and what can be wrong with them."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
+from mlsanm_cli.cloud.polygon import inside_polygon, signed_area
+from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.errors import Fault, OutlineError
+from mlsanm_cli.values import dataclass
+
+Point = tuple[float, float]
+Named = tuple[str, Curve]
+
+SMALL = 1e-9
+"""Lengths below this fraction of the outline's size are zero."""
+JOINED = 1e-6
+"""Ends closer to each other than this fraction of the outline's size coincide: files round coordinates."""
+CHORDS = 16
+"""Chords that stand for an arc in the search for crossings."""
+MOST_CHORDS = 4000
+"""Largest number of chords of an outline of sides: the search for crossings takes seconds beyond."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """A boundary called ``name``: a smooth curve through ``points``, or a straight line to ``to``, or to
+    where the next side begins."""
+
+    name: str
+    to: Point | None = None
+    points: tuple[Point, ...] | None = None
+
+    @property
+    def first(self) -> Point | None:
+        """Where it begins, if it says so."""
+        return None if self.points is None else self.points[0]
+
+    @property
+    def last(self) -> Point | None:
+        """Where it ends, if it says so."""
+        return self.to if self.points is None else self.points[-1]
+
+
+def polygon(
+    points: Sequence[Point], names: Sequence[str], rounding: Sequence[float], arcs: Sequence[str]
+) -> list[Named]:
+    """The sides and rounded corners of a polygon, counter-clockwise.
+
+    Side ``names[k]`` goes from point k to the next; the arc ``arcs[k]`` of radius ``rounding[k]`` rounds
+    point k; lists may be shorter or hold "", for default names and sharp corners. A side that its arcs use
+    up is left out. An arc without a name between two sides of one name belongs to their boundary. Raises
+    OutlineError for repeated points, points on a line, and radii that are too large.
+    """
+    count = len(points)
+    size, small = extent(points), SMALL * extent(points)
+    _refuse(_point_faults(points, small, size))
+    order = list(range(count))
+    if signed_area(np.array(points)) < 0.0:
+        order.reverse()
+    radii = [*rounding, *[0.0] * (count - len(rounding))]
+    xy = np.array(points)[order]
+    along = np.roll(xy, -1, axis=0) - xy
+    room = np.hypot(*along.T)
+    direction = along / room[:, None]
+    came = np.roll(direction, 1, axis=0)
+    turn = np.arctan2(_cross(came, direction), (came * direction).sum(axis=1))
+    radius = np.array(radii)[order]
+    cut = radius * np.abs(np.tan(0.5 * turn))
+    _refuse(_rounding_faults(order, radius, cut, room, small))
+
+    def side(number: int) -> str:
+        return _given(names, number) or f"side{number + 1}"
+
+    chain: list[Named] = []
+    for place, number in enumerate(order):
+        following = (place + 1) % count
+        start = xy[place] + cut[place] * direction[place]
+        x, y = direction[place].tolist()
+        if cut[place] > small:
+            sign = math.copysign(1.0, turn[place])
+            center = start + sign * radius[place] * np.array([-y, x])
+            # The arc ends where this side begins, at the angle of the side's normal or its opposite.
+            last = math.atan2(-sign * x, sign * y)
+            before = side((number - 1) % count)
+            default = before if before == side(number) else f"corner{number + 1}"
+            arc = Arc(_pair(center), float(radius[place]), last - float(turn[place]), float(turn[place]))
+            chain.append((_given(arcs, number) or default, arc))
+        if room[place] - cut[place] - cut[following] > small:
+            end = xy[following] - cut[following] * direction[place]
+            name = side(number if order[0] == 0 else order[following])
+            chain.append((name, Segment(_pair(start), _pair(end))))
+    return chain
+
+
+def closed_chain(sides: Sequence[Side]) -> list[Named]:
+    """Straight sides and smooth curves joined end to end, counter-clockwise.
+
+    Raises OutlineError for sides that do not join, and for points on a line.
+    """
+    known = [point for side in sides for point in (side.points or (side.to,)) if point is not None]
+    size, count = extent(known or [(0.0, 0.0)]), len(sides)
+    _refuse(_join_faults(sides, JOINED * size))
+    chain: list[tuple[str, tuple[Point, ...]]] = []
+    closed = False
+    for number, side in enumerate(sides):
+        before, after = sides[number - 1], sides[(number + 1) % count]
+        if side.points is None:
+            start, end = before.last, after.first or side.to
+            assert start is not None
+            assert end is not None
+            chain.append((side.name, (start, end)))
+            continue
+        points = side.points
+        if count == 1:
+            # Begins at its highest point, as disks do, so that nodes lie where a mirror line crosses it.
+            top = max(range(len(points) - 1), key=lambda k: points[k][1])
+            points, closed = (*points[top:-1], *points[: top + 1]), True
+        elif after.first is not None:
+            # Ends that coincide within round-off become one point.
+            points = (*points[:-1], after.first)
+        chain.append((side.name, points))
+    corners = np.array([point for _, points in chain for point in points[:-1]])
+    area = signed_area(corners)
+    if len(corners) > MOST_CHORDS:
+        raise OutlineError([Fault(("sides",), f"have {len(corners)} points", f"at most {MOST_CHORDS}")])
+    if abs(area) <= SMALL * size**2:
+        raise OutlineError([Fault(("sides",), "all points lie on a line")])
+    if area < 0.0:
+        chain = [(name, points[::-1]) for name, points in reversed(chain)]
+    return [
+        (name, Segment(points[0], points[1]) if len(points) == 2 else _spline(points, closed))
+        for name, points in chain
+    ]
+
+
+def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]], key: str) -> Outline:
+    """The outline of a chain and circular holes (name, centre, radius). Several curves of one name are
+    "name/1" and so on.
+
+    Raises OutlineError where the chain crosses or touches itself, told at ``key``, and for holes that are not
+    inside with material around them.
+    """
+    parts = [_chords(curve) for _, curve in outer]
+    chords = np.concatenate(parts)
+    names = [name for (name, _), part in zip(outer, parts, strict=True) for _ in part]
+    size = float(np.ptp(chords[:, :2], axis=0).max())
+    meeting = dict.fromkeys((names[i], names[j]) for i, j in _meetings(chords, SMALL * size))
+    _refuse(Fault((key,), f'the boundaries "{one}" and "{other}" cross or touch') for one, other in meeting)
+    _refuse(_hole_faults(outer, chords, holes, SMALL * size))
+    circles = [(name, Arc(center, r, 0.5 * math.pi, -2.0 * math.pi)) for name, center, r in holes]
+    chain = [*outer, *circles]
+    starts = (0, *range(len(outer), len(chain)))
+    return Outline(_numbered([name for name, _ in chain]), tuple(curve for _, curve in chain), starts)
+
+
+def extent(points: Sequence[Point]) -> float:
+    """The larger side of the bounding box."""
+    return float(np.ptp(np.array(points), axis=0).max())
+
+
+def _refuse(faults: Iterable[Fault]) -> None:
+    found = list(faults)
+    if found:
+        raise OutlineError(found)
+
+
+def _given(values: Sequence[str], number: int) -> str:
+    return values[number] if number < len(values) else ""
+
+
+def _numbered(names: Sequence[str]) -> tuple[str, ...]:
+    total, passed = Counter(names), Counter[str]()
+    found = []
+    for name in names:
+        passed[name] += 1
+        found.append(f"{name}/{passed[name]}" if total[name] > 1 else name)
+    return tuple(found)
+
+
+def _point_faults(points: Sequence[Point], small: float, size: float) -> Iterator[Fault]:
+    xy = np.array(points)
+    for number, (x, y) in enumerate(points):
+        for other in np.flatnonzero(np.hypot(*(xy[:number] - xy[number]).T) <= small):
+            message = f"({x:g}, {y:g}) repeats point {other + 1}"
+            yield Fault(("points", number), message, "the last point is joined to the first automatically")
+    if abs(signed_area(xy)) <= small * size:
+        yield Fault(("points",), "all points lie on a line")
+
+
+def _rounding_faults(
+    order: Sequence[int], radius: FloatArray, cut: FloatArray, room: FloatArray, small: float
+) -> Iterator[Fault]:
+    for place, number in enumerate(order):
+        following = (place + 1) % len(order)
+        if radius[place] and cut[place] <= small:
+            yield Fault(("rounding", number), "there is no corner to round at this point", "write 0.0")
+        elif cut[place] + cut[following] > room[place] * (1.0 + SMALL):
+            larger, other = (place, following) if cut[place] >= cut[following] else (following, place)
+            rest = float(room[place] - cut[other])
+            text = f"a radius of {radius[larger]:g} takes {cut[larger]:g} of a side that has {rest:g} left"
+            most = rest / cut[larger] * radius[larger]
+            yield Fault(
+                ("rounding", order[larger]), text, f"at most {most:.4g}" if rest > 0.0 else "reduce it"
+            )
+
+
+def _join_faults(sides: Sequence[Side], slack: float) -> Iterator[Fault]:
+    repeated = [
+        Fault(("sides", number, "points", k), f"({b[0]:g}, {b[1]:g}) repeats the point before it")
+        for number, side in enumerate(sides)
+        for k, (a, b) in enumerate(pairwise(side.points or ()), start=1)
+        if math.dist(a, b) <= slack
+    ]
+    if repeated:
+        yield repeated[0]
+        return
+    for number, side in enumerate(sides):
+        before = sides[number - 1]
+        start, end = side.first, before.last
+        if start is None and end is None:
+            text = f'the point where "{before.name}" ends and "{side.name}" begins is missing'
+            yield Fault(("sides", number), text, f'write to = [x, y] in "{before.name}"')
+        elif start is not None and end is not None and math.dist(start, end) > slack:
+            places = f"({start[0]:g}, {start[1]:g})", f"({end[0]:g}, {end[1]:g})"
+            hint = "every side begins where the one before ends"
+            if len(sides) == 1:
+                hint = "end where it begins, or add a side without points: a straight line back"
+            text = f'"{side.name}" begins at {places[0]}, "{before.name}" ends at {places[1]}'
+            yield Fault(("sides", number), text, hint)
+
+
+def _hole_faults(
+    outer: Sequence[Named], chords: FloatArray, holes: Sequence[tuple[str, Point, float]], small: float
+) -> Iterator[Fault]:
+    for number, (_, center, radius) in enumerate(holes):
+        place = np.array([center])
+        away = [float(np.hypot(*(c.points(c.closest(place)) - place)[0])) for _, c in outer]
+        room = min(away)
+        if not inside_polygon(chords, place)[0] and room > small:
+            yield Fault(("holes", number, "center"), "the hole lies outside the outer boundary")
+        elif room <= radius + small:
+            nearest = outer[away.index(room)][0]
+            text = f'the hole cuts the boundary "{nearest}", which is {room:g} from its center'
+            yield Fault(("holes", number, "radius"), text, "holes lie inside, with material all around")
+        for other in range(number):
+            if math.dist(center, holes[other][1]) <= radius + holes[other][2] + small:
+                yield Fault(("holes", number, "center"), f"the hole meets hole {other + 1}", "separate them")
+
+
+def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
+    """Pairs of the ``chords`` (e, 4) of a closed chain that come closer than ``small`` elsewhere than at a
+    common end; of neighbours those that fold back on each other."""
+    count = len(chords)
+    low, high = np.minimum(chords[:, 0], chords[:, 2]), np.maximum(chords[:, 0], chords[:, 2])
+    order = np.argsort(low)
+    last = np.searchsorted(low[order], high[order] + small, side="right")
+    for place, one in enumerate(order.tolist()):
+        others = order[place + 1 : last[place]]
+        neighbour = np.isin((others - one) % count, (1, count - 1))
+        for other in others[neighbour].tolist():
+            first, then = (one, other) if (other - one) % count == 1 else (other, one)
+            if _folds_back(chords[first], chords[then]):
+                yield one, other
+        others = others[~neighbour]
+        for other in others[_apart(chords[one], chords[others]) <= small].tolist():
+            yield one, other
+
+
+def _folds_back(first: FloatArray, then: FloatArray) -> bool:
+    came, goes = first[2:] - first[:2], then[2:] - then[:2]
+    back = float(came @ goes)
+    return back < 0.0 and bool(abs(_cross(came, goes)) <= SMALL * abs(back))
+
+
+def _apart(one: FloatArray, others: FloatArray) -> FloatArray:
+    """Distances (m,) of a chord (4,) to ``others`` (m, 4), 0 where they cross."""
+    a, b = np.broadcast_to(one[:2], (len(others), 2)), np.broadcast_to(one[2:], (len(others), 2))
+    c, d = others[:, :2], others[:, 2:]
+    crossing = (_cross(b - a, c - a) * _cross(b - a, d - a) < 0.0) & (
+        _cross(d - c, a - c) * _cross(d - c, b - c) < 0.0
+    )
+    ends = np.minimum.reduce([_to_chord(a, c, d), _to_chord(b, c, d), _to_chord(c, a, b), _to_chord(d, a, b)])
+    return np.where(crossing, 0.0, ends)
+
+
+def _to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    along, away = end - start, points - start
+    part = np.clip((along * away).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.hypot(*(away - part[:, None] * along).T))
+
+
+def _chords(curve: Curve) -> FloatArray:
+    """Chords (e, 4) of a curve, between the given points of a smooth one."""
+    if isinstance(curve, SplinePart):
+        points = curve.spline.nodes[curve.first : curve.last + 1]
+    else:
+        count = CHORDS if isinstance(curve, Arc) else 1
+        points = curve.points(np.linspace(0.0, curve.length, count + 1))
+    return np.hstack([points[:-1], points[1:]])
+
+
+def _spline(points: Sequence[Point], closed: bool) -> SplinePart:
+    return SplinePart(NodeSpline(np.array(points), closed), 0, len(points) - 1)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _pair(point: FloatArray) -> Point:
+    return float(point[0]), float(point[1])
