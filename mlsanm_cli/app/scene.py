@@ -273,8 +273,8 @@ def _beside(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
         x, y = cloud.points[node].tolist()
         away = float(np.hypot(x - support.near[0], y - support.near[1]))
         if away > BESIDE * cloud.spacing[node]:
-            (px, py), by = support.near, f"{away:.3g} away"
-            yield f"the support of {support.body} near ({px:g}, {py:g}) holds its node at ({x:g}, {y:g}), {by}"
+            near = f"the support of {support.body} near ({support.near[0]:g}, {support.near[1]:g})"
+            yield f"{near} holds its node at ({x:g}, {y:g}), {away:.3g} away"
 
 
 def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:

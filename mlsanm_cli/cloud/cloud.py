@@ -115,9 +115,10 @@ def build_cloud(
     line: Line | None = None,
     wanted: Sequence[tuple[float, float]] = (),
 ) -> Cloud:
-    """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``; with nodes at the
-    points ``wanted``, but for those closer to the outline, to a corner or to another one than half a spacing.
+    """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``.
 
+    There are nodes at the points ``wanted``, or on the outline next to those that are closer to it than half
+    a spacing; those so close to a corner or to another one have none.
     About a ``line`` the cloud is its own mirror image if outline, spacing and points are, and if the line
     does not run along the outline.
     Raises RunError when more than ``limit`` nodes would be needed.

@@ -81,9 +81,7 @@ class Spacing:
         """Smallest spacing anywhere."""
         return min([self.far, *(zone.spacing for zone in self.zones)])
 
-    def steps_along(
-        self, curve: Curve, line: Line | None = None, places: Sequence[float] = ()
-    ) -> FloatArray:
+    def steps_along(self, curve: Curve, line: Line | None = None, places: Sequence[float] = ()) -> FloatArray:
         """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h
         between them and the ``places`` that are to have a node; so is its middle if it is on the ``line``.
         Places closer than half a spacing to an end or to another place get none.
