@@ -24,6 +24,7 @@ from mlsanm_cli.app.judge import (
     judge_estimates,
     judge_held,
     judge_linear,
+    judge_points,
     judge_polish,
     judge_spacing,
     judge_state,
@@ -211,6 +212,7 @@ def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stoppe
         *judge_transfer(built, recorder.last),
         judge_balance(force_balance(built, recorder.last)),
         judge_energy(recorder.energies),
+        *judge_points(recorder.energies),
         judge_held(built),
         judge_polish(recorder.polished),
     ):
