@@ -375,13 +375,13 @@ class Rough:
         raise NotImplementedError
 
 
-@pytest.mark.parametrize(("part", "sound"), [(1e-12, True), (1e-8, True), (1e-4, False)])
+@pytest.mark.parametrize(("part", "sound"), [(1e-12, True), (1e-7, True), (1e-4, False)])
 def test_a_factor_is_sound_if_a_correction_mends_what_it_loses(part: float, sound: bool) -> None:
     points = scattered(200)
     matrix = sparse.csc_array(normal_equations(points))
     own = CholeskySolver().factor_definite(matrix, points)
     rough = Rough(own, part)
-    assert (backward_error(matrix, rough) <= SOUND) == (part < 1e-11)
+    assert (backward_error(matrix, rough) <= SOUND) == (part < 1e-9)
     assert (believed(rough, matrix, points) is rough) == sound
 
 
