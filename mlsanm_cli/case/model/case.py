@@ -95,7 +95,7 @@ class Support(Stretch):
     body: str | None = None
     """The body of which one node is held."""
     near: Annotated[Vector, LENGTH] | None = None
-    """The node nearest to this point is held."""
+    """A node at this point is held; the nearest one in bodies that bring their nodes."""
     ux: Annotated[float, LENGTH] | None = None
     """Displacement in x; a direction that is not named is free."""
     uy: Annotated[float, LENGTH] | None = None
