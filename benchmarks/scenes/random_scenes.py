@@ -1,6 +1,7 @@
 """Random scenes of two to five bodies, judged by balance and by variants.
 
     python benchmarks/scenes/random_scenes.py [--count 40] [--first 0] [--keep DIR] [--only NUMBER ...]
+        [--features] [--no-variants]
 
 Stacks of rectangles, polygons with rounded corners, disks and half-disks with all materials and laws, with
 friction or not, pressed from above. A run that is done must balance (forces reported of every body add up to
@@ -24,6 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.scenes.compared import difference, peaks, vectors
 from benchmarks.scenes.judge import SIDES, imbalance, run_case
+from benchmarks.scenes.random_features import featured
 from benchmarks.scenes.scene import (
     FORCE,
     PEAK,
@@ -152,9 +154,10 @@ def _inside(one: Table) -> float:
     return shape["center"][1] + (0.0 if shape["kind"] == "disk" else -0.5 * shape["radius"])
 
 
-def judged(number: int, folder: Path) -> Table:
-    """How the scene came through."""
-    given, smooth = drawn(number)
+def judged(number: int, folder: Path, features: bool = False, compare: bool = True) -> Table:
+    """How the scene came through; with ``features`` one of those, without variants unless they are to
+    ``compare``."""
+    given, smooth, chosen = featured(number) if features else (*drawn(number), [])
     scene = Scene(f"random{number}", "random", given)
     ran = run_case(scene, given, folder / "base", lambda places: places, patience=60.0)
     law = given["contact"][0].get("regularization", {}).get("law", "default")
@@ -162,6 +165,7 @@ def judged(number: int, folder: Path) -> Table:
         "number": number,
         "bodies": [one["shape"]["kind"] for one in given["body"]],
         "law": law,
+        "features": chosen,
         "friction": given["contact"][0]["friction"],
         "warnings": ran.summary.get("warnings", []),
     }
@@ -171,8 +175,10 @@ def judged(number: int, folder: Path) -> Table:
     sides = imbalance(given, ran.result)
     if sides is not None and sides > SIDES:
         faults.append(f"forces on a body do not add up: {sides:.1e}")
-    for variant in variants():
-        if variant.name not in ("seed", "turned"):
+    for variant in variants() if compare else ():
+        if variant.name not in (("seed", "swapped") if features else ("seed", "turned")):
+            continue
+        if variant.name == "swapped" and not any("master" in one for one in given["contact"]):
             continue
         other = run_case(scene, variant.change(given), folder / variant.name, variant.move(), patience=60.0)
         if other.code:
@@ -202,6 +208,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=int, nargs="+")
+    parser.add_argument("--features", action="store_true", help="scenes of random_features.py")
+    parser.add_argument("--no-variants", action="store_true", help="run every scene once")
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--out", type=Path, default=RESULTS / "random_scenes.json")
     given = parser.parse_args()
@@ -209,11 +217,12 @@ def main() -> None:
     found = []
     with tempfile.TemporaryDirectory() as scratch:
         for number in numbers:
-            one = judged(number, (given.keep or Path(scratch)) / str(number))
+            folder = (given.keep or Path(scratch)) / str(number)
+            one = judged(number, folder, given.features, not given.no_variants)
             found.append(one)
             print(
                 f"{number:4d} {one['outcome']:<24} {one['law']:<11} mu {one['friction']} "
-                f"{' '.join(one['bodies'])}\n     {one['text']}",
+                f"{' '.join([*one['bodies'], *one['features']])}\n     {one['text']}",
                 flush=True,
             )
             for text in one["warnings"]:

@@ -19,6 +19,7 @@ from mlsanm_cli.app.assessment.checks import (
     check_state,
     check_transfer,
     force_balance,
+    judge_points,
 )
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.pressed_ends import end_warnings
@@ -214,6 +215,7 @@ def _follow(
         *check_transfer(built, recorder.last),
         check_balance(force_balance(built, recorder.last)),
         check_energy(recorder.energies),
+        *judge_points(recorder.energies),
         check_held(built),
         check_polish(recorder.polished),
     ):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from mlsanm_cli.cloud.front import filled
 from mlsanm_cli.cloud.halves import halved
 from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.mirror import Line, Mirror
+from mlsanm_cli.cloud.places import Places
 from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.separation import NodeSeparation, separation
 from mlsanm_cli.cloud.sight import VisibilityCriterion, look
@@ -112,20 +113,25 @@ def build_cloud(
     limit: int = 50_000_000,
     memo: Memo = NO_CACHE,
     line: Line | None = None,
+    wanted: Sequence[tuple[float, float]] = (),
 ) -> Cloud:
     """Nodes on the outline and, evened out, inside it, deterministic for a given ``seed``.
 
-    About a ``line`` the cloud is its own mirror image if outline and spacing are, and if the line does not
-    run along the outline.
+    There are nodes at the points ``wanted``, or on the outline next to those that are closer to it than half
+    a spacing; those so close to a corner or to another one have none.
+    About a ``line`` the cloud is its own mirror image if outline, spacing and points are, and if the line
+    does not run along the outline.
     Raises RunError when more than ``limit`` nodes would be needed.
     """
-    half = None
-    if line is not None and spacing.symmetric(line):
-        boundary, surfaces, edges = _bounded(outline, spacing, line)
+    half, places = None, Places.of(outline, spacing, np.array(wanted, dtype=float).reshape(-1, 2))
+    if line is not None and spacing.symmetric(line) and places.upon(line):
+        boundary, surfaces, edges = _bounded(outline, spacing, places, line)
         half = halved(line, boundary, edges, surfaces, spacing)
     if half is None:
-        boundary, surfaces, edges = _bounded(outline, spacing)
-    start, chords = (boundary, boundary[edges].reshape(-1, 4)) if half is None else (half.start, half.chords)
+        boundary, surfaces, edges = _bounded(outline, spacing, places)
+    first, chords = (boundary, boundary[edges].reshape(-1, 4)) if half is None else (half.start, half.chords)
+    inside = places.inside(boundary, surfaces, spacing)
+    start, fixed = np.concatenate([first, inside]), len(boundary) + len(inside)
     far, zones = spacing.far, spacing.table()
 
     def fill() -> Arrays:
@@ -134,9 +140,9 @@ def build_cloud(
             hint = "use larger spacings or smaller refinements"
             raise RunError(f"more than {limit} nodes in one body", hint)
         if half is None:
-            return {"points": relax(points, len(boundary), spacing)}
-        inner, upon = half.settled(points[len(start) :], spacing)
-        points = relax(np.concatenate([boundary, inner]), len(boundary), spacing, line, upon)
+            return {"points": relax(points, fixed, spacing)}
+        inner, upon = half.settled(points[len(first) :], spacing)
+        points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
         return {"points": points, "upon": np.array(upon)}
 
     key = digest(boundary, start, chords, far, zones, seed, limit)
@@ -152,10 +158,13 @@ def build_cloud(
 
 
 def _bounded(
-    outline: Outline, spacing: Spacing, line: Line | None = None
+    outline: Outline, spacing: Spacing, places: Places, line: Line | None = None
 ) -> tuple[FloatArray, dict[str, Surface], IntArray]:
-    """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes where curves cross a ``line`` halfway."""
-    steps = [spacing.steps_along(curve, line) for curve in outline.curves]
+    """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes at ``places``, and where curves cross a
+    ``line`` halfway."""
+    steps = [
+        spacing.steps_along(curve, line, places.along(number)) for number, curve in enumerate(outline.curves)
+    ]
     points = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
     surfaces = _surfaces(outline, steps)
     return points, surfaces, _edges(surfaces.values())

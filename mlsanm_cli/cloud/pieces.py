@@ -30,7 +30,10 @@ FEW = 0.25
 
 def divide(cloud: Cloud, size: int) -> IntArray:
     """Numbers (n,) of the pieces of about ``size`` nodes that the cloud's nodes belong to."""
-    pairs = np.concatenate([cloud.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
+    # A node at the root of a narrow slit may be a corner of no triangle, and is a piece of no area by itself.
+    alone = np.bincount(cloud.triangles.ravel(), minlength=len(cloud.points)) == 0
+    along = cloud.edges[alone[cloud.edges].any(axis=1)]
+    pairs = np.concatenate([along, *(cloud.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0)))])
     mirror = cloud.mirror
     depth = nearest(cKDTree(cloud.points[cloud.boundary_nodes]), cloud.points)[0] / cloud.spacing
     wanted = np.clip((DEEPER * depth) ** 2, size, MOST)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,6 +18,9 @@ from mlsanm_cli.values import dataclass
 
 MOST_STEPS = 2_000_000
 """Most nodes along one curve; with those behind them they would be more than fit into any memory."""
+
+APART = 0.5
+"""Nodes that are asked for at places are at least so many spacings from ends, and from each other."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +81,10 @@ class Spacing:
         """Smallest spacing anywhere."""
         return min([self.far, *(zone.spacing for zone in self.zones)])
 
-    def steps_along(self, curve: Curve, line: Line | None = None) -> FloatArray:
-        """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h;
-        an even number of them if its middle is on the ``line``, so that a node is there.
+    def steps_along(self, curve: Curve, line: Line | None = None, places: Sequence[float] = ()) -> FloatArray:
+        """Arc lengths of nodes on ``curve``, both ends included, at equal increments of the integral of ds/h
+        between them and the ``places`` that are to have a node; so is its middle if it is on the ``line``.
+        Places closer than half a spacing to an end or to another place get none.
 
         Equal increments of the integral, and not steps of h rescaled at the end, keep a fine zone where it
         was asked for; two bodies' fine zones would otherwise no longer face each other. Raises RunError for
@@ -102,10 +108,25 @@ class Spacing:
         integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (density[1:] + density[:-1]))])
         if not integral[-1] <= MOST_STEPS:
             raise _too_many()
+        total, halved = float(integral[-1]), line is not None and _halved(curve, line)
+        ends, wanted = [0.0, *([0.5 * total] if halved else ()), total], np.zeros(0)
+        if len(places):
+            wanted = np.interp(places, s, integral)
+        for place in wanted.tolist():
+            if min(abs(place - end) for end in ends) > APART:
+                ends.append(place)
         # The small shift decides ties the same way in every system of units.
-        part = 1 if line is None or not _halved(curve, line) else 2
-        count = max(8 if curve.closed else 2, part * int(np.floor(integral[-1] / part + 0.5 - 1e-6)))
-        steps = np.interp(np.linspace(0.0, integral[-1], count + 1), integral, s)
+        if len(ends) == 2 + halved:
+            part, least = 1 + halved, 8 if curve.closed else 2
+            even = np.linspace(0.0, total, max(least, part * int(total / part + 0.5 - 1e-6)) + 1)
+        else:
+            least = 4 if curve.closed else 1
+            parts = [
+                np.linspace(low, high, max(least, int(high - low + 0.5 - 1e-6)) + 1)
+                for low, high in pairwise(sorted(ends))
+            ]
+            even = np.append(np.concatenate([part[:-1] for part in parts]), total)
+        steps = np.interp(even, integral, s)
         steps[0], steps[-1] = 0.0, curve.length
         return steps
 

@@ -39,6 +39,29 @@ uy = -0.15
 ux = 0.0
 """
 )
+ANGLES = np.linspace(0.0, 0.5 * np.pi, 13)
+"""Curves that are no arcs are no rounded corners: a contact does not take them in by itself."""
+
+
+def curve(name: str, x: float, turned: float) -> str:
+    """A quarter of a circle about (x, 0.8) as a side through points, from an angle on."""
+    places = [[x + 0.8 * np.cos(a + turned), 0.8 + 0.8 * np.sin(a + turned)] for a in ANGLES]
+    return f'[[body.shape.sides]]\nname = "{name}"\npoints = {[[float(v) for v in p] for p in places]}\n'
+
+
+def side(name: str, x: float, y: float) -> str:
+    return f'[[body.shape.sides]]\nname = "{name}"\nto = [{x}, {y}]\n'
+
+
+SIDES = (
+    side("face", 1.2, 0.0)
+    + curve("corner2", 1.2, -0.5 * np.pi)
+    + side("right", 2.0, 3.0)
+    + side("top", -2.0, 3.0)
+    + side("left", -2.0, 0.8)
+    + curve("corner1", -1.2, np.pi)
+)
+CURVED = PAD.partition('kind = "polygon"')[0] + 'kind = "outline"\n' + SIDES + PAD[PAD.index("[[load]]") :]
 BLOCK = """
 [[body]]
 name = "block"
@@ -121,15 +144,34 @@ pressure = 0.2
 
 
 @pytest.mark.parametrize(("base", "whom"), [(BLOCK, "block.top"), (PLANE, "the obstacle of contact face")])
-def test_a_rounded_corner_beside_its_contact_is_told(tmp_path: Path, base: str, whom: str) -> None:
-    summary = solve(PAD + base, tmp_path / "face")
+def test_a_curve_beside_its_contact_is_told(tmp_path: Path, base: str, whom: str) -> None:
+    summary = solve(CURVED + base, tmp_path / "face")
     assert summary["status"] == "failed"
     assert f"lies inside {whom} by 0.0" in summary["stop_reason"]
     assert summary["stop_reason"].startswith("pad.corner")
     assert "and no contact keeps it out" in summary["stop_reason"]
     hinted = summary["hint"].partition("as in ")[2].partition(", or draw")[0].replace(" = ", "=")
     assert {"pad.face", "pad.corner1", "pad.corner2"} == set(hinted.split('"')[1::2])
-    assert solve(PAD + base, tmp_path / "whole", hinted)["status"] == "done"
+    assert solve(CURVED + base, tmp_path / "whole", hinted)["status"] == "done"
+
+
+def test_rounded_corners_belong_to_the_face_between_them(tmp_path: Path) -> None:
+    face, whole = solve(PAD + BLOCK, tmp_path / "face"), solve(PAD + BLOCK, tmp_path / "whole", WHOLE)
+    assert face["status"] == "done"
+    assert face["contacts"]["face"]["force"] == whole["contacts"]["face"]["force"]
+    # As masters too, and both of one name.
+    named = PAD.replace("[[load]]", 'corners = ["c", "c", "", ""]\n[[load]]') + BLOCK
+    swapped = named.replace(
+        'slave = "pad.face"\nmaster = "block.top"', 'slave = "block.top"\nmaster = "pad.face"'
+    )
+    found = solve(swapped, tmp_path / "named")["contacts"]["face"]["force"][1]
+    assert found == pytest.approx(-face["contacts"]["face"]["force"][1], rel=0.01)
+
+
+def test_a_rounded_corner_with_a_condition_of_its_own_is_no_part_of_the_face(tmp_path: Path) -> None:
+    text = PAD + BLOCK + '[[support]]\nboundary = "pad.corner1"\nux = 0.0\n'
+    summary = solve(text, tmp_path / "run")
+    assert "pad.corner1 lies inside block.top" in summary["stop_reason"]
 
 
 def test_bodies_without_a_contact_are_told_how_deep_one_lies_in_the_other(tmp_path: Path) -> None:
@@ -170,12 +212,12 @@ def test_distances_are_those_to_the_nearest_chord() -> None:
 def test_a_contact_pressed_up_to_a_smooth_end_is_told(tmp_path: Path) -> None:
     # So lightly that the corner's overlap is within the displacements' error.
     light = "load.press.uy=-1e-3"
-    summary = solve(PAD + PLANE, tmp_path / "face", light)
+    summary = solve(CURVED + PLANE, tmp_path / "face", light)
     assert summary["status"] == "done"
     told = [text for text in summary["warnings"] if "goes on without a corner" in text]
     assert len(told) == 2
     assert 'contact.face.slave = ["pad.face", "pad.corner1"]' in told[0]
-    summary = solve(PAD + PLANE, tmp_path / "whole", light, WHOLE)
+    summary = solve(CURVED + PLANE, tmp_path / "whole", light, WHOLE)
     assert not [text for text in summary["warnings"] if "goes on without a corner" in text]
 
 

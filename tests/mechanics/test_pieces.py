@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import annulus, disk, rectangle
+from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, rectangle
 from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics import pieces
@@ -307,3 +307,22 @@ def test_pieces_smaller_than_the_thickness_are_weaker_in_proportion() -> None:
     assert found.strength == pytest.approx(expected, rel=1e-2)
     assert found.strength.min() < 0.1 * pieces.STRENGTH
     assert found.size**2 @ np.ones(found.count) == pytest.approx(1.0)
+
+
+def test_a_node_at_the_root_of_a_narrow_slit_is_in_a_piece_with_an_area() -> None:
+    corners = [
+        (0.0, 0.0),
+        (6.0, 0.0),
+        (6.0, 1.0),
+        (1.0, 1.0),
+        (1.0, 1.1),
+        (6.0, 1.1),
+        (6.0, 2.15),
+        (0.0, 2.15),
+    ]
+    sides = [Segment(one, other) for one, other in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    clip = Outline(tuple(f"side{k}" for k in range(8)), tuple(sides))
+    cloud = build_cloud(clip, Spacing(0.25), 0)
+    # It is a corner of no triangle.
+    assert (cloud.areas == 0.0).any()
+    assert Pieces.of(cloud).size.min() > 0.0

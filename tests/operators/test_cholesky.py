@@ -25,6 +25,7 @@ from mlsanm_cli.kernels.multifrontal import borders
 from mlsanm_cli.operators.linear import cholesky, scratch
 from mlsanm_cli.operators.linear.cholesky import CholeskyFactor, CholeskySolver
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
+from mlsanm_cli.operators.linear.fallback import SOUND, verified_or_superlu
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, SuperLUSolver
 from mlsanm_cli.operators.normal import bordered
@@ -357,6 +358,31 @@ def test_a_factor_that_does_not_solve_is_not_used(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr(cholesky, "factorise", wrong)
     assert isinstance(CholeskySolver().factor_definite(normal_equations(points), points), SuperLUFactor)
+
+
+@dataclass
+class Rough:
+    """A factor whose solutions are off by a part of themselves."""
+
+    factor: Factor
+    part: float
+    note: str = ""
+
+    def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
+        return np.asarray((1.0 + self.part) * self.factor.solve(rhs, transposed))
+
+    def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize(("part", "sound"), [(1e-12, True), (1e-7, True), (1e-4, False)])
+def test_a_factor_is_sound_if_a_correction_mends_what_it_loses(part: float, sound: bool) -> None:
+    points = scattered(200)
+    matrix = sparse.csc_array(normal_equations(points))
+    own = CholeskySolver().factor_definite(matrix, points)
+    rough = Rough(own, part)
+    assert (backward_error(matrix, rough) <= SOUND) == (part < 1e-9)
+    assert (verified_or_superlu(rough, matrix, points) is rough) == sound
 
 
 @pytest.mark.parametrize("value", [0.0, np.nan])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
@@ -75,12 +75,13 @@ class Verdict:
 
 @dataclass(frozen=True)
 class EnergyVerdict:
-    """Twice the strain energy over the work less 1, per body, ``energy_error``, the farthest from 0, and how
-    far bodies are strained."""
+    """Twice the strain energy over the work less 1, per body, ``energy_error``, the farthest from 0, how
+    far bodies are strained, and what part of the work half of the spacing would add under single nodes."""
 
     energy_error: float
     bodies: Mapping[str, float]
     strains: Mapping[str, float] = field(default_factory=dict)
+    pointed: Mapping[str, float] = field(default_factory=dict)
 
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
@@ -201,6 +202,19 @@ def check_energy(verdict: EnergyVerdict) -> str:
     if not abs(error) <= ENERGY_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if abs(error) > ENERGY_WARNING else ""
+
+
+def judge_points(verdict: EnergyVerdict) -> Iterator[str]:
+    """Warnings of bodies that single nodes hold against so much force that displacements hang on the
+    spacing."""
+    for name, part in verdict.pointed.items():
+        if part > ENERGY_WARNING:
+            where = f"body.{name}.spacing"
+            yield (
+                f"single nodes carry what holds body {name}: under a point force displacements have no "
+                f"bound, and grow by about {100 * part:.2g} % with half of {where}; hold a part of a "
+                f"boundary, with from and to, or count displacements from another point than the held one"
+            )
 
 
 def check_held(built: CondensedScene) -> str:

@@ -23,6 +23,12 @@ no more."""
 HEATED = 0.1
 """Nor are energies below this part of what would block all expansion of a heated body: free expansion has
 none, and what a held end has beside its corners is little, and known poorly, where all else is right."""
+MISSED = 0.3
+"""Integrals miss so many times F^2/E' of the energy under a single node that exerts a force F, whatever the
+spacing: 0.11 to 0.16 on a disk of 85 to 1,163 nodes that stands on one. Held in the middle it is some too
+much on the coarsest of them."""
+SHIFTED = 2.0 * np.log(2.0) / np.pi
+"""Times F^2/E' the node sinks in further, in work, with half of the spacing, without end."""
 UNLOADED = 1e-3
 """Nor are forces below this part of those before, in a scene that is unloaded again: smooth contact laws
 leave as much, on a few nodes, and contacts are solved to a tolerance relative to what was before."""
@@ -39,8 +45,8 @@ def energy_error(
         fields = known[1]
     else:
         fields, _ = fields_of(built, [state], stress=True)[0]
-    energies, works, least, strains = {}, {}, {}, {}
-    near = _near_work(built, state)
+    energies, works, least, strains, pointed = {}, {}, {}, {}, {}
+    near, squares = _near_work(built, state), _on_single_nodes(built, state)
     for name, body in built.scene.bodies.items():
         cloud, material, found = body.model.cloud, body.model.material, fields[name]
         single = single_nodes(built.case, name, cloud)
@@ -60,9 +66,27 @@ def energy_error(
     for name, work in works.items():
         # Unlike max of Python, that of numpy loses no nan.
         scale = float(np.max([abs(work), least_of_all, least[name]]))
-        errors[name] = 0.0 if scale == 0.0 else float((energies[name] - work) / scale)
+        missing = energies[name] - work
+        missing -= float(np.clip(missing, -MISSED * squares[name], MISSED * squares[name]))
+        errors[name] = 0.0 if scale == 0.0 else float(missing / scale)
+        pointed[name] = 0.0 if scale == 0.0 else SHIFTED * squares[name] / scale
     worst = max(errors, key=lambda name: np.nan_to_num(abs(errors[name]), nan=np.inf))
-    return EnergyVerdict(errors[worst], errors, strains)
+    return EnergyVerdict(errors[worst], errors, strains, pointed)
+
+
+def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:
+    """F^2/E' of what the single nodes that hold a body exert on it, shared evenly among them."""
+    sums = built.condensed.sums
+    if sums is None:
+        return dict.fromkeys(built.scene.bodies, 0.0)
+    forces, found = sums(*state.unknowns).reshape(-1, 2), {}
+    for force, (name, body) in zip(forces, built.scene.bodies.items(), strict=True):
+        contact_compliance = body.model.material.contact_compliance(np.eye(2))
+        held = single_nodes(built.case, name, body.model.cloud)
+        counts = [max(1, sum(component == axis for _, component in held)) for axis in (0, 1)]
+        known = np.array([any(component == axis for _, component in held) for axis in (0, 1)])
+        found[name] = float((known * contact_compliance * force**2 / counts).sum())
+    return found
 
 
 def _near_work(built: CondensedScene, state: State) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import field, replace
 from functools import partial
@@ -41,6 +41,12 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.values import dataclass
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+TIED = 1e-9
+"""Distances that differ by less than this part of the spacing are the same."""
+BESIDE = 1e-3
+"""Nodes held farther than this part of the spacing from where a support was put are told."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +130,7 @@ def prepare(
     grids = grids and case.model.strain == "small"
     clear = contact_ranges(case, models, pairings, occupied) if grids else {}
     found = constrain_free_rigid_modes(case, clouds, directed(pairings, clear), free, loads, clear)
-    moving, notes = found.rigid_constraints, found.notes
+    moving, notes = found.rigid_constraints, (*_beside(case, clouds), *found.notes)
     probes = _probes(case, clouds)
     prepared = SceneModel(
         models,
@@ -260,9 +266,29 @@ def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], 
     pairs = []
     for support in case.support:
         if support.body == body and support.near is not None:
-            node = int(np.argmin(((cloud.points - np.array(support.near)) ** 2).sum(axis=1)))
+            node = _nearest(cloud, support.near)
             pairs += [(node, c) for c, value in enumerate((support.ux, support.uy)) if value is not None]
     return tuple(pairs)
+
+
+def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
+    """The node nearest to a point; of several at one distance the first, whatever round-off says."""
+    away = np.hypot(*(cloud.points - np.array(point)).T)
+    return int(np.flatnonzero(away <= away.min() + TIED * cloud.spacing.min())[0])
+
+
+def _beside(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
+    """Notes of supports that hold a node beside the point that they name."""
+    for support in case.support:
+        if support.body is None or support.near is None:
+            continue
+        cloud = clouds[support.body]
+        node = _nearest(cloud, support.near)
+        x, y = cloud.points[node].tolist()
+        away = float(np.hypot(x - support.near[0], y - support.near[1]))
+        if away > BESIDE * cloud.spacing[node]:
+            near = f"the support of {support.body} near ({support.near[0]:g}, {support.near[1]:g})"
+            yield f"{near} holds its node at ({x:g}, {y:g}), {away:.3g} away"
 
 
 def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:

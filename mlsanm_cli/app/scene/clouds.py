@@ -80,5 +80,8 @@ def clouds(
             placed[body.name] = with_cuts(case, body, foreign(body.shape).cloud)
         else:
             spacing = spacing_of(case, body).with_zones(zones)
-            placed[body.name] = build_cloud(outline_of(case, body), spacing, body.seed, memo=memo, line=line)
+            wanted = [support.near for support in case.support if support.body == body.name and support.near]
+            placed[body.name] = build_cloud(
+                outline_of(case, body), spacing, body.seed, memo=memo, line=line, wanted=wanted
+            )
     return placed

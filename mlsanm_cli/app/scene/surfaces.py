@@ -18,6 +18,7 @@ import numpy as np
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.case import Body, Contact
 from mlsanm_cli.case.model.files import FileShape, Mesh, Points
+from mlsanm_cli.case.model.places import listed
 from mlsanm_cli.case.model.shapes import (
     Annulus,
     AnyShape,
@@ -32,8 +33,8 @@ from mlsanm_cli.case.model.shapes import (
 )
 from mlsanm_cli.cloud import drawing
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import Curve, Outline, annulus, disk, half_disk, rectangle, sector
-from mlsanm_cli.cloud.joined import chain_of, cut, joined, part_of
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, annulus, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.joined import SMOOTH, chain_of, cut, joined, part_of
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.values import dataclass
@@ -256,12 +257,54 @@ def _parted(case: Case) -> Iterator[tuple[str, Place]]:
 
 
 def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
-    """The slave and, if there is one, the master of a contact; of bonds only the parts that face each other,
-    so that tractions may begin and end where a surface goes on."""
+    """The slave and, if there is one, the master of a contact, with the rounded corners at their ends; of
+    bonds only the parts that face each other, so that tractions may begin and end where a surface goes on."""
     sides = contact.sides
     if not contact.bonded or len(sides) < 2:
-        return sides
+        return tuple(_with_roundings(case, contact, place) for place in sides)
     return _facing_part(case, contact, 0), _facing_part(case, contact, 1)
+
+
+def _with_roundings(case: Case, contact: Contact, place: Place) -> Place:
+    """The side of a contact with the rounded corners that it goes on in: what presses on a face presses on
+    the beginning of its roundings.
+
+    Not with those that have conditions of their own, or lie between two sides in contact.
+    """
+    if place.ends is not None:
+        return place
+    run = _run(case, place, f"contact.{contact.name}")
+    if run.around or run.curves[0].closed:
+        return place
+    outline, found = run.outline, list[tuple[str, int]]()
+    loop = next(loop for loop in outline.loops if loop.start <= run.numbers[0] < loop.stop)
+    count = loop.stop - loop.start
+    for last, step in ((run.numbers[0], -1), (run.numbers[-1], 1)):
+        beside, beyond = (loop.start + (last - loop.start + k * step) % count for k in (1, 2))
+        curve = outline.curves[beside]
+        if not isinstance(curve, Arc) or curve.sweep <= 0.0 or curve.closed:
+            continue
+        own = outline.curves[last]
+        ends = (own.length, 0.0) if step > 0 else (0.0, curve.length)
+        here, there = own.normals(np.array([ends[0]]))[0], curve.normals(np.array([ends[1]]))[0]
+        names = [f"{place.body}.{outline.names[k].partition('/')[0]}" for k in (beside, beyond)]
+        if float(here @ there) > math.cos(SMOOTH) and _is_free(case, contact, place, *names):
+            found.append((names[0], beside))
+    # Arcs of one name are taken together or not at all.
+    taken = {number for _, number in found}
+    more = {name for name, _ in found if {*numbers_of(outline, name.partition(".")[2])} <= taken}
+    return Place((*place.boundaries, *sorted(more))) if more else place
+
+
+def _is_free(case: Case, contact: Contact, place: Place, rounding: str, beyond: str) -> bool:
+    """Whether nothing but given tractions acts on a ``rounding``, and no other contact on the side behind."""
+    taken = [name for support in case.support for name in listed(support.boundary)]
+    for load in case.load:
+        if isinstance(load, Platen | Displacement):
+            taken += [name for one in load.places for name in one.boundaries]
+    others = [name for one in case.contact if one is not contact for name in one.boundaries]
+    apart = contact.boundaries if beyond not in place.boundaries else ()
+    return rounding not in (*taken, *others, *contact.boundaries) and beyond not in (*others, *apart)
 
 
 def _facing_part(case: Case, contact: Contact, which: int) -> Place:

@@ -89,7 +89,7 @@ class Body(Section):
 
 
 class Support(Stretch):
-    """Displacements fixed at zero on a boundary or at the node of a body nearest to a point, or elastic
+    """Displacements fixed at zero on a boundary or at a point of a body, or elastic
     springs on a boundary."""
 
     boundary: Boundaries | None = None
@@ -97,7 +97,7 @@ class Support(Stretch):
     body: str | None = None
     """Body of which a single node is supported."""
     near: Annotated[Vector, LENGTH] | None = None
-    """The node nearest to this point is supported."""
+    """A node placed at this point is supported; the nearest one in bodies that bring their nodes."""
     ux: Annotated[float, HELD, LENGTH] | None = None
     """0.0 fixes the displacement in x; without it x is free."""
     uy: Annotated[float, HELD, LENGTH] | None = None

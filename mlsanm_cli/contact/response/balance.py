@@ -183,6 +183,18 @@ def body_imbalance(forces: Forces) -> LinearMap:
     Least squares keep it to round-off; of square schemes it tells the discretisation error.
     Components held at single nodes are left out.
     """
+    rows, sums = [], body_sums(forces)
+    for number, name in enumerate(forces.scene.bodies):
+        for component in (0, 1):
+            hidden = forces.scene.held_nodes.get(name, (False, False))[component]
+            row = slice(2 * number + component, 2 * number + component + 1)
+            rows.append(forces.columns.zeros(1) if hidden else sums.take(row))
+    return stack(rows, forces.columns)
+
+
+def body_sums(forces: Forces) -> LinearMap:
+    """The same (2 rows per body) of all components: what single nodes that hold a body must exert, its sign
+    turned."""
     rows = []
     for name in forces.scene.bodies:
         total = forces.applied(name)
@@ -193,10 +205,7 @@ def body_imbalance(forces: Forces) -> LinearMap:
                 total = total + -forces.contact(pairing, pairing.slave_body)
         for surface in forces.scene.bodies[name].gripped:
             total = total + forces.measured[name, surface]
-        for component in (0, 1):
-            hidden = forces.scene.held_nodes.get(name, (False, False))[component]
-            row = slice(component, component + 1)
-            rows.append(forces.columns.zeros(1) if hidden else total.take(row))
+        rows.append(total.take(slice(0, 2)))
     return stack(rows, forces.columns)
 
 

@@ -34,6 +34,7 @@ from mlsanm_cli.contact.response.balance import (
     Forces,
     balance_of_movers,
     body_imbalance,
+    body_sums,
     moments_of_plates,
     reported_forces,
 )
@@ -73,7 +74,8 @@ class Condensed:
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave and ``mismatches`` to what that on the master differs by from the opposite of
-    it; ``imbalance`` holds the sum of forces on each body (2 per body). ``probes`` maps each probe to its
+    it; ``imbalance`` holds the sum of forces on each body (2 per body), where no single nodes hold it, and
+    ``sums`` that of all. ``probes`` maps each probe to its
     displacement and stress (5,), ``moments`` each plate that turns to the moment on its bodies about its
     hinge. ``solves`` counts columns. ``content`` is a digest of all but the coefficients of friction.
     """
@@ -102,6 +104,7 @@ class Condensed:
     moments: Mapping[str, LinearMap] = field(default_factory=dict)
     drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
     mismatches: Mapping[str, LinearMap] = field(default_factory=dict)
+    sums: LinearMap | None = None
 
     @property
     def reported(self) -> tuple[Pairing, ...]:
@@ -374,6 +377,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
             for pairing in pairings
         },
         imbalance=reduced(body_imbalance(forces)),
+        sums=reduced(body_sums(forces)),
         moments={name: reduced(one) for name, one in moments_of_plates(forces).items()},
         bonds=bonds,
         sources=sources,

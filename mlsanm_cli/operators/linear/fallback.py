@@ -13,6 +13,10 @@ from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 
 SOUND = 1e-11
 """Largest backward error of a factor that is believed; what is expected is round-off."""
+LOST, CORRECTED = 1e-9, 1e-14
+"""Or so large a one that becomes so small with one correction, as all solutions get: equations of nearly
+incompressible bodies lose digits in any factor without pivoting, 1e-11 and more, and a correction brings them
+back (1e-17)."""
 
 
 def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
@@ -20,11 +24,11 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
 
     Raises NumericalError where that does not solve either.
     """
-    if factor is not None and backward_error(matrix, factor) <= SOUND:
+    if factor is not None and _sound(matrix, factor):
         return factor
     solver, plain = SuperLUSolver(), sparse.csc_array(matrix)
     other = solver.factor(plain, solver.analyse(plain, points))
-    if not backward_error(matrix, other) <= SOUND:
+    if not _sound(matrix, other):
         raise NumericalError(
             "the elastic system of a body is singular to working precision",
             "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
@@ -33,3 +37,11 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
         other,
         note="the equations are not positive definite to working precision; SuperLU factorised them",
     )
+
+
+def _sound(matrix: Matrix, factor: Factor) -> bool:
+    """Whether a factor solves, with the corrections that solutions get."""
+    error = backward_error(matrix, factor)
+    if error <= SOUND:
+        return True
+    return error <= LOST and backward_error(matrix, factor, corrections=1) <= CORRECTED
