@@ -71,8 +71,8 @@ def run(
 
     ``changes`` are as of ``--set``: ``{"solver.order": 15, "contact.*.friction": 0.2}``. ``out`` is the run
     directory, ``results/<name of the case>`` by default; ``force`` replaces a run in it, ``skip_done`` opens
-    the run in it if it is done and of this very case. ``max_wall`` stops after so many seconds, ``cache``
-    keeps operators for later runs, ``progress`` prints on stderr what the command prints. Warnings come as
+    the run in it if it is done and of this very case. ``max_wall`` stops after so many seconds, ``progress``
+    prints on stderr what the command prints; ``cache`` has no effect any more. Warnings come as
     `MlsanmWarning`.
 
     Raises CaseError for a case with faults (``problems`` has all of them), RunError for bad usage,
@@ -90,7 +90,6 @@ def run(
             skip_done=skip_done,
             threads=threads,
             max_wall=max_wall,
-            cache=cache,
             console=console,
             argv=_argv(),
         )
@@ -112,7 +111,7 @@ def resume(
     with _numerics(threads):
         from mlsanm_cli.app.resume import resume as resume_run
     with _console(progress) as console:
-        summary = resume_run(Path(rundir), max_wall=max_wall, threads=threads, cache=cache, console=console)
+        summary = resume_run(Path(rundir), max_wall=max_wall, console=console)
     return _opened(summary)
 
 
@@ -175,7 +174,7 @@ def sweep(
         result = sweep_case(
             Path(case),
             texts,
-            Wishes(jobs=jobs, cache=cache, force=force),
+            Wishes(jobs=jobs, force=force),
             overrides=overrides(changes),
             out=None if out is None else Path(out),
             console=console,

@@ -10,7 +10,6 @@ from typing import Any
 
 from mlsanm_cli.app.adapt import Adapted, Refinement, adapt, refine_again
 from mlsanm_cli.app.build import Built, build_scene
-from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.causes import strain_warnings
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
@@ -45,7 +44,7 @@ from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
-from mlsanm_cli.memo import Memo
+from mlsanm_cli.memo import AFRESH, Memo
 
 RESULTS = Path("results")
 
@@ -60,15 +59,13 @@ def run(
     max_wall: float | None = None,
     console: Console,
     argv: tuple[str, ...] = (),
-    cache: bool = False,
     skip_done: bool = False,
-    memo: Memo | None = None,
+    memo: Memo = AFRESH,
 ) -> Mapping[str, Any]:
     """Solve a case and write its run directory.
 
-    With ``cache`` what other runs can use is kept on disk, or it is kept in the ``memo`` given. With
-    ``skip_done`` a directory that already holds this case's run, done, is left as it is, and its summary
-    comes back with ``skipped``.
+    What other runs of this process can use is kept in the ``memo``. With ``skip_done`` a directory that
+    already holds this case's run, done, is left as it is, and its summary comes back with ``skipped``.
 
     Returns the mapping of summary.json with the ``directory`` added. A run whose numbers cannot be believed
     comes back with status "failed"; one that was interrupted, or is not done after ``max_wall`` seconds, with
@@ -85,7 +82,6 @@ def run(
         if before is not None:
             return {**before, "directory": str(directory), "skipped": True}
         run_dir.check(directory, force)
-        memo = memo or shelf(threads, console.warning, on_disk=cache)
         prepared = build_scene(loaded, clock, console, memo)
         with locked(directory):
             run_dir.prepare(directory, force)

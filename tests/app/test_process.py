@@ -1,4 +1,4 @@
-"""Runs as processes of their own: signals, locks, and a cache that cannot be written."""
+"""Runs as processes of their own: signals and locks."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ import pytest
 from mlsanm_cli.app.info import info
 from mlsanm_cli.app.plot import plot
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.kernels.kept import cache_root
 from tests.app.runs import differences
-from tests.app.scenes import BAR, hertz, solve
+from tests.app.scenes import hertz, solve
 from tests.app.test_friction import SHEARED
 
 ROOT = Path(__file__).parents[2]
@@ -105,17 +104,3 @@ def test_two_runs_in_one_directory(tmp_path: Path) -> None:
     process.send_signal(signal.SIGUSR1)
     out, _ = process.communicate(timeout=PATIENCE)
     assert (process.returncode, "SIGUSR1" in out) == (75, True)
-
-
-def test_a_cache_that_cannot_be_written_costs_a_warning(tmp_path: Path) -> None:
-    # Kernels as they are: compiling them anew would take many times as long as all the rest.
-    (tmp_path / "cache").mkdir()
-    (tmp_path / "cache" / "kernels").symlink_to(cache_root() / "kernels")
-    (tmp_path / "cache" / "operators").symlink_to("/proc/mlsanm")
-    process = start(tmp_path, BAR, "--json", MLSANM_CACHE_DIR=str(tmp_path / "cache"))
-    out, err = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
-    (warning,) = [line for line in err.splitlines() if "warning" in line]
-    assert "cannot be kept" in warning
-    assert "MLSANM_CACHE_DIR" in warning
-    assert json.loads(out)["status"] == "done"
