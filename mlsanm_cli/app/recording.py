@@ -12,13 +12,14 @@ import scipy.sparse as sparse
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.fine_views import View
 from mlsanm_cli.app.states import PathStep, State
+from mlsanm_cli.app.writer import body_datasets
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.profile import half_width
 from mlsanm_cli.contact.sets import OPEN, SLIP, STICK
-from mlsanm_cli.io.records import ContactRecord, ProbeRecord, StepRecord
-from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.records import ContactRecord, ProbeRecord, place, row
+from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import BodyState
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.probes import stress_of_expansion
@@ -58,37 +59,24 @@ def slave_arc(pairing: Pairing) -> FloatArray:
     return pairing.arc[pairing.candidate]
 
 
-def write_model(file: RunFile, built: Built) -> None:
+def model_datasets(built: Built) -> dict[str, Value]:
     """Bodies and contacts as they are before loading."""
+    found: dict[str, Value] = {}
     for name in built.scene.bodies:
-        cloud = built.shown(name)
-        surfaces = cloud.surfaces.values()
-        file.write_body(
-            name,
-            cloud.points,
-            np.concatenate([surface.index for surface in surfaces]),
-            np.concatenate([surface.normal for surface in surfaces]),
-            [surface.name for surface in surfaces for _ in surface.index],
-        )
+        found |= body_datasets(name, built.shown(name))
     for pairing in built.condensed.reported:
-        chosen = pairing.candidate
-        file.write_contact(
-            pairing.name,
-            slave_points(built, pairing),
-            pairing.normal[chosen],
-            slave_arc(pairing),
-            pairing.weight[chosen],
-        )
-    condensed = built.condensed
-    bonds = condensed.bonds
-    if bonds.pairings:
-        parts = {
-            name: (bonds.pressure.take(own), bonds.traction.take(own)) for name, own in bonds.spans.items()
+        geometry = {
+            "points": slave_points(built, pairing),
+            "normal": pairing.normal[pairing.candidate],
+            "arc_length": slave_arc(pairing),
+            "weight": pairing.weight[pairing.candidate],
         }
-        both = {name: np.concatenate([one.matrix for one in pair]) for name, pair in parts.items()}
-        file.write_maps("bonds", both)
-    moved = tuple(platen_displacements(built))
-    file.start_path(built.scene.loads, tuple(condensed.forces), moved, tuple(condensed.probes))
+        found |= {place("contacts", pairing.name, key): array for key, array in geometry.items()}
+    bonds = built.condensed.bonds
+    for name, own in bonds.spans.items() if bonds.pairings else ():
+        pair = (bonds.pressure.take(own), bonds.traction.take(own))
+        found[place("maps", "bonds", name)] = np.concatenate([one.matrix for one in pair])
+    return found
 
 
 def operators_digest(built: Built) -> str:
@@ -98,13 +86,12 @@ def operators_digest(built: Built) -> str:
     return digest([one.matrix for one in maps], condensed.weight)
 
 
-def write_maps(file: RunFile, built: Built) -> None:
+def map_datasets(built: Built) -> dict[str, Value]:
     """What else follows from the unknowns that series hold: forces, slips, what probes observe."""
     condensed = built.condensed
     slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
-    for kind, maps in (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes)):
-        if maps:
-            file.write_maps(kind, {name: one.matrix for name, one in maps.items()})
+    kinds = (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes))
+    return {place("maps", kind, name): one.matrix for kind, maps in kinds for name, one in maps.items()}
 
 
 def platen_displacements(built: Built, state: State | None = None) -> dict[str, FloatArray]:
@@ -186,17 +173,19 @@ def probe_record(built: Built, name: str, state: State) -> ProbeRecord:
     return ProbeRecord(values[:2], stress, float(von_mises(stress[None], across)[0]))
 
 
-def step_record(built: Built, step: PathStep, seconds: float) -> StepRecord:
-    """One row of the path."""
+def step_row(built: Built, step: PathStep, seconds: float) -> dict[str, Any]:
+    """One row of the path: a value for every column of run.h5."""
     state = step.state
-    return StepRecord(
-        position=state.position,
-        step_length=step.length,
-        residual=state.residual,
-        order=step.order,
-        factorizations=step.factorizations,
-        solves=step.solves,
-        seconds=seconds,
+    return row(
+        path={
+            "position": state.position,
+            "step_length": step.length,
+            "residual": state.residual,
+            "order": step.order,
+            "factorizations": step.factorizations,
+            "solves": step.solves,
+            "seconds": seconds,
+        },
         factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
         resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
         displacements=platen_displacements(built, state),
@@ -321,9 +310,13 @@ def _displacements(
     return [one.reshape(-1, 2) for one in solution.T], residual
 
 
-def stored_fields(fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, dict[str, FloatArray]]:
-    """The fields asked for, by body and name."""
-    return {body: {name: getattr(values, name) for name in wanted} for body, values in fields.items()}
+def stored_fields(number: int, fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, Value]:
+    """The fields asked for, as the saved state of a number."""
+    return {
+        place("fields", str(number), body, name): np.ascontiguousarray(getattr(values, name))
+        for body, values in fields.items()
+        for name in wanted
+    }
 
 
 def vtu_states(

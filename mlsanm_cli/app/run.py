@@ -29,7 +29,6 @@ from mlsanm_cli.app.judge import (
     judge_transfer,
 )
 from mlsanm_cli.app.limit_named import at_limit
-from mlsanm_cli.app.marks import Start
 from mlsanm_cli.app.paths import load_path
 from mlsanm_cli.app.pressed_ends import end_warnings
 from mlsanm_cli.app.provenance import attributes
@@ -38,6 +37,7 @@ from mlsanm_cli.app.recorder import Recorder
 from mlsanm_cli.app.references import check_reference
 from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.signals import Stopper
+from mlsanm_cli.app.states import Checkpoint
 from mlsanm_cli.app.stopping import Stoppable
 from mlsanm_cli.app.summary import Ending, summarise
 from mlsanm_cli.case import Case, Stop
@@ -172,10 +172,12 @@ def carry_out(
     return summary
 
 
-def _follow(built: Built, start: Start, recorder: Recorder, clock: Clock, stopper: Stopper) -> Stop | None:
+def _follow(
+    built: Built, start: Checkpoint | None, recorder: Recorder, clock: Clock, stopper: Stopper
+) -> Stop | None:
     """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
     soon as a state cannot be believed."""
-    path = Stoppable(built, start, load_path)
+    path = Stoppable(built, start, recorder.last, load_path)
     steps = path.steps()
     while True:
         stopper.check()

@@ -31,7 +31,7 @@ _STATUS_CODES = {"failed": 3, "stopped": 75}
 def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None) -> int:
     """Go on with the run in RUNDIR that was stopped or killed, behind its last finished step.
 
-    Clouds and operators must come out as they were, to the last bit.
+    The result is that of a run that was never stopped, within the solver's tolerance.
     """
     threads = threads or _threads_of(rundir)
     with numerics(threads):

@@ -15,9 +15,8 @@ import pytest
 from mlsanm_cli.app import certificate, judge, recording
 from mlsanm_cli.app import run as run_module
 from mlsanm_cli.app.build import Built
-from mlsanm_cli.app.marks import Start
 from mlsanm_cli.app.paths import load_path
-from mlsanm_cli.app.states import PathStep, State
+from mlsanm_cli.app.states import Checkpoint, PathStep, State
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.io.summary import read_json
@@ -28,10 +27,10 @@ BAD = [1e3, float("nan")]
 Change = Callable[[State], State]
 
 
-def altered(change: Change, saved: bool) -> Callable[[Built, Start], Iterator[PathStep]]:
+def altered(change: Change, saved: bool) -> Callable[[Built, Checkpoint | None], Iterator[PathStep]]:
     """A path whose last state, or last saved state, is another."""
 
-    def path(built: Built, start: Start) -> Iterator[PathStep]:
+    def path(built: Built, start: Checkpoint | None) -> Iterator[PathStep]:
         end = float(len(built.case.stage))
         for step in load_path(built, start):
             if step.state.position < end:
