@@ -76,7 +76,7 @@ def run_case(scene: Scene, given: Table, folder: Path, move: Move, patience: flo
     began = time.monotonic()
     try:
         done = subprocess.run(
-            [*command, "--no-cache", "-q"],
+            [*command, "-q"],
             cwd=folder,
             env=environment,
             capture_output=True,

@@ -53,7 +53,6 @@ def sweep(
     force: bool,
     jobs: int,
     scheduler: str | None,
-    cache: bool,
     threads: int,
 ) -> int:
     """Solve CASE for every combination of values, as in --vary contact.interface.friction=0:0.5:11.
@@ -69,7 +68,7 @@ def sweep(
         result = run_sweep(
             case,
             varied,
-            SweepOptions(jobs, threads, scheduler, cache, force),
+            SweepOptions(jobs, threads, scheduler, force),
             overrides=overrides,
             out=out,
             console=console,
@@ -105,28 +104,33 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
 
 @click.group()
 def cache() -> None:
-    """What is kept between runs: clouds and operators, by the content they were made from."""
+    """Operators that earlier versions kept on disk; nothing but compiled kernels is kept any more."""
 
 
 @cache.command(name="info")
 @common
 @click.pass_obj
 def cache_info(settings: Settings) -> int:
-    """Tell where the cache is and how large."""
-    from mlsanm_cli.app.cache import info
-
-    result = info()
-    print_result(settings, result, pretty_result(settings, result))
-    return 0
+    """Show what an earlier version has left, and where."""
+    return _left_over(settings, "entries", remove=False)
 
 
 @cache.command(name="clear")
 @common
 @click.pass_obj
 def cache_clear(settings: Settings) -> int:
-    """Remove everything in it; compiled kernels stay."""
-    from mlsanm_cli.app.cache import clear
+    """Remove what an earlier version has left; compiled kernels stay."""
+    return _left_over(settings, "removed", remove=True)
 
-    result = clear()
+
+def _left_over(settings: Settings, counted: str, *, remove: bool) -> int:
+    from mlsanm_cli.kernels.kept import cache_root
+
+    directory = cache_root() / "operators"
+    files = list(directory.rglob("*.mlsanm"))
+    size = sum(file.stat().st_size for file in files)
+    for file in files if remove else ():
+        file.unlink()
+    result = {"directory": str(directory), counted: len(files), "megabytes": round(size / 1e6, 3)}
     print_result(settings, result, pretty_result(settings, result))
     return 0

@@ -28,10 +28,10 @@ _STATUS_CODES = {"failed": 3, "stopped": 75}
 @cache_option
 @common
 @click.pass_obj
-def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None, cache: bool) -> int:
+def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None) -> int:
     """Go on with the run in RUNDIR that was stopped or killed, behind its last finished step.
 
-    Clouds and operators must come out as they were, to the last bit.
+    The result is that of a run that was never stopped, within the solver's tolerance.
     """
     threads = threads or _threads_of(rundir)
     with numerics(threads):
@@ -39,7 +39,7 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
 
     console = console_for(settings)
     try:
-        summary = resume_run(rundir, max_wall=max_wall, threads=threads, cache=cache, console=console)
+        summary = resume_run(rundir, max_wall=max_wall, console=console)
     finally:
         console.close()
     return show_run(settings, summary)
