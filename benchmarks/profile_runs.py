@@ -41,7 +41,7 @@ def record(case: Path, settings: list[str], scale: float, form: str, out: Path) 
     with tempfile.TemporaryDirectory() as directory:
         results = Path(directory) / "run"
         command = ["py-spy", "record", "--rate", str(RATE), "--format", form, "--output", str(out), "--"]
-        command += [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet", "--no-cache"]
+        command += [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet"]
         command += ["--out", str(results), *finer(case, scale), *given(settings)]
         subprocess.run(command, check=True, env=environment, cwd=ROOT, capture_output=True)
         return dict(json.loads((results / "summary.json").read_text()))

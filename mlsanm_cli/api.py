@@ -71,8 +71,8 @@ def run(
 
     ``changes`` are as of ``--set``: ``{"solver.order": 15, "contact.*.friction": 0.2}``. ``out`` is the run
     directory, ``results/<name of the case>`` by default; ``force`` replaces a run in it, ``skip_done`` opens
-    the run in it if it is done and of this very case. ``max_wall`` stops after so many seconds, ``cache``
-    keeps operators for later runs, ``progress`` prints on stderr what the command prints. Warnings come as
+    the run in it if it is done and of this very case. ``max_wall`` stops after so many seconds, ``progress``
+    prints on stderr what the command prints; ``cache`` has no effect any more. Warnings come as
     `MlsanmWarning`.
 
     Raises CaseError for a case with faults (``problems`` has all of them), RunError for bad usage,
@@ -90,7 +90,6 @@ def run(
             skip_done=skip_done,
             threads=threads,
             max_wall=max_wall,
-            cache=cache,
             console=console,
             argv=_argv(),
         )
@@ -105,14 +104,11 @@ def resume(
     cache: bool = True,
     progress: bool = False,
 ) -> Run:
-    """Go on with a run that was stopped or killed, to the same result; `run` tells the rest.
-
-    ``threads`` must be as many as the run was begun with.
-    """
+    """Go on with a run that was stopped or killed, to the same result; `run` tells the rest."""
     with _numerics(threads):
         from mlsanm_cli.app.resume import resume as resume_run
     with _console(progress) as console:
-        summary = resume_run(Path(rundir), max_wall=max_wall, threads=threads, cache=cache, console=console)
+        summary = resume_run(Path(rundir), max_wall=max_wall, console=console)
     return _opened(summary)
 
 
@@ -175,7 +171,7 @@ def sweep(
         result = sweep_case(
             Path(case),
             texts,
-            SweepOptions(jobs=jobs, cache=cache, force=force),
+            SweepOptions(jobs=jobs, force=force),
             overrides=overrides(changes),
             out=None if out is None else Path(out),
             console=console,

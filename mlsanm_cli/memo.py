@@ -7,9 +7,10 @@ another key, and whatever does not, as a friction coefficient, finds what is the
 from __future__ import annotations
 
 import hashlib
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any, Protocol, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sparse
@@ -18,41 +19,39 @@ Value = TypeVar("Value")
 Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
 
 
-class Memo(Protocol):
-    """Where results are kept: what ``make`` once returned for a ``kind`` and ``key`` stands for them."""
+class Memo:
+    """The latest results of this process, at most ``most`` of them; nobody may write to what is kept."""
 
-    def arrays(self, kind: str, key: str, make: Callable[[], Arrays]) -> Arrays:
-        """Arrays that may be kept for other processes; nobody may write to them."""
-        ...
+    def __init__(self, most: int = 0) -> None:
+        self._most = most
+        self._values: OrderedDict[tuple[str, str], Any] = OrderedDict()
+        self._found = self._made = 0
 
     def value(self, kind: str, key: str, make: Callable[[], Value]) -> Value:
-        """Any frozen value, kept in this process at most."""
-        ...
+        """What ``make`` once returned for a ``kind`` and ``key``, or returns now."""
+        if not self._most:
+            return make()
+        place = (kind, key)
+        if place in self._values:
+            self._found += 1
+            self._values.move_to_end(place)
+        else:
+            made = make()
+            self._made += 1
+            self._values[place] = made
+            while len(self._values) > self._most:
+                self._values.popitem(last=False)
+        kept: Value = self._values[place]
+        return kept
 
     @property
     def figures(self) -> Mapping[str, int]:
-        """How many arrays were ``found`` and how many were ``made``, nothing where none are kept."""
-        ...
+        """How many results were ``found`` and how many had to be ``made``; empty where none are kept."""
+        return {"found": self._found, "made": self._made} if self._most else {}
 
 
-class NoCache:
-    """Keeps nothing."""
-
-    def arrays(self, kind: str, key: str, make: Callable[[], Arrays]) -> Arrays:
-        """What ``make`` returns."""
-        return make()
-
-    def value(self, kind: str, key: str, make: Callable[[], Value]) -> Value:
-        """What ``make`` returns."""
-        return make()
-
-    @property
-    def figures(self) -> Mapping[str, int]:
-        """Nothing."""
-        return {}
-
-
-NO_CACHE = NoCache()
+NO_CACHE = Memo()
+"""Keeps nothing."""
 
 
 def digest(*parts: object) -> str:

@@ -22,9 +22,6 @@ STOPPING = tuple(
 )
 """Signals that end a run in order, as far as there are any."""
 
-UNSUPPORTED = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
-"""Errors of file systems that cannot reserve room."""
-
 LOCKED_BYTE = 2**30
 """Windows keeps others from reading a locked byte: this one lies behind all that is written."""
 
@@ -107,40 +104,6 @@ def _is_own_group(gid: int) -> bool:
     except KeyError:
         return False
     return gid == user.pw_gid and group.gr_name == user.pw_name and set(group.gr_mem) <= {user.pw_name}
-
-
-def read_at(fd: int, count: int, offset: int) -> bytes:
-    """Up to ``count`` bytes from ``offset`` on, fewer at the end of the file."""
-    if hasattr(os, "pread"):
-        return os.pread(fd, count, offset)
-    os.lseek(fd, offset, os.SEEK_SET)
-    return os.read(fd, count)
-
-
-def write_at(fd: int, content: bytes | memoryview, offset: int) -> None:
-    """Write all of ``content`` at ``offset``."""
-    view = memoryview(content)
-    while view:
-        if hasattr(os, "pwrite"):
-            done = os.pwrite(fd, view, offset)
-        else:
-            os.lseek(fd, offset, os.SEEK_SET)
-            done = os.write(fd, view)
-        view, offset = view[done:], offset + done
-
-
-def reserve(fd: int, start: int, length: int) -> None:
-    """Ask for room on the disk, where that is possible; OSError where there is none."""
-    if hasattr(os, "posix_fallocate"):
-        try:
-            os.posix_fallocate(fd, start, length)
-        except OSError as error:
-            if error.errno not in UNSUPPORTED:
-                raise
-        return
-    # macOS and Windows: by zeros, which are written over.
-    for at in range(start, start + length, 2**20):
-        write_at(fd, bytes(min(2**20, start + length - at)), at)
 
 
 def try_lock(fd: int, *, shared: bool = False) -> bool:

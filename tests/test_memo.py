@@ -1,4 +1,4 @@
-"""Digests: equal for equal content only."""
+"""Results kept in a process, and digests: equal for equal content only."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sparse
 
-from mlsanm_cli.memo import digest
+from mlsanm_cli.memo import NO_CACHE, Memo, digest
 
 ONE = np.array([1.0, 2.0, 3.0, 4.0])
 ROWS = sparse.csr_array(np.array([[1.0, 0.0], [2.0, 3.0]]))
@@ -77,3 +77,22 @@ def test_unlike_content_has_unlike_digests(one: list[object], other: list[object
 def test_what_has_no_digest_is_refused() -> None:
     with pytest.raises(TypeError, match="no digest of a object"):
         digest(object())
+
+
+def test_the_latest_results_are_kept() -> None:
+    memo = Memo(2)
+    made: list[str] = []
+
+    def value(key: str) -> str:
+        def make() -> str:
+            made.append(key)
+            return key
+
+        return memo.value("kind", key, make)
+
+    assert [value(key) for key in "abacab"] == list("abacab")
+    # c took the place of b, which a's use had made the oldest, and b that of c.
+    assert made == list("abcb")
+    assert memo.figures == {"found": 2, "made": 4}
+    assert (NO_CACHE.value("kind", "a", lambda: 1), NO_CACHE.value("kind", "a", lambda: 2)) == (1, 2)
+    assert NO_CACHE.figures == {}

@@ -19,7 +19,7 @@ def mlsanm(label: str, case: str, *settings: str) -> Entry:
     def prepare(stem: Path) -> Job:
         given = ["output.vtu=false", 'contact.interface.regularization.law="exact"', *settings]
         command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(CASES / f"{case}.toml"), "--quiet"]
-        command += ["--no-cache", "--force", "--threads", "1", "--out", str(stem)]
+        command += ["--force", "--threads", "1", "--out", str(stem)]
         command += [part for text in given for part in ("--set", text)]
         summary = stem / "summary.json"
         nodes = lambda: int(json.loads(summary.read_text())["nodes"])  # noqa: E731

@@ -1,8 +1,7 @@
-"""``mlsanm resume``: a run that was stopped or killed goes on to the same result, bit for bit.
+"""``mlsanm resume``: a run that was stopped or killed goes on to the same result within its tolerance.
 
-Its path is taken up behind the last step stored, from what that step's checkpoint holds. Clouds and operators
-are made anew from the resolved case, or come from the cache, and are compared with what is stored: a machine
-that rounds differently is found out.
+Its path is taken up behind the last step stored, from what the checkpoint holds. Clouds and operators are
+made anew from the resolved case, and must be those that are stored but for round-off.
 """
 
 from __future__ import annotations
@@ -12,10 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.assessment.refinement import Refinement
-from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.output.checkpoint import earlier_of
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.run import carry_out, resumable
 from mlsanm_cli.app.scene.build import build_scene
@@ -27,13 +25,10 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_reader import RunOrigin, read_origin
 from mlsanm_cli.io.summary import read_json
-from mlsanm_cli.solve.checkpoint import Mark, restored
-from mlsanm_cli.solve.recorded import CLOUDS, PATH, Earlier, Recorded
+from mlsanm_cli.memo import NO_CACHE
 
 
-def resume(
-    rundir: Path, *, max_wall: float | None = None, threads: int = 1, cache: bool = False, console: Console
-) -> Mapping[str, Any]:
+def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:
     """Finish the run in a directory; returns and raises what `run` does.
 
     A run that is done is left as it is. Raises RunError for one that failed, for it would again; for one that
@@ -56,21 +51,15 @@ def resume(
         loaded = stored_case(origin, rundir)
         if loaded.case.model.strain == "finite":
             raise RunError("a run at finite strain cannot be resumed yet", "run the case again with --force")
-        recorded, refinement = _stored(origin, PATH, Recorded), _stored(origin, CLOUDS, Refinement)
-        memo = shelf(threads, console.warning, on_disk=cache)
-        prepared = build_scene(loaded, clock, console, memo)
+        earlier = earlier_of(origin)
+        prepared = build_scene(loaded, clock, console)
         run_dir.reopen(rundir)
         again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
-        earlier = Earlier(recorded, origin.seconds)
         with resumable(rundir), Recorder(rundir, loaded, again, clock, console, earlier=earlier) as recorder:
-            summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console, memo, refinement)
+            summary = carry_out(
+                loaded.case, prepared, recorder, stopper, clock, console, NO_CACHE, earlier.refinement
+            )
     return {**summary, "directory": str(rundir)}
-
-
-def _stored(origin: RunOrigin, name: str, kind: type[Mark]) -> Mark | None:
-    """What a run goes on from; None if it was not written yet."""
-    content = origin.checkpoint.get(name)
-    return None if content is None else restored(kind, content)
 
 
 def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:

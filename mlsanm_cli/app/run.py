@@ -26,7 +26,6 @@ from mlsanm_cli.app.assessment.pressed_ends import end_warnings
 from mlsanm_cli.app.assessment.quality import assess, case_warnings, factor_warnings
 from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
-from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.output.provenance import attributes
@@ -42,11 +41,11 @@ from mlsanm_cli.case import Case, Stop, load_case
 from mlsanm_cli.errors import NumericalError, UnfinishedError, UnstableError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
-from mlsanm_cli.memo import Memo
-from mlsanm_cli.solve.checkpoint import Start
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
+from mlsanm_cli.solve.state import Checkpoint
 from mlsanm_cli.solve.stop_events import Stoppable
 
 RESULTS = Path("results")
@@ -62,15 +61,13 @@ def run(
     max_wall: float | None = None,
     console: Console,
     argv: tuple[str, ...] = (),
-    cache: bool = False,
     skip_done: bool = False,
-    memo: Memo | None = None,
+    memo: Memo = NO_CACHE,
 ) -> Mapping[str, Any]:
     """Solve a case and write its run directory.
 
-    With ``cache`` what other runs can use is kept on disk, or it is kept in the ``memo`` given. With
-    ``skip_done`` a directory that already holds this case's run, done, is left as it is, and its summary
-    comes back with ``skipped``.
+    What other runs of this process can use is kept in the ``memo``. With ``skip_done`` a directory that
+    already holds this case's run, done, is left as it is, and its summary comes back with ``skipped``.
 
     Returns the mapping of summary.json with the ``directory`` added. A run whose numbers cannot be believed
     comes back with status "failed"; one that was interrupted, or is not done after ``max_wall`` seconds, with
@@ -87,7 +84,6 @@ def run(
         if before is not None:
             return {**before, "directory": str(directory), "skipped": True}
         run_dir.check(directory, force)
-        memo = memo or shelf(threads, console.warning, on_disk=cache)
         prepared = build_scene(loaded, clock, console, memo)
         with locked(directory):
             run_dir.prepare(directory, force)
@@ -179,11 +175,11 @@ def carry_out(
 
 
 def _follow(
-    built: CondensedScene, start: Start, recorder: Recorder, clock: Clock, stopper: Stopper
+    built: CondensedScene, start: Checkpoint | None, recorder: Recorder, clock: Clock, stopper: Stopper
 ) -> Stop | None:
     """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
     soon as a state cannot be believed."""
-    path = Stoppable(built, start, load_path)
+    path = Stoppable(built, start, recorder.last, load_path)
     steps = path.steps()
     while True:
         stopper.check()

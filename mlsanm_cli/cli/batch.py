@@ -51,7 +51,6 @@ def sweep(
     force: bool,
     jobs: int,
     scheduler: str | None,
-    cache: bool,
     threads: int,
 ) -> int:
     """Solve CASE for all combinations of values, as in --vary contact.interface.friction=0:0.5:11.
@@ -67,7 +66,7 @@ def sweep(
         result = run_sweep(
             case,
             varied,
-            SweepOptions(jobs, threads, scheduler, cache, force),
+            SweepOptions(jobs, threads, scheduler, force),
             overrides=overrides,
             out=out,
             console=console,
@@ -103,28 +102,33 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
 
 @click.group()
 def cache() -> None:
-    """Cache of clouds and operators, shared between runs."""
+    """Operators cached on disk by earlier versions; only compiled kernels are cached now."""
 
 
 @cache.command(name="info")
 @common
 @click.pass_obj
 def cache_info(settings: Settings) -> int:
-    """Show location and size of the cache."""
-    from mlsanm_cli.app.cache import info
-
-    result = info()
-    print_result(settings, result, pretty_result(settings, result))
-    return 0
+    """Show location and size of files left by earlier versions."""
+    return _left_over(settings, "entries", remove=False)
 
 
 @cache.command(name="clear")
 @common
 @click.pass_obj
 def cache_clear(settings: Settings) -> int:
-    """Empty the cache; compiled kernels are kept."""
-    from mlsanm_cli.app.cache import clear
+    """Delete files left by earlier versions; compiled kernels are kept."""
+    return _left_over(settings, "removed", remove=True)
 
-    result = clear()
+
+def _left_over(settings: Settings, counted: str, *, remove: bool) -> int:
+    from mlsanm_cli.kernels.kept import cache_root
+
+    directory = cache_root() / "operators"
+    files = list(directory.rglob("*.mlsanm"))
+    size = sum(file.stat().st_size for file in files)
+    for file in files if remove else ():
+        file.unlink()
+    result = {"directory": str(directory), counted: len(files), "megabytes": round(size / 1e6, 3)}
     print_result(settings, result, pretty_result(settings, result))
     return 0

@@ -128,7 +128,6 @@ def run(
     out: Path | None,
     force: bool,
     skip_done: bool,
-    cache: bool,
     threads: int,
     max_wall: float | None,
 ) -> int:
@@ -147,7 +146,6 @@ def run(
             max_wall=max_wall,
             console=console,
             argv=tuple(sys.argv),
-            cache=cache,
             skip_done=skip_done,
         )
     finally:

@@ -97,11 +97,8 @@ def max_wall_option(function: Function) -> Function:
 
 
 def cache_option(function: Function) -> Function:
-    """``--no-cache``."""
-    option = click.option(
-        "--cache/--no-cache", default=True, help="Cache operators for later runs.  [default: cache]"
-    )
-    return option(function)
+    """``--no-cache``, which scripts may still have: without effect, as no operators are kept on disk."""
+    return click.option("--cache/--no-cache", hidden=True, expose_value=False)(function)
 
 
 def set_option(function: Function) -> Function:

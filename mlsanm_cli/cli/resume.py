@@ -26,15 +26,18 @@ _STATUS_CODES = {"failed": 3, "stopped": 75}
 @cache_option
 @common
 @click.pass_obj
-def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None, cache: bool) -> int:
-    """Continue the interrupted run in RUNDIR after its last completed step."""
+def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None) -> int:
+    """Continue the interrupted run in RUNDIR after its last saved step.
+
+    The result agrees with that of an uninterrupted run to the solver's tolerance.
+    """
     threads = threads or _threads_of(rundir)
     with numerics(threads):
         from mlsanm_cli.app.resume import resume as resume_run
 
     console = console_for(settings)
     try:
-        summary = resume_run(rundir, max_wall=max_wall, threads=threads, cache=cache, console=console)
+        summary = resume_run(rundir, max_wall=max_wall, console=console)
     finally:
         console.close()
     return show_run(settings, summary)

@@ -148,12 +148,12 @@ def build_cloud(
     key = digest(boundary, start, chords, far, zones, seed, limit)
 
     def made() -> Cloud:
-        kept = memo.arrays("clouds", key, fill)
+        kept = memo.value("clouds", key, fill)
         points = kept["points"]
         mirror = None if half is None else half.mirror(len(points), int(kept["upon"]))
         return Cloud(points, spacing.at(points), surfaces, mirror)
 
-    # Names of surfaces are no part of what is kept on disk.
+    # The same nodes serve surfaces of other names.
     return memo.value("cloud", digest(key, list(surfaces)), made)
 
 

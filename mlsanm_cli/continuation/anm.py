@@ -73,7 +73,7 @@ class AnmFollower(PathFollower):
         direction, unit = None, 1.0
         if self._previous is not None:
             direction, unit = self._onward(self._previous)
-        if direction is None or (self._options.direction and not self._resumed):
+        if direction is None or self._options.direction:
             sign = self._options.direction or np.sign(self._lam_end - self._lam)
             direction = np.zeros(self._problem.size), float(sign)
         return direction, unit

@@ -22,7 +22,6 @@ def follow(
     previous: Branch | None = None,
     barrier: Callable[[Branch], float] | None = None,
     levels: Sequence[float] = (),
-    resumed: bool = False,
 ) -> Follower:
     """Return the follower of the path R(x, lam) = 0 from (x0, lam0) to the load factor ``lam_end``.
 
@@ -33,15 +32,12 @@ def follow(
     lam_end : the path ends where the load factor first takes this value, going along the path
     options : choose the method too: power series (also by default), or Newton-Raphson
     previous : the piece of path that led to the start point; the path goes on in its direction with its
-        length of step, exactly as if it had not been interrupted
+        length of step, as if it had not been interrupted
     barrier : tells how far along a piece of path the problem holds; the path ends there with the reason EVENT
     levels : load factors at which states are wanted. Steps of Newton's method end there; power series hold
         them anyway
-    resumed : the start is the end of a step of such a path, whose ``outcome.piece`` then was ``previous``;
-        the path goes on to the same bits and counts as if it had not been left. ValueError without
-        ``previous``
     """
-    route = PathRequest(x0, lam0, lam_end, previous, barrier, levels, resumed)
+    route = PathRequest(x0, lam0, lam_end, previous, barrier, levels)
     if isinstance(options, NewtonOptions):
         return NewtonFollower(problem, route, options)
     return AnmFollower(problem, route, options or AnmOptions())

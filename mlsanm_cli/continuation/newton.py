@@ -21,7 +21,6 @@ import numpy as np
 from mlsanm_cli.continuation.corrector import (
     Across,
     Correction,
-    Effort,
     admissible_part,
     iterate,
     residual_norm,
@@ -89,14 +88,12 @@ class NewtonFollower(PathFollower):
 
     def _walk(self) -> Iterator[Step]:
         try:
-            # What a resumed path has at its start, the step before has paid for.
-            effort = Effort() if self._resumed else self._effort
-            here = self._station(self._x, self._lam, effort)
+            here = self._station(self._x, self._lam, self._effort)
         except SingularTangentError as error:
             raise Stopped(StopReason.SINGULAR_TANGENT, f"at the start: {error.message}") from error
         side = float(self._options.direction or np.sign(self._lam_end - self._lam))
         toward = np.zeros(self._problem.size), side
-        if self._previous is not None and (self._resumed or not self._options.direction):
+        if self._previous is not None and not self._options.direction:
             toward = self._previous.x[1], float(self._previous.lam[1])
         along = self._along(here, toward)
         if self._previous is None:

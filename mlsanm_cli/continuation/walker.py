@@ -34,7 +34,6 @@ class PathRequest:
     previous: Branch | None
     barrier: Callable[[Branch], float] | None
     levels: Sequence[float]
-    resumed: bool
 
 
 class PathFollower(ABC):
@@ -42,9 +41,7 @@ class PathFollower(ABC):
 
     def __init__(self, problem: Problem, route: PathRequest, options: PathOptions) -> None:
         self._problem, self._limits, self._barrier = problem, options, route.barrier
-        self._lam_end, self._previous, self._resumed = float(route.lam_end), route.previous, route.resumed
-        if self._resumed and self._previous is None:
-            raise ValueError("a path is taken up again behind a previous piece")
+        self._lam_end, self._previous = float(route.lam_end), route.previous
         self._metric = Metric(problem.scale)
         self._x, self._lam, self._residual = np.array(route.x0, dtype=np.float64), float(route.lam0), np.inf
         if self._x.shape != (problem.size,):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from contextlib import contextmanager
+import time
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from mlsanm_cli.errors import WriteError
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 TEMPORARY_SUFFIX = ".tmp"
+RENAMES, PAUSE = 50, 0.1
+"""So often, and after so many seconds each time, a file is renamed again that others are reading."""
 
 
 @contextmanager
@@ -29,7 +32,7 @@ def replacing(path: Path) -> Iterator[Path]:
         # What lies there is left by a process that was killed, or leads somewhere else.
         temporary.unlink(missing_ok=True)
         yield temporary
-        os.replace(temporary, path)
+        _rename(temporary, path)
     except OSError as error:
         _discard(temporary)
         raise cannot_write(path, error) from error
@@ -56,6 +59,16 @@ def cannot_write(path: Path, error: Exception) -> WriteError:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
     hint = "check the free disk space and the permissions of the directory"
     return WriteError(f"cannot write {path}: {reason}", hint=hint)
+
+
+def _rename(temporary: Path, path: Path) -> None:
+    """Rename a file to one that somebody may be reading, which Windows refuses for as long as that takes."""
+    for _ in range(RENAMES if os.name == "nt" else 0):
+        with suppress(PermissionError):
+            os.replace(temporary, path)
+            return
+        time.sleep(PAUSE)
+    os.replace(temporary, path)
 
 
 def _discard(temporary: Path) -> None:

@@ -1,37 +1,18 @@
-"""One step as run.h5 stores it, and the columns that writer and reader share."""
+"""What a row of run.h5 holds of contacts and probes, and where it goes."""
 
 from __future__ import annotations
 
-from dataclasses import field
-from typing import TYPE_CHECKING
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-FORMAT = 1
-PATH_COLUMNS: Mapping[str, type[np.generic]] = {
-    "position": np.float64,
-    "step_length": np.float64,
-    "residual": np.float64,
-    "order": np.int64,
-    "factorizations": np.int64,
-    "solves": np.int64,
-    "seconds": np.float64,
-}
-CONTACT_COLUMNS: Mapping[str, type[np.generic]] = {
-    "pressure": np.float64,
-    "traction": np.float64,
-    "gap": np.float64,
-    "slip": np.float64,
-    "status": np.int8,
-}
-PROBE_COLUMNS: Mapping[str, tuple[int, ...]] = {"displacement": (2,), "stress": (3,), "von_mises": ()}
-CONTACT_TOTALS: Mapping[str, type[np.generic]] = {"dissipated_work": np.float64}
 
 FloatArray = NDArray[np.float64]
 
@@ -62,23 +43,35 @@ class ProbeRecord:
     von_mises: float
 
 
-@dataclass(frozen=True)
-class StepRecord:
-    """One row of /path and of every contact history; ``position`` is stage index + fraction.
+def place(*names: str) -> str:
+    """The path in run.h5 of what has these names; RunError for one that cannot be part of a path."""
+    for name in names:
+        if not name or name in {".", ".."} or "/" in name or "\0" in name:
+            raise RunError(f"the name {name!r} cannot be stored", hint='names must not be empty or hold "/"')
+    return "/".join(names)
 
-    ``factors`` maps each load to its factor, ``resultants`` each load or support to the force (2,) that it
-    exerts on its body, ``displacements`` each load that moves a platen to the platen's displacement (2,).
+
+def row(
+    *,
+    path: Mapping[str, float],
+    factors: Mapping[str, float],
+    resultants: Mapping[str, FloatArray],
+    displacements: Mapping[str, FloatArray],
+    contacts: Mapping[str, ContactRecord],
+    probes: Mapping[str, ProbeRecord],
+) -> dict[str, Any]:
+    """One step as a value for every column of run.h5.
+
+    ``path`` has the position, stage index + fraction, and figures of the step; ``factors`` maps each load to
+    its factor, ``resultants`` each load or support to the force (2,) that it exerts on its body,
+    ``displacements`` each load that moves a platen to the platen's displacement (2,).
     """
-
-    position: float
-    step_length: float
-    residual: float
-    order: int
-    factorizations: int
-    solves: int
-    seconds: float
-    factors: Mapping[str, float]
-    resultants: Mapping[str, FloatArray]
-    contacts: Mapping[str, ContactRecord]
-    displacements: Mapping[str, FloatArray] = field(default_factory=dict)
-    probes: Mapping[str, ProbeRecord] = field(default_factory=dict)
+    values: dict[str, Any] = {place("path", name): value for name, value in path.items()}
+    groups = {"factors": factors, "resultants": resultants, "displacements": displacements}
+    for group, named in groups.items():
+        values |= {place("path", group, name): value for name, value in named.items()}
+    for kind, records in (("contacts", contacts), ("probes", probes)):
+        for name, record in records.items():
+            for one in fields(record):
+                values[place(kind, name, one.name)] = getattr(record, one.name)
+    return values

@@ -10,7 +10,6 @@ import h5py
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import TEMPORARY_SUFFIX, cannot_write
-from mlsanm_cli.io.journal import JOURNAL_SUFFIX, opened
 from mlsanm_cli.io.lock import LOCK_FILE, refuse_held
 from mlsanm_cli.io.summary import INTERFACE_COLUMNS
 
@@ -30,7 +29,7 @@ COMPARISON_FILE = "comparison.json"
 
 _FIXED = frozenset(
     {
-        *(RUN_FILE, RUN_FILE + JOURNAL_SUFFIX, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE),
+        *(RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE),
         *(PATH_FILE, COLLECTION_FILE, LINES_FILE, FAILURE_FILE, LOCK_FILE),
     }
 )
@@ -199,7 +198,7 @@ def _is_run(file: Path) -> bool:
     if not file.is_file():
         return False
     try:
-        with opened(file) as root:
+        with h5py.File(file, "r", locking=False) as root:
             return "mlsanm_version" in root.attrs
     except PermissionError as error:
         raise RunError(f"{file} cannot be read: no permission", hint="use another --out") from error

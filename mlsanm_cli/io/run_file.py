@@ -1,4 +1,4 @@
-"""Writer of run.h5, committed at every step so that a killed run keeps all its finished steps.
+"""Writer of run.h5: gathered in memory, and every half a minute written whole in place of the last one.
 
 Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
 
@@ -12,259 +12,174 @@ Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
     /maps/<kind>/<name>     (r, 1 + unknowns)
     /series/<step>/...      whatever reproduces the step
     /fields/<k>/<b>/...     saved states, /fields/position (K,)
-    /checkpoint/<name>      (bytes,) what the run goes on from behind its last row
+    /checkpoint/...         what the run goes on from behind its last row
 
-Equal runs give equal arrays, /path/seconds apart: nothing that varies from run to run (times, paths, machine)
-is stored in an array. A run that is resumed makes bodies, contacts and maps anew, which are compared with
-those stored bit for bit, and its next row goes behind the last.
+The file on disk is always a whole one, as of some finished step: HDF5 works in memory only, and its image is
+renamed to the old file's name. A kill loses what came after, some half a minute at most.
 """
 
 from __future__ import annotations
 
-from contextlib import contextmanager, nullcontext
+import os
+import time
 from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from mlsanm_cli import __version__
-from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import cannot_write
-from mlsanm_cli.io.history import History
-from mlsanm_cli.io.journal import JournaledFile, check_whole, recover, shielded
-from mlsanm_cli.io.kept import (
-    check_shape,
-    checked_name,
-    differs,
-    floats,
-    keep,
-    keep_names,
-    ordered,
-)
+from mlsanm_cli.errors import RunError, WriteError
+from mlsanm_cli.io.atomic import cannot_write, replacing
 from mlsanm_cli.io.path_table import path_table
-from mlsanm_cli.io.records import FORMAT, ContactRecord, StepRecord
-from mlsanm_cli.io.saved_states import SavedStates
-from mlsanm_cli.io.step_groups import CheckpointGroup, SeriesGroup
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
 
+    from numpy.typing import NDArray
+
+FORMAT = 1
+EVERY = 30.0
+"""Seconds between two times at which the file is written."""
+SHARE = 20.0
+"""So many times as long as writing the file takes passes before it is written again."""
+CHUNK_BYTES, CHUNK_ROWS = 8192, 128
+"""Columns are stored by so many bytes and rows at most."""
+AGREES = 1e-8
+"""A run that goes on has the same model if its arrays differ by no more than this part of their size."""
 # HDF5 1.8 to 1.10: compact groups, and readable by every program in use (ParaView, MATLAB, old h5py).
-_LIBRARY_VERSIONS = ("v108", "v110")
+_MEMORY: Any = {"driver": "core", "backing_store": False, "libver": ("v108", "v110"), "locking": False}
 
-METADATA_CACHE = 32768
-"""Bytes that HDF5 keeps of groups and datasets. It looks through all of them at every flush: with the usual
-2 MB a flush after 300 steps takes twice as long."""
-
-FloatArray = NDArray[np.float64]
 Attribute = str | int | float
-__all__ = ["Attribute", "ContactRecord", "RunFile", "StepRecord", "checked_name"]
+Value = np.ndarray[Any, Any] | str | list[str]
+"""Of a dataset: an array, a text, or texts."""
+
+
+_Change = tuple[
+    "list[dict[str, Any]]",
+    "Mapping[str, Value]",
+    "Mapping[str, Mapping[str, Attribute]]",
+    "Callable[[], Mapping[str, Value]] | None",
+]
 
 
 class RunFile:
     """run.h5 open for writing, made with `RunFile.create` or `RunFile.reopen`; a context manager.
 
-    What is written is on disk with the next `commit`, all of it or nothing. An exception leaves ``status`` as
-    the caller set it last. Every method raises RunError if the file cannot be written (full disk), a name
-    cannot be stored, or, in a file reopened, if it brings another model than the one stored; and ValueError
-    for arrays of the wrong shape.
+    What is added is on disk with the next `save`, all of it or nothing. An exception saves what was added and
+    leaves ``status`` as it was set last. Every method that writes raises WriteError if the file cannot be
+    written (full disk): then the one on disk stays, and nothing is written any more.
     """
 
-    def __init__(self, file: Any, store: JournaledFile, path: Path) -> None:
-        small = file.id.get_mdc_config()
-        small.set_initial_size = True
-        small.initial_size = small.min_size = small.max_size = METADATA_CACHE
-        file.id.set_mdc_config(small)
-        self._file = file
-        self._store = store
-        self._path = path
-        self._history = History(file)
-        self._states = SavedStates(file)
-        self._series = SeriesGroup(file)
-        self._checkpoints = CheckpointGroup(file)
-        self._shielded = False
+    def __init__(self, path: Path, file: Any) -> None:
+        self._path, self._file = path, file
+        self._pending: list[_Change] = []
+        self._rows: dict[str, int] = {}
+        self._saved, self._took = time.monotonic(), 0.0
+        self._broken = False
 
     @classmethod
     def create(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
         """Create ``path`` with status "running"; RunError if it exists or cannot be made."""
-        try:
-            store = JournaledFile(path, new=True)
-        except OSError as error:
-            if path.exists():
-                raise RunError(f"{path} exists already", hint="use --force or another --out") from error
-            raise cannot_write(path, error) from error
-        with shielded():
-            file = h5py.File(store, "w", libver=_LIBRARY_VERSIONS)
-        run = cls(file, store, path)
-        with run._storing():
-            for name in ("bodies", "contacts"):
-                # Creation order is the order of the case; without this readers see alphabetical order.
-                run._file.create_group(name, track_order=True)
-        run.set_attributes(
-            {"format": FORMAT, "mlsanm_version": __version__, "status": "running", **attributes}
-        )
+        if os.path.lexists(path):
+            raise RunError(f"{path} exists already", hint="use --force or another --out")
+        run = cls(path, h5py.File(path, "w", **_MEMORY))
+        own: dict[str, Attribute] = {"format": FORMAT, "mlsanm_version": __version__, "status": "running"}
+        run.add(attributes={"": {**own, **attributes}})
         return run
 
     @classmethod
-    def reopen(
-        cls, path: Path, attributes: Mapping[str, Attribute], rows: int = 0, states: int = 0
-    ) -> RunFile:
-        """Go on with the file of a run that was stopped or killed, with status "running", behind so many rows
-        and saved states; RunError."""
+    def reopen(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
+        """Go on with the file of a run that was stopped or killed, with status "running". RunError."""
         try:
-            check_whole(path)
-            recover(path)
-            store = JournaledFile(path, new=False)
-            with shielded():
-                file = h5py.File(store, "r+", libver=_LIBRARY_VERSIONS)
-        except (OSError, RuntimeError) as error:
-            raise cannot_write(path, error) from error
-        run = cls(file, store, path)
-        run._history, run._states = History(file, rows), SavedStates(file, states)
-        run.set_attributes({"status": "running", **attributes})
+            file = h5py.File(path, "r+", **_MEMORY)
+            # All that it holds is looked at, as it will be written again.
+            file.visititems(lambda name, found: None)
+        except (OSError, RuntimeError, ValueError, KeyError) as error:
+            raise RunError(f"{path} cannot be read: {error}", "run the case again with --force") from error
+        run = cls(path, file)
+        run.add(attributes={"": {"status": "running", **attributes}})
         return run
 
-    def write_case(self, raw: str, resolved: str) -> None:
-        """Store the case file's text and the resolved case's TOML text."""
-        with self._storing():
-            group = self._file.require_group("case")
-            keep(group, "raw", raw)
-            keep(group, "resolved", resolved)
-
-    def write_body(
+    def add(
         self,
-        name: str,
-        points: FloatArray,
-        boundary_index: NDArray[np.integer[Any]],
-        boundary_normal: FloatArray,
-        boundary_name: Sequence[str],
+        rows: Sequence[Mapping[str, Any]] = (),
+        datasets: Mapping[str, Value] | None = None,
+        attributes: Mapping[str, Mapping[str, Attribute]] | None = None,
+        latest: Callable[[], Mapping[str, Value]] | None = None,
     ) -> None:
-        """Store one body: points (n, 2), and of its nb boundary nodes index, outward normal (nb, 2), name."""
-        count = len(boundary_index)
-        check_shape(f"points of body {name}", points, (len(points), 2))
-        check_shape(f"boundary normals of body {name}", boundary_normal, (count, 2))
-        if len(boundary_name) != count:
-            raise ValueError(f"body {name}: {len(boundary_name)} boundary names for {count} boundary nodes")
-        with self._storing():
-            group = self._file["bodies"].require_group(checked_name(name))
-            keep(group, "points", floats(points))
-            boundary = group.require_group("boundary")
-            keep(boundary, "index", np.ascontiguousarray(boundary_index, dtype=np.int64))
-            keep(boundary, "normal", floats(boundary_normal))
-            keep_names(boundary, "name", boundary_name)
+        """Add rows, each one value to every column that it names, store datasets in place of those of the
+        same name, and set attributes of groups ("": of the root). Arrays given may change afterwards.
 
-    def write_contact(
-        self, name: str, points: FloatArray, normal: FloatArray, arc_length: FloatArray, weight: FloatArray
-    ) -> None:
-        """Store one contact's slave nodes, (m, 2), (m, 2), (m,), (m,), and make its empty history (0, m).
-
-        All contacts must be there before the first step.
+        ``latest`` gives more datasets, and is asked only if the file is written before it is given again.
         """
-        if self._history.started:
-            raise ValueError(f"contact {name} comes after the path was started")
-        count = len(points)
-        geometry = {"points": points, "normal": normal, "arc_length": arc_length, "weight": weight}
-        for key, array in geometry.items():
-            check_shape(f"{key} of contact {name}", array, (count, 2) if array.ndim == 2 else (count,))
-        with self._storing():
-            group = self._file["contacts"].require_group(checked_name(name))
-            for key, array in geometry.items():
-                keep(group, key, floats(array))
-            self._history.add_contact(group, name, count)
+        kept = [{name: _array(value) for name, value in row.items()} for row in rows]
+        arrays = {
+            name: value.copy() if isinstance(value, np.ndarray) else value
+            for name, value in (datasets or {}).items()
+        }
+        # One change of one list, so that no signal comes in between.
+        self._pending.append((kept, arrays, attributes or {}, latest))
 
-    def start_path(
-        self,
-        loads: Sequence[str],
-        resultants: Sequence[str],
-        displacements: Sequence[str] = (),
-        probes: Sequence[str] = (),
-    ) -> None:
-        """Make the empty /path: a factor per load, a resultant per load or support named, a displacement per
-        load of a platen named; and the empty history of each probe."""
-        if self._history.started:
-            raise ValueError("the path was started already")
-        with self._storing():
-            self._history.start(loads, resultants, displacements, probes)
+    def confirm(self, datasets: Mapping[str, Value]) -> None:
+        """Store what is not there yet; RunError where something else is there."""
+        new = {name: value for name, value in datasets.items() if name not in self._file}
+        for name in datasets.keys() - new.keys():
+            if not _agree(self._file[name], datasets[name]):
+                raise RunError(
+                    f"the run cannot be resumed: what is stored in {self._file[name].name} comes out other "
+                    f"than it was",
+                    "another version or machine made it; run the case again with --force",
+                )
+        self.add(datasets=new)
 
-    def append_step(self, step: StepRecord) -> None:
-        """Append one row to /path and to every contact history."""
-        if not self._history.started:
-            raise ValueError("start_path must be called before append_step")
-        with self._storing():
-            self._history.append(step)
+    def save_if_due(self) -> None:
+        """Write the file if that was some time ago."""
+        if time.monotonic() - self._saved >= max(EVERY, SHARE * self._took):
+            self.save()
 
-    def write_maps(self, kind: str, maps: Mapping[str, FloatArray]) -> None:
-        """Store matrices (r, 1 + u) as /maps/<kind>/<name>: they take 1 and the u unknowns of the path, load
-        factors, motions, pressures and tractions, to what they are named after."""
-        with self._storing():
-            group = ordered(self._file.require_group("maps"), kind)
-            for name, matrix in maps.items():
-                keep(group, name, floats(matrix))
-
-    def write_series(
-        self, step: int, arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, float]
-    ) -> None:
-        """Store what reproduces ``step`` as /series/<step>/<name>; numbers are attributes of the group."""
-        if step < 0:
-            raise ValueError(f"step {step} is negative")
-        with self._storing():
-            self._series.add(step, arrays, attributes)
+    def save(self) -> None:
+        """Write the file."""
+        began = time.monotonic()
+        try:
+            self._take_in()
+            self._file.flush()
+            with replacing(self._path) as temporary, temporary.open("xb") as stream:
+                stream.write(self._file.id.get_file_image())
+                stream.flush()
+                os.fsync(stream.fileno())
+        except (WriteError, MemoryError, RuntimeError) as error:
+            self._broken = True
+            raise error if isinstance(error, WriteError) else cannot_write(self._path, error) from error
+        self._saved = time.monotonic()
+        self._took = self._saved - began
 
     def path_table(self) -> Mapping[str, NDArray[Any]]:
         """The path so far as columns of a table."""
-        with self._storing():
-            return path_table(self._file)
+        self._take_in()
+        return path_table(self._file)
 
     def saved_positions(self) -> list[float]:
         """Positions of the states saved so far, an earlier process's included."""
-        with self._storing():
-            return self._states.positions
-
-    def write_checkpoint(self, name: str, content: bytes) -> None:
-        """Store what the run goes on from as /checkpoint/<name>, in place of what is there."""
-        with self._storing():
-            self._checkpoints.put(name, content)
-
-    def write_fields(
-        self,
-        position: float,
-        bodies: Mapping[str, Mapping[str, FloatArray]],
-        attributes: Mapping[str, Attribute] | None = None,
-    ) -> int:
-        """Store one saved state as /fields/<k>/<body>/<field>, and return k; k counts from 0."""
-        with self._storing():
-            return self._states.add(position, bodies, attributes or {})
-
-    def set_attributes(self, attributes: Mapping[str, Attribute]) -> None:
-        """Set attributes of the root, replacing those of the same name, and commit."""
-        with self._storing():
-            for name, value in attributes.items():
-                self._file.attrs[name] = value
-            self._commit()
-
-    def confirm_attribute(self, name: str, value: str) -> None:
-        """Set an attribute of the root that is not there yet; RunError where it is there and another."""
-        with self._storing():
-            if self._file.attrs.setdefault(name, value) != value:
-                raise differs(name)
+        self._take_in()
+        found: list[float] = self._file["fields/position"][...].tolist() if "fields" in self._file else []
+        return found
 
     def set_status(self, status: str) -> None:
-        """Set the status: running, done, failed or stopped."""
-        self.set_attributes({"status": status})
+        """Set the status, running, done, failed or stopped, and write the file."""
+        self.add(attributes={"": {"status": status}})
+        self.save()
 
     def close(self) -> None:
-        """Close the file; twice is allowed. A step that was cut short is dropped from every dataset."""
+        """Save what was added since, and close; twice is allowed."""
         if not self._file.id.valid:
             return
-        with self._storing():
-            self._history.truncate()
-            self._states.truncate()
-            self._checkpoints.release()
+        try:
+            if self._pending and not self._broken:
+                self.save()
+        finally:
             self._file.close()
-            self._store.close()
 
     def __enter__(self) -> Self:
         return self
@@ -274,31 +189,82 @@ class RunFile:
     ) -> None:
         self.close()
 
-    def commit(self) -> None:
-        """Put all that was written so far on disk."""
-        with self._storing():
-            self._commit()
+    def _take_in(self) -> None:
+        """Bring all that was added into the file in memory; doing it again after a signal changes nothing."""
+        taken = list(self._pending)
+        columns: dict[str, list[Any]] = {}
+        latest = None
+        for added, datasets, attributes, given in taken:
+            for row in added:
+                for name, value in row.items():
+                    columns.setdefault(name, []).append(value)
+            for name, value in datasets.items():
+                self._put(name, value)
+            for name, numbers in attributes.items():
+                self._group(name).attrs.update(numbers)
+            latest = given or latest
+        for name, value in latest().items() if latest else ():
+            self._put(name, value)
+        rows = dict(self._rows)
+        for name, values in columns.items():
+            rows[name] = self._append(name, np.stack(values))
+        self._rows, self._pending = rows, self._pending[len(taken) :]
 
-    def _commit(self) -> None:
-        self._file.flush()
-        self._store.commit()
+    def _put(self, name: str, value: Any) -> None:
+        parent, _, own = name.rpartition("/")
+        group = self._group(parent)
+        if own in group:
+            del group[own]
+        if isinstance(value, list):
+            group.create_dataset(own, data=np.array(value, dtype=object), dtype=h5py.string_dtype())
+        else:
+            group.create_dataset(own, data=value)
 
-    @contextmanager
-    def together(self) -> Iterator[None]:
-        """Hold signals back once for all that is written within the block, a step's parts, say: for each of
-        them that takes as long as to write a few numbers."""
-        with self._storing():
-            self._shielded = True
-            try:
-                yield
-            finally:
-                self._shielded = False
+    def _append(self, name: str, values: NDArray[Any]) -> int:
+        """Put values (k, ...) behind the rows of a column that were stored before; how many it has then."""
+        tail = values.shape[1:]
+        if name not in self._file:
+            parent, _, own = name.rpartition("/")
+            size = values.dtype.itemsize * int(np.prod(tail, dtype=np.int64))
+            chunk = min(max(CHUNK_BYTES // max(size, 1), 1), CHUNK_ROWS)
+            self._group(parent).create_dataset(
+                own,
+                (0, *tail),
+                values.dtype,
+                # HDF5 wants chunks of one entry or more, no longer than a bounded axis.
+                chunks=(chunk, *(max(one, 1) for one in tail)),
+                maxshape=(None, *(one or None for one in tail)),
+            )
+        dataset = self._file[name]
+        if dataset.shape[1:] != tail:
+            raise ValueError(f"{name}: shape {tail}, expected {dataset.shape[1:]}")
+        first = self._rows.setdefault(name, len(dataset))
+        dataset.resize(first + len(values), axis=0)
+        if values.size:
+            dataset[first:] = values
+        return first + len(values)
 
-    @contextmanager
-    def _storing(self) -> Iterator[None]:
-        """Turn what HDF5 raises when the disk is full or gone into a RunError; signals have to wait."""
-        try:
-            with nullcontext() if self._shielded else shielded():
-                yield
-        except (OSError, RuntimeError) as error:
-            raise cannot_write(self._path, error) from error
+    def _group(self, name: str) -> Any:
+        """A group, made with those above it where it is not there; members stay in the order of their
+        making, which is that of the case."""
+        group = self._file
+        for part in name.split("/") if name else ():
+            group = group[part] if part in group else group.create_group(part, track_order=True)
+        return group
+
+
+def _array(value: Any) -> NDArray[Any]:
+    """A copy; integers have 64 bits on all systems."""
+    return np.array(value, dtype=np.int64 if isinstance(value, int) else None)
+
+
+def _agree(stored: Any, value: Any) -> bool:
+    """Whether a dataset holds a text, texts, or an array, nearly."""
+    if isinstance(value, str):
+        return bool(stored.asstr()[()] == value)
+    if isinstance(value, list):
+        return bool(stored.asstr()[...].tolist() == value)
+    if stored.shape != value.shape:
+        return False
+    found, largest = stored[...], np.abs(value).max(initial=0.0)
+    return bool((np.abs(found - value) <= AGREES * largest).all())

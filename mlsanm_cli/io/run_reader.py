@@ -5,29 +5,31 @@ Works on a finished run, on one that was killed and on one that is still being w
 
 from __future__ import annotations
 
-import time
+from dataclasses import fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.journal import opened
 from mlsanm_cli.io.path_table import path_table
-from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_COLUMNS, PROBE_COLUMNS
+from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.run_dir import RUN_FILE
+from mlsanm_cli.io.run_file import FORMAT
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
-# A reader can catch the writer in the middle of a flush, which takes well below a millisecond.
-_ATTEMPTS = 5
-_PAUSE = 0.02
-
 MAPS = ("forces", "slip", "probes", "bonds")
+PATH: tuple[tuple[str, type[np.generic]], ...] = (
+    *((name, np.float64) for name in ("position", "step_length", "residual", "seconds")),
+    *((name, np.int64) for name in ("order", "factorizations", "solves")),
+)
+"""Columns of /path and their types."""
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -136,14 +138,15 @@ class RunData:
 
 @dataclass(frozen=True)
 class RunOrigin:
-    """What a run was made from: attributes, the case as given and resolved; the seconds it took so far, and
-    by name what it goes on from."""
+    """What a run was made from: attributes, the case as given and resolved; the seconds it took and the rows
+    it has so far, and what it goes on from: texts, arrays, and mappings of them by name."""
 
     attributes: Mapping[str, str | int | float]
     case_raw: str
     case_resolved: str
     seconds: float
-    checkpoint: Mapping[str, bytes]
+    rows: int
+    checkpoint: Mapping[str, Any]
 
     @property
     def status(self) -> str:
@@ -157,40 +160,36 @@ def read_run(rundir: Path) -> RunData:
     A run that is being written gives its finished steps. Raises RunError if there is no run, if run.h5 is
     damaged or is no file of mlsanm, or if a newer version wrote it.
     """
-    return _patiently(rundir, _run)
+    return _reading(rundir, _run)
 
 
 def read_origin(rundir: Path) -> RunOrigin:
     """Read where the run in ``rundir`` comes from. Raises RunError as `read_run` does."""
-    return _patiently(rundir, _origin)
+    return _reading(rundir, _origin)
 
 
 def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
     """The columns of path.csv, of a run that goes on too. Raises RunError as `read_run` does."""
-    return _patiently(rundir, lambda root, file: path_table(root))
+    return _reading(rundir, lambda root, file: path_table(root))
 
 
-def _patiently(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
-    """Read from run.h5, again if its writer comes in between."""
+def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
+    """What ``read`` finds in run.h5."""
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     if not file.is_file():
         what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"
         raise RunError(f"{rundir} is not a run: {what}", hint="give the directory that `mlsanm run` wrote")
-    for attempt in range(_ATTEMPTS):
-        try:
-            with opened(file) as root:
-                return read(root, file)
-        except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
-            # TypeError: h5py takes a half-written dataset for one without a shape.
-            reason = error
-        if attempt + 1 < _ATTEMPTS:
-            time.sleep(_PAUSE)
-    if isinstance(reason, PermissionError):
-        raise RunError(f"{file} cannot be read: {reason.strerror}") from reason
-    raise RunError(
-        f"{file} cannot be read: it is damaged, or being written just now ({reason})",
-        hint="if the run is still going on, try again; otherwise run the case again with --force",
-    ) from reason
+    try:
+        # Its writer puts whole files in its place, and needs no lock.
+        with h5py.File(file, "r", locking=False) as root:
+            return read(root, file)
+    except PermissionError as error:
+        raise RunError(f"{file} cannot be read: {error.strerror}") from error
+    except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:
+        # TypeError: h5py takes a damaged dataset for one without a shape.
+        raise RunError(
+            f"{file} cannot be read: it is damaged ({error})", hint="run the case again with --force"
+        ) from error
 
 
 def _attributes(root: Any, file: Path) -> Mapping[str, str | int | float]:
@@ -212,7 +211,8 @@ def _origin(root: Any, file: Path) -> RunOrigin:
         case_raw=_text(root, "case/raw"),
         case_resolved=_text(root, "case/resolved"),
         seconds=float(seconds.sum()),
-        checkpoint={name: data[...].tobytes() for name, data in _items(root, "checkpoint")},
+        rows=len(root["path/position"]) if "path" in root else 0,
+        checkpoint=_tree(root["checkpoint"]) if "checkpoint" in root else {},
     )
 
 
@@ -234,39 +234,31 @@ def _run(root: Any, file: Path) -> RunData:
 
 
 def _history(root: Any) -> tuple[PathData, Mapping[str, ContactData], Mapping[str, ProbeData]]:
-    """The path, the contacts and the probes, cut to the rows that every dataset has.
-
-    A run killed inside a flush leaves some datasets one row longer than others.
-    """
-    groups = dict(_items(root, "contacts"))
-    observed = dict(_items(root, "probes"))
-    histories = [group[key] for group in groups.values() for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)]
-    histories += [group[key] for group in observed.values() for key in PROBE_COLUMNS]
-    path: dict[str, Any] = {key: np.empty(0, dtype) for key, dtype in PATH_COLUMNS.items()}
-    path |= {"factors": {}, "resultants": {}, "displacements": {}}
-    rows = 0
-    if "path" in root:
-        named = {key: dict(_items(root, f"path/{key}")) for key in ("factors", "resultants", "displacements")}
-        columns = [root["path"][key] for key in PATH_COLUMNS]
-        by_name = [data for group in named.values() for data in group.values()]
-        lengths = [len(data) for data in (*columns, *by_name, *histories)]
-        rows = min(lengths)
-        path = {key: data[:rows] for key, data in zip(PATH_COLUMNS, columns, strict=True)}
-        for key, group in named.items():
-            path[key] = MappingProxyType({name: data[:rows] for name, data in group.items()})
-    geometry = ("points", "normal", "arc_length", "weight")
-    contacts = {
-        name: ContactData(
-            **{key: group[key][...] for key in geometry},
-            **{key: group[key][:rows] for key in (*CONTACT_COLUMNS, *CONTACT_TOTALS)},
-        )
-        for name, group in groups.items()
+    """The path, the contacts and the probes; a run without a first state has no rows of them."""
+    path: dict[str, Any] = {
+        key: root[f"path/{key}"][...] if "path" in root else np.empty(0, kind) for key, kind in PATH
     }
+    named: dict[str, Any] = {
+        key: MappingProxyType({name: data[...] for name, data in _items(root, f"path/{key}")})
+        for key in ("factors", "resultants", "displacements")
+    }
+    contacts = {name: _contact(group) for name, group in _items(root, "contacts")}
     probes = {
-        name: ProbeData(**{key: group[key][:rows] for key in PROBE_COLUMNS})
-        for name, group in observed.items()
+        name: ProbeData(**{key: data[...] for key, data in group.items()})
+        for name, group in _items(root, "probes")
     }
-    return PathData(**path), MappingProxyType(contacts), MappingProxyType(probes)
+    return PathData(**path, **named), MappingProxyType(contacts), MappingProxyType(probes)
+
+
+def _contact(group: Any) -> ContactData:
+    found = {name: data[...] for name, data in group.items()}
+    count = len(found["points"])
+    kinds = {"status": np.int8}
+    history = {
+        one.name: np.empty((0,) if one.name == "dissipated_work" else (0, count), kinds.get(one.name, float))
+        for one in fields(ContactRecord)
+    }
+    return ContactData(**{**history, **found})
 
 
 def _states(root: Any) -> tuple[SavedState, ...]:
@@ -296,6 +288,15 @@ def _body(group: Any) -> BodyData:
         boundary_normal=boundary["normal"][...],
         boundary_name=tuple(boundary["name"].asstr()[...].tolist()),
     )
+
+
+def _tree(group: Any) -> dict[str, Any]:
+    """All that a group holds: groups as mappings, texts, arrays."""
+    return {name: _tree(item) if hasattr(item, "items") else _value(item) for name, item in group.items()}
+
+
+def _value(item: Any) -> Any:
+    return item.asstr()[()] if h5py.check_string_dtype(item.dtype) else item[...]
 
 
 def _items(root: Any, path: str) -> list[tuple[str, Any]]:

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.journal import opened
 from mlsanm_cli.io.run_dir import RUN_FILE
 
 
@@ -21,7 +21,7 @@ def read_series(rundir: Path, step: int) -> tuple[Mapping[str, NDArray[np.float6
     """
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     try:
-        with opened(file) as root:
+        with h5py.File(file, "r", locking=False) as root:
             path = f"series/{step}"
             if path not in root:
                 return {}, {}

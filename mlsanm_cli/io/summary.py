@@ -104,18 +104,21 @@ class EventLog:
     Opened for appending, so that a run that goes on later keeps its history.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Open ``path``, less a last line that was cut short; RunError if that is not possible."""
+    def __init__(self, path: Path, rows: int | None = None) -> None:
+        """Open ``path``, less a last line that was cut short, and less the steps behind so many ``rows`` of
+        run.h5, which come again; RunError if that is not possible."""
         self._path = path
         try:
             flags = os.O_RDWR | os.O_APPEND | os.O_CREAT
             self._stream = os.fdopen(open_regular(path, flags), "a+b", buffering=0)
             self._stream.seek(0)
-            whole = self._stream.read().rpartition(b"\n")[:2]
-            self._stream.truncate(len(b"".join(whole)))
+            lines = self._stream.read().split(b"\n")[:-1]
+            kept = [line for line in lines if rows is None or not _is_step_behind(line, rows)]
+            self._stream.truncate(0)
+            self._stream.write(b"".join(line + b"\n" for line in kept))
         except OSError as error:
             raise cannot_write(path, error) from error
-        self._earlier = set(whole[0].split(b"\n"))
+        self._earlier = set(kept)
 
     def write(self, event: str, **values: Any) -> None:
         """Append ``{"event": event, ...values}``; RunError if the disk refuses it."""
@@ -147,6 +150,15 @@ class EventLog:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _is_step_behind(line: bytes, rows: int) -> bool:
+    try:
+        event = json.loads(line)
+        return bool(event["event"] == "step" and event["index"] >= rows)
+    except (ValueError, KeyError, TypeError):
+        # Somebody else's line stays.
+        return False
 
 
 def _line(event: str, values: Mapping[str, Any]) -> bytes:

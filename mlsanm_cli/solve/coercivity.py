@@ -106,7 +106,7 @@ def _contact(condensed: Condensed, bearing: BoolArray, loose: Sequence[int], mem
 
 def _bulk(body: ElasticBody, memo: Memo) -> float:
     key = digest(body.model.content, body.equations.content)
-    return float(memo.arrays("stability", key, lambda: {"value": np.array(bulk_stability(body))})["value"])
+    return memo.value("stability", key, lambda: bulk_stability(body))
 
 
 def _bearing(closed: BoolArray, span: slice) -> BoolArray:

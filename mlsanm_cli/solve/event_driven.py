@@ -4,53 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactState
 from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
-from mlsanm_cli.contact.laws.event_driven import Event, event_driven_path, start
+from mlsanm_cli.contact.laws.event_driven import Event, event_driven_path
+from mlsanm_cli.contact.laws.event_driven import start as first_event
 from mlsanm_cli.contact.laws.sliding import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import PathStep, State, stops, wanted_positions
-from mlsanm_cli.values import dataclass
+from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State, stops, wanted_positions
 
 ROWS = 40
 """Of the events of a stage with friction so many are stored as steps, evenly along it."""
 
 
-@dataclass(frozen=True, eq=False)
-class FrictionMark:
-    """Where a path with exact friction is: the ``fraction`` of a stage that began at load factors (L,).
-
-    ``found`` tells that no rates led to the state.
-    """
-
-    stage: int
-    begin: FloatArray
-    fraction: float
-    state: CoulombState
-    found: bool = False
-
-
-def friction_path(built: CondensedScene, mark: FrictionMark | None = None) -> Iterator[PathStep]:
+def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """Exact contact with Coulomb friction, followed from event to event."""
     wanted, condensed = wanted_positions(built), built.condensed
-    if mark is None:
-        event = start(condensed, built.stages[0])
-        mark = FrictionMark(0, event.state.factors, 0.0, event.state)
-        first = coulomb_state(built, event.state, 0.0)
-        yield PathStep(first, (first,) if 0.0 in wanted else (), factorizations=event.solves, mark=mark)
-    state = mark.state
-    for stage, end in enumerate(built.stages[1:]):
-        if stage < mark.stage:
+    if start is None:
+        event = first_event(condensed, built.stages[0])
+        state, begun, reached = event.state, 0, 0.0
+        first = coulomb_state(built, state, 0.0)
+        saved = (first,) if 0.0 in wanted else ()
+        yield PathStep(first, saved, factorizations=event.solves, checkpoint=_checkpoint(first, state))
+    else:
+        state, begun, reached = _restored(start), start.stage, start.fraction
+    for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
+        if stage < begun:
             continue
-        within = mark if stage == mark.stage else FrictionMark(stage, state.factors, 0.0, state)
+        reached = reached if stage == begun else 0.0
         places = {position - stage for position in stops(built) if stage < position <= stage + 1}
-        halts = sorted(place for place in places if place > within.fraction)
-        rows, reached = _Rows(built, within, places, wanted), within.fraction
+        halts = sorted(place for place in places if place > reached)
+        rows = _Rows(built, stage, reached, places, wanted)
         try:
-            for event in event_driven_path(
-                condensed, state, end, halts, within.begin, within.fraction, within.found
-            ):
+            for event in event_driven_path(condensed, state, end, halts, begin, reached):
                 state, reached = event.state, event.fraction
                 yield from rows.add(event)
         except SlidingError as error:
@@ -68,10 +54,10 @@ class _Rows:
     """Makes steps of one stage's events: all wanted ones, and of the others as many as are worth storing."""
 
     def __init__(
-        self, built: CondensedScene, within: FrictionMark, halts: set[float], wanted: tuple[float, ...]
+        self, built: CondensedScene, stage: int, reached: float, halts: set[float], wanted: tuple[float, ...]
     ) -> None:
-        self._built, self._stage, self._halts, self._wanted = built, within.stage, halts, wanted
-        self._begin, self._before, self._solves = within.begin, within.fraction, 0
+        self._built, self._stage, self._halts, self._wanted = built, stage, halts, wanted
+        self._before, self._solves = reached, 0
         self._jump: str = ""
         self._pending: Event | None = None
 
@@ -100,11 +86,21 @@ class _Rows:
             factorizations=self._solves,
             solves=4 * self._solves,
             warning=self._jump,
-            mark=FrictionMark(
-                self._stage, self._begin, self._pending.fraction, self._pending.state, self._pending.found
-            ),
+            checkpoint=_checkpoint(state, self._pending.state),
         )
         self._before, self._solves, self._jump, self._pending = self._pending.fraction, 0, "", None
+
+
+def _checkpoint(state: State, exact: CoulombState) -> Checkpoint:
+    return Checkpoint(state, FrictionHistory(exact.sets, exact.stick_reference))
+
+
+def _restored(start: Checkpoint) -> CoulombState:
+    """The exact state of a checkpoint."""
+    state, history = start.state, start.history
+    assert history is not None
+    values = ContactState(state.pressure, state.traction, state.motion, state.gap, state.slip)
+    return CoulombState(state.factors, values, history.sets, history.stick_reference, state.work)
 
 
 def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -> State:

@@ -7,45 +7,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.solve.checkpoint import BEGINNING, Start
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.load_factors import factors_at
-from mlsanm_cli.solve.state import PathStep, State, stops, wanted_positions
-from mlsanm_cli.values import dataclass
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, stops, wanted_positions
 
 
-@dataclass(frozen=True)
-class LinearMark:
-    """Where a path without contact is: its states do not depend on each other."""
-
-    position: float
-
-
-@dataclass(frozen=True, eq=False)
-class ExactMark:
-    """Where a path without friction is, and its closed nodes (m,), with which the next search begins."""
-
-    position: float
-    active: BoolArray | None
-
-
-def load_path(built: CondensedScene, start: Start = BEGINNING) -> Iterator[PathStep]:
+def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or what of it is left, polished where the case asks for it."""
     if not built.case.polished:
         return path_of(built, start)
-    from mlsanm_cli.solve.polish import PolishMark, polished
+    from mlsanm_cli.solve.polish import polished
 
-    return polished(built, start.mark(PolishMark))
+    return polished(built, start)
 
 
-def path_of(built: CondensedScene, start: Start = BEGINNING) -> Iterator[PathStep]:
+def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or what of it is left, by the method its contact law asks for."""
     if not built.case.touching:
-        return linear_path(built, start.mark(LinearMark))
+        return linear_path(built, start)
     smooth, rough = (
         built.case.touching[0].regularization.law != "exact",
         bool(len(built.condensed.friction_nodes)),
@@ -53,36 +35,36 @@ def path_of(built: CondensedScene, start: Start = BEGINNING) -> Iterator[PathSte
     # The methods of the other laws are imported where a case asks for them: each brings a package along.
     if smooth and rough and not built.is_holonomic:
         from mlsanm_cli.solve.regularized import rubbing_path
-        from mlsanm_cli.solve.regularized_points import RubbingMark
 
-        return _limited(built, start, rubbing_path(built, start.mark(RubbingMark)))
+        return _limited(built, start, rubbing_path(built, start))
     if smooth:
-        from mlsanm_cli.solve.series import SmoothMark, smooth_path
+        from mlsanm_cli.solve.series import smooth_path
 
-        return _limited(built, start, smooth_path(built, start.mark(SmoothMark)))
+        return _limited(built, start, smooth_path(built, start))
     if rough:
-        from mlsanm_cli.solve.event_driven import FrictionMark, friction_path
+        from mlsanm_cli.solve.event_driven import friction_path
 
-        return friction_path(built, start.mark(FrictionMark))
-    return exact_path(built, start.mark(ExactMark))
+        return friction_path(built, start)
+    return exact_path(built, start)
 
 
-def _limited(built: CondensedScene, start: Start, path: Iterator[PathStep]) -> Iterator[PathStep]:
+def _limited(built: CondensedScene, start: Checkpoint | None, path: Iterator[PathStep]) -> Iterator[PathStep]:
     """The path as long as it takes no more steps than it may, whatever pieces it is made of."""
     most = built.case.solver.max_steps
-    for count, step in enumerate(path, start.steps):
+    for count, step in enumerate(path, start.steps if start else 0):
         if count > most:
             why = f"max steps, more than {most} steps come before position {step.state.position:.9g}"
             raise NumericalError(f"the path stopped: {why}", "raise solver.max_steps")
-        yield step
+        assert step.checkpoint is not None
+        yield replace(step, checkpoint=replace(step.checkpoint, steps=count + 1))
 
 
-def linear_path(built: CondensedScene, mark: LinearMark | None) -> Iterator[PathStep]:
+def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """A scene without contact: every state is a combination of the loads' own solutions."""
     wanted = wanted_positions(built)
     condensed = built.condensed
     for position in stops(built):
-        if mark is not None and position <= mark.position:
+        if start is not None and position <= start.position:
             continue
         factors = factors_at(built.stages, position)
         nothing = np.zeros(0)
@@ -98,22 +80,23 @@ def linear_path(built: CondensedScene, mark: LinearMark | None) -> Iterator[Path
             state,
             (state,) if position in wanted else (),
             solves=0 if position else condensed.solves,
-            mark=LinearMark(position),
+            checkpoint=Checkpoint(state),
         )
 
 
-def exact_path(built: CondensedScene, mark: ExactMark | None) -> Iterator[PathStep]:
+def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Exact contact at the stages' ends and wherever fields are wanted, each from the set before."""
     wanted = wanted_positions(built)
-    if mark is None:
-        first, mark = unloaded_state(built), ExactMark(0.0, None)
-        yield PathStep(first, (first,) if 0.0 in wanted else (), mark=mark)
+    state = unloaded_state(built) if start is None else start.state
+    if start is None:
+        yield PathStep(state, (state,) if 0.0 in wanted else (), checkpoint=Checkpoint(state))
     for position in stops(built):
-        if position <= mark.position:
+        if position <= state.position:
             continue
-        exact = solve_exact(built.condensed, factors_at(built.stages, position), mark.active)
-        mark, step = ExactMark(position, exact.active), exact_step(exact, position)
-        yield replace(step, saved=(step.state,) if position in wanted else (), mark=mark)
+        active = state.closed if state.position > 0.0 else None
+        step = exact_step(solve_exact(built.condensed, factors_at(built.stages, position), active), position)
+        state = step.state
+        yield replace(step, saved=(state,) if position in wanted else (), checkpoint=Checkpoint(state))
 
 
 def exact_step(exact: ExactState, position: float) -> PathStep:

@@ -13,57 +13,42 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.packing import packed
-from mlsanm_cli.solve.checkpoint import Start
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.event_driven import coulomb_state, friction_path
 from mlsanm_cli.solve.paths import exact_step, path_of, unloaded_state
-from mlsanm_cli.solve.state import PathStep, Polish, State
-from mlsanm_cli.values import dataclass
+from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
 
 Polisher = Callable[[State], PathStep]
 """The exact state at a smooth one's position as a row of its own, with what it cost."""
 
 
-@dataclass(frozen=True, eq=False)
-class PolishMark:
-    """The ``position`` of the last row, that of the last ``polished`` one, how many steps of the smooth path
-    are behind it, and the packed mark of the last of these."""
-
-    position: float
-    polished: float | None
-    steps: int
-    path: NDArray[np.uint8]
-
-
-def polished(built: CondensedScene, mark: PolishMark | None) -> Iterator[PathStep]:
+def polished(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Every saved state and the last one as the exact laws have them, each in a row of its own.
 
     A saved level inside a step gets the step's series too, for the part of the path before it.
     """
-    mark = mark or PolishMark(-1.0, None, 0, np.zeros(0, dtype=np.uint8))
-    polish, end, done = _polisher(built, mark.polished), float(len(built.case.stage)), mark.position
-    for step in path_of(built, Start(mark.steps, mark.path.tobytes())):
+    told = max(start.position, start.told) if start else -1.0
+    polish, end = _polisher(built, told), float(len(built.case.stage))
+    for step in path_of(built, start):
         for state in step.saved:
-            if done < state.position != step.state.position:
+            if told < state.position != step.state.position:
                 better = _improved(built, polish, state)
-                mark = replace(mark, position=state.position, polished=state.position)
-                yield replace(better, series=step.series, series_attributes=step.series_attributes, mark=mark)
-        packed_mark = np.frombuffer(packed(step.mark), np.uint8)
-        mark = PolishMark(step.state.position, mark.polished, mark.steps + 1, packed_mark)
+                # Without a first step there is no place before this one to go on from.
+                start = replace(start, told=state.position) if start else None
+                better = replace(better, series=step.series, series_attributes=step.series_attributes)
+                yield replace(better, checkpoint=start)
+        start = step.checkpoint
         saved = any(state.position == step.state.position for state in step.saved)
         if not saved and step.state.position != end:
-            yield replace(step, saved=(), mark=mark)
+            yield replace(step, saved=())
             continue
         better = _improved(built, polish, step.state)
-        mark = replace(mark, polished=step.state.position)
         yield replace(
             step,
             state=better.state,
@@ -72,7 +57,6 @@ def polished(built: CondensedScene, mark: PolishMark | None) -> Iterator[PathSte
             solves=step.solves + better.solves,
             warning="; ".join(text for text in (step.warning, better.warning) if text),
             polish=better.polish,
-            mark=mark,
         )
 
 
@@ -109,10 +93,10 @@ def _overall(built: CondensedScene, pressure: FloatArray, traction: FloatArray) 
     return float(np.sqrt(changed / whole)) if whole > 0.0 else 0.0
 
 
-def _polisher(built: CondensedScene, before: float | None) -> Polisher:
+def _polisher(built: CondensedScene, told: float) -> Polisher:
     if not len(built.condensed.friction_nodes):
         return _frictionless(built)
-    return _holonomic(built) if built.is_holonomic else _alongside(built, before)
+    return _holonomic(built) if built.is_holonomic else _alongside(built, told)
 
 
 def _frictionless(built: CondensedScene) -> Polisher:
@@ -141,16 +125,15 @@ def _holonomic(built: CondensedScene) -> Polisher:
     return polish
 
 
-def _alongside(built: CondensedScene, before: float | None) -> Polisher:
-    """The exact history, followed from one level asked for to the next; the last one ``before`` is behind."""
+def _alongside(built: CondensedScene, told: float) -> Polisher:
+    """The exact history, followed from one level asked for to the next, behind what is ``told``."""
     exact = friction_path(built)
-    while before is not None and next(exact).state.position != before:
-        pass
 
     def polish(state: State) -> PathStep:
         passed: list[PathStep] = []
         for step in exact:
-            passed.append(step)
+            if step.state.position > told:
+                passed.append(step)
             if step.state.position == state.position:
                 break
         # Both paths halt at the same levels.

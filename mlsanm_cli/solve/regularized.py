@@ -12,35 +12,43 @@ from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction, Tally
 from mlsanm_cli.contact.laws.set_search import NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
-from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, StopReason, correct, follow
+from mlsanm_cli.continuation import (
+    AnmOptions,
+    Branch,
+    Follower,
+    NewtonOptions,
+    Step,
+    StopReason,
+    correct,
+    follow,
+)
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, continued
 from mlsanm_cli.solve.regularized_points import (
     RETURNS,
     Point,
-    RubbingMark,
+    checkpoint_at,
     inside,
-    mark_of,
-    marked,
     moved,
+    restored,
     series_of,
     state_of,
 )
 from mlsanm_cli.solve.series import (
     at,
     at_target,
-    behind,
     coupling_of,
     drawn,
     levels_in,
     path_options,
     path_step,
+    previous_piece,
     regularization,
     states_in,
     stopped,
 )
-from mlsanm_cli.solve.state import PathStep, wanted_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, wanted_positions
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
@@ -51,22 +59,23 @@ APART = "before the first load friction does not hold what contacts alone hold: 
 APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
 
 
-def rubbing_path(built: CondensedScene, mark: RubbingMark | None) -> Iterator[PathStep]:
+def rubbing_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """States of the regularised contact with friction; wanted ones come from the series of their step."""
     wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
-    if mark is None:
+    if start is None:
         point = _first(built, options)
         state = state_of(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
         saved = (state,) if 0.0 in wanted else ()
-        yield PathStep(state, saved, factorizations=point.problem.tally.taken(), mark=mark_of(point, 0))
+        taken, checkpoint = point.problem.tally.taken(), checkpoint_at(point, state)
+        yield PathStep(state, saved, factorizations=taken, checkpoint=checkpoint)
     else:
-        point = marked(built, mark)
+        point = restored(built, start)
     for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
-        if mark is not None and (stage < mark.stage or (stage == mark.stage and mark.lam == 1.0)):
+        if start is not None and stage < start.stage:
             continue
         walk = _Walk(stage, wanted, options)
-        if mark is not None and mark.within and stage == mark.stage:
-            steps = walk.go_on(point, mark)
+        if start is not None and stage == start.stage and start.fraction > 0.0:
+            steps = walk.go_on(point, previous_piece(start, point.x))
         else:
             problem = point.problem
             staged = RegularizedFriction(
@@ -173,17 +182,13 @@ class _Walk:
         self._put_on(point, EventFlags.none(point.problem.n))
         yield from self._pieces()
 
-    def go_on(self, point: Point, mark: RubbingMark) -> Iterator[PathStep]:
-        """Steps from a point within the stage to its end. Raises as `steps` does."""
-        self.point = point
-        self._began, self._standing = mark.began, mark.standing
-        self._held, self._previous = mark.held, mark.piece
-        if mark.no_state is not None:
-            raise NoStateError(mark.no_state)
-        if mark.event:
-            self._count()
-        else:
-            yield from self._piece(resumed=True)
+    def go_on(self, point: Point, previous: Branch | None) -> Iterator[PathStep]:
+        """Steps from a point within the stage to its end, the first ones of the ``previous`` piece of path if
+        no event has ended that. Raises as `steps` does."""
+        self.point, self._began = point, point.lam
+        if previous is not None:
+            self._previous = previous
+            yield from self._piece(replace(self._options, direction=0))
         yield from self._pieces()
 
     def _pieces(self) -> Iterator[PathStep]:
@@ -193,7 +198,7 @@ class _Walk:
             self._began = self.point.lam
             yield from self._piece()
 
-    def _piece(self, *, resumed: bool = False) -> Iterator[PathStep]:
+    def _piece(self, options: AnmOptions | NewtonOptions | None = None) -> Iterator[PathStep]:
         """Steps to the next event, or to the end of the stage."""
         begin, barrier = self.point, EventLocator(self.point.problem)
         follower = follow(
@@ -201,18 +206,17 @@ class _Walk:
             begin.x,
             begin.lam,
             1.0,
-            self._options,
+            options or self._options,
             self._previous,
             barrier,
             self._levels,
-            resumed=resumed,
         )
         for step in follower.steps():
             if barrier.reached:
-                yield from self._event(step, barrier.hits, behind(follower))
+                yield from self._event(step, barrier.hits)
             else:
                 step = at_target(begin.problem, step) if step.lam == 1.0 else step
-                yield self._step(step, behind(follower))
+                yield self._step(step, follower)
         if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
             raise stopped(self._stage, follower.outcome)
         self._previous = follower.outcome.piece
@@ -223,18 +227,6 @@ class _Walk:
         self._standing = self._standing + 1 if self.point.lam - self._began < STANDSTILL else 0
         if self._standing > 4 * self.point.problem.n + 50:
             raise NoStateError(sliding=False)
-
-    def _mark(self, *, event: bool, piece: Branch | None) -> RubbingMark:
-        problem = self.point.problem
-        return replace(
-            mark_of(self.point, self._stage),
-            tangent=problem.expanded_at,
-            event=event,
-            held=self._held,
-            began=self._began,
-            standing=self._standing,
-            piece=piece,
-        )
 
     def _loosened(self) -> bool:
         """Whether some node has ceased to stick or to touch: nothing else lets a body go that was held."""
@@ -254,7 +246,7 @@ class _Walk:
             x = x - problem.tangent(x, point.lam).solve(lack)
         self.point = inside(replace(point, problem=problem, x=x))
 
-    def _event(self, step: Step, hits: EventFlags, piece: Branch | None) -> Iterator[PathStep]:
+    def _event(self, step: Step, hits: EventFlags) -> Iterator[PathStep]:
         """A step that ends at an event, its end already as the path goes on from it."""
         before = self.point
         point, failure = moved(before, step.x, step.lam), None
@@ -265,21 +257,17 @@ class _Walk:
             self.point = inside(point)
         problem = self.point.problem
         residual = float(np.abs(problem.residual(self.point.x, step.lam)).max())
-        step = replace(step, residual=residual)
-        mark = self._mark(event=True, piece=piece)
-        if failure is not None:
-            mark = replace(mark, no_state=failure.sliding)
-        yield replace(self._told(before, step), mark=mark)
+        yield self._told(before, replace(step, residual=residual))
         if failure is not None:
             raise failure
 
-    def _step(self, step: Step, piece: Branch | None) -> PathStep:
+    def _step(self, step: Step, follower: Follower) -> PathStep:
         before = self.point
         self.point = moved(before, step.x, step.lam)
-        return replace(self._told(before, step), mark=self._mark(event=False, piece=piece))
+        return self._told(before, step, follower)
 
-    def _told(self, before: Point, step: Step) -> PathStep:
-        """The step from ``before`` to where the path is now."""
+    def _told(self, before: Point, step: Step, follower: Follower | None = None) -> PathStep:
+        """The step from ``before`` to where the path is now, of a piece that goes on by a follower."""
         stage = self._stage
         end = state_of(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
@@ -291,7 +279,8 @@ class _Walk:
         series = series_of(before.problem, step.branch, stage)
         # Points share tangents, of which the followers know nothing.
         step = replace(step, factorizations=self.point.problem.tally.taken())
-        return path_step(step, end, stage, at(places, saved, end), series)
+        told = path_step(step, end, stage, at(places, saved, end), series)
+        return replace(told, checkpoint=checkpoint_at(self.point, end, follower))
 
     def _waiting(self) -> Iterator[PathStep]:
         """A stage that changes nothing."""
@@ -300,4 +289,4 @@ class _Walk:
         state = state_of(self.point, self._stage, residual)
         places = [p for p in self._wanted if self._stage < p <= self._stage + 1]
         saved = tuple(replace(state, position=position) for position in places)
-        yield PathStep(state, saved, mark=mark_of(self.point, self._stage))
+        yield PathStep(state, saved, checkpoint=checkpoint_at(self.point, state))

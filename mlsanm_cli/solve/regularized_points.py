@@ -1,4 +1,4 @@
-"""A point on the path of the regularised contact with friction, and the mark that it is found again by."""
+"""A point on the path of the regularised contact with friction."""
 
 from __future__ import annotations
 
@@ -7,12 +7,18 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
-from mlsanm_cli.continuation import Branch
+from mlsanm_cli.continuation import Branch, Follower
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.series import coupling_of, regularization, series_arrays, smooth_status
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.series import (
+    checkpoint_of,
+    coupling_of,
+    regularization,
+    series_arrays,
+    smooth_status,
+    unknowns_of,
+)
+from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, State
 from mlsanm_cli.values import dataclass
 
 RETURNS = 3
@@ -29,55 +35,23 @@ class Point:
     work: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class RubbingMark:
-    """Where a path is: what makes up its :class:`Point`, and what the walk along the stage knows besides.
-
-    ``tangent`` are the unknowns at which the tangent was made that nearby points share; ``held`` the sets of
-    the piece of path behind, which ``began`` at a fraction of the stage and is over if an ``event`` ended it.
-    Before the first step of a stage there is no ``piece``. Where no state goes on from here ``no_state``
-    tells whether that is for sliding, else it is None.
-    """
-
-    stage: int
-    lam: float
-    x: FloatArray
-    work: FloatArray
-    sets: ContactStatus
-    stick_reference: FloatArray
-    threshold: FloatArray
-    tangent: FloatArray | None = None
-    event: bool = False
-    held: ContactStatus | None = None
-    began: float = 0.0
-    standing: int = 0
-    piece: Branch | None = None
-    no_state: bool | None = None
-
-    @property
-    def within(self) -> bool:
-        """Whether the stage is under way."""
-        return self.piece is not None and self.lam < 1.0
-
-
-def mark_of(point: Point, stage: int) -> RubbingMark:
-    """The mark of a point with no stage under way."""
+def checkpoint_at(point: Point, state: State, follower: Follower | None = None) -> Checkpoint:
+    """What the path goes on from at a point, whose state is given; a piece begins anew without a follower."""
     problem = point.problem
-    return RubbingMark(
-        stage, point.lam, point.x, point.work, problem.sets, problem.stick_reference, problem.law.threshold
-    )
+    history = FrictionHistory(problem.sets, problem.stick_reference, problem.law.threshold)
+    return replace(Checkpoint(state) if follower is None else checkpoint_of(state, follower), history=history)
 
 
-def marked(built: CondensedScene, mark: RubbingMark) -> Point:
-    """The point where a mark was made."""
+def restored(built: CondensedScene, start: Checkpoint) -> Point:
+    """The point where a checkpoint was made."""
+    history = start.history
+    assert history is not None
     coupling = coupling_of(built, regularization(built)).softened()
-    base = replace(coupling, law=replace(coupling.law, threshold=mark.threshold))
-    begin, end = built.stages[mark.stage], built.stages[mark.stage + 1]
-    problem = RegularizedFriction(base, begin, end, mark.sets, mark.stick_reference)
-    if mark.tangent is not None:
-        problem.tangent(mark.tangent, mark.lam)
-        problem.tally.taken()
-    return Point(problem, mark.x, mark.lam, mark.work)
+    base = replace(coupling, law=replace(coupling.law, threshold=history.threshold))
+    stage = min(start.stage, len(built.stages) - 2)
+    begin, end = built.stages[stage], built.stages[stage + 1]
+    problem = RegularizedFriction(base, begin, end, history.sets, history.stick_reference)
+    return Point(problem, unknowns_of(start.state), start.position - stage, start.state.work)
 
 
 def inside(point: Point) -> Point:

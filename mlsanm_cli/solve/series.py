@@ -31,8 +31,7 @@ from mlsanm_cli.continuation import (
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import PathStep, State, wanted_positions
-from mlsanm_cli.values import dataclass
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, wanted_positions
 
 BRANCH_HINT = (
     'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
@@ -40,51 +39,37 @@ BRANCH_HINT = (
 UNLIMITED = sys.maxsize
 
 
-@dataclass(frozen=True, eq=False)
-class SmoothMark:
-    """Where a path without memory is: its unknowns at a fraction of a stage, and the piece behind it (None
-    before the stage's first step)."""
-
-    stage: int
-    lam: float
-    x: FloatArray
-    piece: Branch | None
-
-
-def smooth_path(built: CondensedScene, mark: SmoothMark | None) -> Iterator[PathStep]:
+def smooth_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Laws without memory; wanted states come from the series of their step, or end one of Newton's."""
     wanted = wanted_positions(built)
     coupling, options = coupling_of(built, regularization(built)), path_options(built)
-    for stage in range(len(built.case.stage)):
-        before, piece = 0.0, None
-        if mark is not None and stage <= mark.stage:
-            x, before, piece = mark.x, mark.lam, mark.piece
-            if stage < mark.stage or before == 1.0:
-                continue
-        problem = problem_of(built, coupling, stage)
-        if mark is None and stage == 0:
-            x = start_point(built, problem)
-            corrected = correct(problem, x, 0.0, options)
+    for stage in range(start.stage if start else 0, len(built.case.stage)):
+        before, piece, problem = 0.0, None, problem_of(built, coupling, stage)
+        if start is not None and stage == start.stage:
+            before, x = start.fraction, _unknowns(problem, start)
+            piece = previous_piece(start, x)
+        elif start is None and stage == 0:
+            corrected = correct(problem, start_point(built, problem), 0.0, options)
             x = corrected.x
-            start = _regularized_state(problem, x, 0.0, stage, corrected.residual)
+            first = _regularized_state(problem, x, 0.0, stage, corrected.residual)
             yield PathStep(
-                start,
-                (start,) if 0.0 in wanted else (),
+                first,
+                (first,) if 0.0 in wanted else (),
                 iterations=corrected.updates,
                 factorizations=corrected.factorizations,
                 solves=corrected.solves,
-                mark=SmoothMark(stage, 0.0, x, None),
+                checkpoint=Checkpoint(first),
             )
         if not problem.change.any():
             state = _regularized_state(problem, x, 1.0, stage, float(np.abs(problem.residual(x, 1.0)).max()))
             yield PathStep(
                 state,
                 tuple(replace(state, position=p) for p in wanted if stage < p <= stage + 1),
-                mark=SmoothMark(stage, 1.0, x, None),
+                checkpoint=Checkpoint(state),
             )
             continue
         levels = levels_in(wanted, stage)
-        follower = follow(problem, x, before, 1.0, options, piece, levels=levels, resumed=piece is not None)
+        follower = follow(problem, x, before, 1.0, options, piece, levels=levels)
         for step in follower.steps():
             if step.lam == 1.0:
                 step = at_target(problem, step)
@@ -94,7 +79,7 @@ def smooth_path(built: CondensedScene, mark: SmoothMark | None) -> Iterator[Path
             step, states = states_in(problem, step, stage, places)
             saved = [_regularized_state(problem, *one[:2], stage, one[2]) for one in states]
             told = path_step(step, end, stage, at(places, saved, end), _series(problem, step.branch, stage))
-            yield replace(told, mark=SmoothMark(stage, step.lam, x, behind(follower)))
+            yield replace(told, checkpoint=checkpoint_of(end, follower))
             before = step.lam
         if not follower.outcome.reached:
             raise stopped(stage, follower.outcome)
@@ -103,10 +88,31 @@ def smooth_path(built: CondensedScene, mark: SmoothMark | None) -> Iterator[Path
 Memoryless = HyperbolicContact | HolonomicContact
 
 
-def behind(follower: Follower) -> Branch | None:
-    """What a path that is taken up again has to know of the step before."""
+def checkpoint_of(state: State, follower: Follower) -> Checkpoint:
+    """What a path that is taken up again at a state has to know of the step before."""
     piece = follower.outcome.piece
-    return None if piece is None else piece.tangent
+    if piece is None:
+        return Checkpoint(state)
+    return Checkpoint(state, heading=np.append(piece.x[1], piece.lam[1]), pace=piece.length)
+
+
+def previous_piece(start: Checkpoint, x: FloatArray) -> Branch | None:
+    """The piece of path behind a checkpoint whose unknowns are x (size,), as far as the next one asks for
+    it; None where a piece begins anew."""
+    if start.fraction == 0.0 or not len(start.heading):
+        return None
+    ends = np.array([x, start.heading[:-1]]), np.array([start.fraction, start.heading[-1]])
+    return Branch(*ends, start.pace)
+
+
+def unknowns_of(state: State) -> FloatArray:
+    """Pressures, gaps, motions, displacements where the path has them, and tractions of a state."""
+    return np.concatenate([state.pressure, state.gap, state.motion, state.displacement, state.traction])
+
+
+def _unknowns(problem: Memoryless, start: Checkpoint) -> FloatArray:
+    x = unknowns_of(start.state)
+    return problem.with_auxiliary(x, start.fraction) if isinstance(problem, HolonomicContact) else x
 
 
 def regularization(built: CondensedScene) -> Regularization:

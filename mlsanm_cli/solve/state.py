@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.values import dataclass
 
@@ -51,6 +52,53 @@ class State:
         return all(np.isfinite(values).all() for values in (*self.unknowns, self.gap))
 
 
+@dataclass(frozen=True, eq=False)
+class FrictionHistory:
+    """What friction remembers: the ``sets`` of nodes that stick and slip, the slips (n,) at which sticking
+    nodes rest, less their asperities' give, and of the smooth law the pressures (n,) from which friction
+    acts."""
+
+    sets: ContactStatus
+    stick_reference: FloatArray
+    threshold: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """What a path goes on from: a state, and how friction came there.
+
+    ``heading`` (size + 1,), of power series and Newton's method, is the way in unknowns and load parameter
+    that the last step set out on, per its parameter, which went as far as ``pace``. ``steps`` rows of the
+    path are behind it, and saved levels up to ``told`` have rows of their own. Of the case's stops ``armed``
+    (k,) tells which have been out of reach before; the one numbered ``ended_by`` has ended the path.
+    The path goes on to the same states within the solver's tolerance.
+    """
+
+    state: State
+    history: FrictionHistory | None = None
+    heading: FloatArray = field(default_factory=lambda: np.zeros(0))
+    pace: float = 0.0
+    steps: int = 0
+    told: float = -1.0
+    armed: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    ended_by: int = -1
+
+    @property
+    def position(self) -> float:
+        """Where on the path it is."""
+        return self.state.position
+
+    @property
+    def stage(self) -> int:
+        """The stage that goes on."""
+        return int(self.position)
+
+    @property
+    def fraction(self) -> float:
+        """How much of that stage is behind."""
+        return self.position - self.stage
+
+
 @dataclass(frozen=True)
 class Polish:
     """What polishing a state with the exact laws changed of pressures and tractions, at most, over the
@@ -69,8 +117,8 @@ class PathStep:
 
     ``series`` holds the arrays from which any state of the step can be had again (ANM only), ``order`` is the
     series' and 0 without one; ``iterations`` are updates of the nonlinear solution; ``warning`` is what the
-    user should know about the step, ``polish`` what the exact laws changed at its end. ``mark``, a dataclass
-    of the method's own, is what the path goes on from behind this step.
+    user should know about the step, ``polish`` what the exact laws changed at its end; ``checkpoint`` is what
+    the path goes on from behind this step.
     """
 
     state: State
@@ -84,7 +132,7 @@ class PathStep:
     series_attributes: Mapping[str, float] = field(default_factory=dict)
     warning: str = ""
     polish: Polish | None = None
-    mark: object = None
+    checkpoint: Checkpoint | None = None
 
 
 def wanted_positions(built: CondensedScene) -> tuple[float, ...]:

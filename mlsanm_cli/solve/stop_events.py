@@ -12,18 +12,14 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Stop
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.packing import packed
-from mlsanm_cli.solve.checkpoint import BEGINNING, Start
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record
-from mlsanm_cli.solve.state import PathStep, State, wanted_positions
-from mlsanm_cli.values import dataclass
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, wanted_positions
 
 CLOSE = 1e-12
 """Positions are known to this, per stage."""
@@ -32,20 +28,8 @@ NEAR = 1e-10
 MOST_LOOKS = 100
 SAMPLES = 65
 AXES = {"x": 0, "y": 1}
-Follow = Callable[[CondensedScene, Start], Iterator[PathStep]]
+Follow = Callable[[CondensedScene, Checkpoint | None], Iterator[PathStep]]
 """A path, or what of it is left."""
-
-
-@dataclass(frozen=True, eq=False)
-class StopMark:
-    """Where a path with stops is: their ``values`` (k,) less their limits, negative before them, which of
-    them have been so (k,), the number of the one that ended the path, or -1, and the path's own mark,
-    packed."""
-
-    values: FloatArray
-    armed: NDArray[np.uint8]
-    by: int
-    path: NDArray[np.uint8]
 
 
 class _Unknown(Exception):
@@ -58,9 +42,12 @@ class Stoppable:
     ``reached`` is that stop, once the path has ended at it.
     """
 
-    def __init__(self, built: CondensedScene, start: Start, follow: Follow) -> None:
-        """``follow`` gives the path. Raises RunError where a stop asks for what the scene does not know."""
-        self._built, self._start, self._follow = built, start, follow
+    def __init__(
+        self, built: CondensedScene, start: Checkpoint | None, last: State | None, follow: Follow
+    ) -> None:
+        """``follow`` gives the path, of which a ``last`` row is there behind a ``start``. Raises RunError
+        where a stop asks for what the scene does not know."""
+        self._built, self._start, self._last, self._follow = built, start, last, follow
         self.reached: Stop | None = None
         for stop in built.case.stop:
             if stop.what == "force" and stop.of not in _forces(built):
@@ -75,35 +62,29 @@ class Stoppable:
         if not stops:
             yield from self._follow(self._built, self._start)
             return
-        mark = self._start.mark(StopMark)
-        if mark is None:
-            mark = StopMark(np.zeros(len(stops)), np.zeros(len(stops), np.uint8), -1, np.zeros(0, np.uint8))
-        if mark.by >= 0:
-            self.reached = stops[mark.by]
+        begin, before = self._start, self._last
+        armed = np.zeros(len(stops), dtype=bool) if begin is None else begin.armed
+        if begin is not None and begin.ended_by >= 0:
+            self.reached = stops[begin.ended_by]
             return
-        begin = Start(self._start.steps, mark.path.tobytes()) if len(mark.path) else BEGINNING
-        before: float | None = None
         for step in self._follow(self._built, begin):
             values = np.array([residual_vector(self._built, stop, step.state) for stop in stops])
-            passed = [k for k in range(len(stops)) if mark.armed[k] and values[k] >= 0.0]
+            passed = [k for k in range(len(stops)) if armed[k] and values[k] >= 0.0]
             passed += [k for k, stop in enumerate(stops) if stop.what == "fold" and turning(step) is not None]
             if passed:
-                ends = [(self._end(k, begin, before, mark, step), k) for k in passed]
+                ends = [(self._end(k, begin, before, step), k) for k in passed]
                 end, number = min(ends, key=lambda one: one[0].state.position)
                 self.reached = stops[number]
-                yield replace(end, mark=StopMark(values, mark.armed, number, np.zeros(0, np.uint8)))
+                yield replace(end, checkpoint=Checkpoint(end.state, armed=armed, ended_by=number))
                 return
-            inner = np.frombuffer(packed(step.mark), np.uint8)
-            armed = np.asarray(mark.armed | (values < 0.0), dtype=np.uint8)
-            mark = StopMark(values, armed, -1, inner)
-            begin, before = Start(begin.steps + 1, inner.tobytes()), step.state.position
-            yield replace(step, mark=mark)
+            armed = armed | (values < 0.0)
+            if step.checkpoint is not None:
+                step = replace(step, checkpoint=replace(step.checkpoint, armed=armed))
+            begin, before = step.checkpoint, step.state
+            yield step
 
-    def _end(
-        self, number: int, begin: Start, before: float | None, mark: StopMark, step: PathStep
-    ) -> PathStep:
-        """The ``step`` on from ``begin``, where the path stood ``before``, with its end where a stop is
-        reached."""
+    def _end(self, number: int, begin: Checkpoint | None, before: State | None, step: PathStep) -> PathStep:
+        """The ``step`` on from ``begin``, whose row was ``before``, with its end where a stop is reached."""
         stop, last = self._built.case.stop[number], step.state.position
         if stop.what == "fold":
             highest = turning(step)
@@ -111,11 +92,11 @@ class Stoppable:
             return self._to(begin, highest - CLOSE * max(1.0, highest)) or _ended(step)
         value = residual_vector(self._built, stop, step.state)
         found = {last: (value, step)}
-        first = last if before is None else before
+        first = last if before is None else before.position
 
         def beyond(place: float) -> float:
             if place in (first, last):
-                return float(mark.values[number]) if place == first else value
+                return residual_vector(self._built, stop, before) if before and place == first else value
             end = self._to(begin, place)
             if end is None:
                 raise _Unknown
@@ -131,7 +112,7 @@ class Stoppable:
         slack = NEAR * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
         return _ended(found[min(place for place, (value, _) in found.items() if value >= -slack)][1])
 
-    def _to(self, begin: Start, place: float) -> PathStep | None:
+    def _to(self, begin: Checkpoint | None, place: float) -> PathStep | None:
         """The step that leads to a position, which ends there; None if the path passes it by."""
         case = self._built.case
         at = tuple(sorted({*wanted_positions(self._built), place}))

@@ -19,11 +19,10 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.io.summary import read_json
 from mlsanm_cli.solve import coercivity as certificate
-from mlsanm_cli.solve.checkpoint import Start
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.paths import load_path
-from mlsanm_cli.solve.state import PathStep, State
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from tests.app.scenes import BAR, NODAL, PATCH, hertz, solve
 from tests.app.test_friction import EXACT, SHEARED
 
@@ -31,10 +30,10 @@ BAD = [1e3, float("nan")]
 Change = Callable[[State], State]
 
 
-def altered(change: Change, saved: bool) -> Callable[[CondensedScene, Start], Iterator[PathStep]]:
+def altered(change: Change, saved: bool) -> Callable[[CondensedScene, Checkpoint | None], Iterator[PathStep]]:
     """A path whose last state, or last saved state, is another."""
 
-    def path(built: CondensedScene, start: Start) -> Iterator[PathStep]:
+    def path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
         end = float(len(built.case.stage))
         for step in load_path(built, start):
             if step.state.position < end:

@@ -1,4 +1,4 @@
-"""Runs as processes of their own: signals, locks, and a cache that cannot be written."""
+"""Runs as processes of their own: signals and locks."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ import pytest
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.kernels.kept import cache_root
-from tests.app.runs import differences
-from tests.app.scenes import BAR, hertz, solve
+from tests.app.runs import resumed_differences
+from tests.app.scenes import hertz, solve
 from tests.app.test_friction import SHEARED
 
 ROOT = Path(__file__).parents[2]
@@ -28,13 +27,17 @@ RUN = ("run", "case.toml", "--out", "run")
 
 
 def start(
-    directory: Path, text: str, *arguments: str, command: tuple[str, ...] = RUN, **environment: str
+    directory: Path,
+    text: str,
+    *arguments: str,
+    command: tuple[str, ...] = RUN,
+    program: tuple[str, ...] = ("-m", "mlsanm_cli.cli"),
 ) -> subprocess.Popen[str]:
     (directory / "case.toml").write_text(text)
     return subprocess.Popen(
-        [sys.executable, "-m", "mlsanm_cli.cli", *command, *arguments],
+        [sys.executable, *program, *command, *arguments],
         cwd=directory,
-        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -75,11 +78,15 @@ def test_a_signal_leaves_a_readable_run(number: signal.Signals, tmp_path: Path) 
 
 def test_a_killed_process_is_resumed(tmp_path: Path) -> None:
     solve(SHEARED, tmp_path / "case")
-    process = start(tmp_path, SHEARED, "--quiet")
+    # Files of a run as short as this one would be written at its beginning and its end only.
+    eager = "import sys; from mlsanm_cli.io import run_file; run_file.EVERY = run_file.SHARE = 0.0; "
+    process = start(
+        tmp_path, SHEARED, "--quiet", program=("-c", eager + "from mlsanm_cli.cli import main; main()")
+    )
     wait_for_steps(tmp_path, 20, process)
     process.kill()
     process.communicate()
-    assert read_run(tmp_path / "run").path.rows >= 20
+    assert read_run(tmp_path / "run").path.rows >= 19
     assert "killed" in info(tmp_path / "run")["stop_reason"]
     again = start(tmp_path, SHEARED, "--quiet", command=("resume", "run"))
     out, err = again.communicate(timeout=PATIENCE)
@@ -87,7 +94,7 @@ def test_a_killed_process_is_resumed(tmp_path: Path) -> None:
     assert out == ""
     assert all("strain energy of body block" in line for line in err.splitlines())
     assert again.returncode == 0
-    assert differences(tmp_path / "case", tmp_path / "run") == []
+    assert resumed_differences(tmp_path / "case", tmp_path / "run") == []
 
 
 def test_two_runs_in_one_directory(tmp_path: Path) -> None:
@@ -105,17 +112,3 @@ def test_two_runs_in_one_directory(tmp_path: Path) -> None:
     process.send_signal(signal.SIGUSR1)
     out, _ = process.communicate(timeout=PATIENCE)
     assert (process.returncode, "SIGUSR1" in out) == (75, True)
-
-
-def test_a_cache_that_cannot_be_written_costs_a_warning(tmp_path: Path) -> None:
-    # Kernels as they are: compiling them anew would take many times as long as all the rest.
-    (tmp_path / "cache").mkdir()
-    (tmp_path / "cache" / "kernels").symlink_to(cache_root() / "kernels")
-    (tmp_path / "cache" / "operators").symlink_to("/proc/mlsanm")
-    process = start(tmp_path, BAR, "--json", MLSANM_CACHE_DIR=str(tmp_path / "cache"))
-    out, err = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
-    (warning,) = [line for line in err.splitlines() if "warning" in line]
-    assert "cannot be kept" in warning
-    assert "MLSANM_CACHE_DIR" in warning
-    assert json.loads(out)["status"] == "done"

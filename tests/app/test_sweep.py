@@ -94,7 +94,7 @@ def test_points_are_the_runs_that_they_stand_for(tmp_path: Path, case: Path) -> 
 def test_what_a_process_keeps_serves_only_what_it_was_made_from(tmp_path: Path, varied: str) -> None:
     case, friction_nodes = tmp_path / "rough.toml", "contact.interface.friction=0.3,0.0"
     case.write_text(ROUGH)
-    assert counts(swept(case, tmp_path / "all", varied, friction_nodes, cache=False)) == [4, 0, 0, 0]
+    assert counts(swept(case, tmp_path / "all", varied, friction_nodes)) == [4, 0, 0, 0]
     for values in points([parse_vary(varied), parse_vary(friction_nodes)]):
         run(case, overrides=values, out=tmp_path / "one", force=True, console=Quiet())
         assert_same_bits(tmp_path / "one", tmp_path / "all" / point_name(values))
@@ -113,7 +113,7 @@ def test_operators_are_made_once_per_geometry(
         return build(name, *arguments)
 
     monkeypatch.setattr(body.BodyModel, "build", counted)
-    swept(case, tmp_path / "all", f"{ETA}=1e-4,2e-4,1e-3", "body.upper.spacing=0.25,0.2", cache=False)
+    swept(case, tmp_path / "all", f"{ETA}=1e-4,2e-4,1e-3", "body.upper.spacing=0.25,0.2")
     assert sorted(made) == ["lower", "upper", "upper"]
 
 
@@ -187,7 +187,7 @@ def test_a_point_that_kills_its_process_is_given_up(
 ) -> None:
     monkeypatch.setattr(engines, "solve_point", _dies)
     monkeypatch.setattr(engines, "ATTEMPTS", 2)
-    deadly = Point(case, (), tmp_path / "x", "x", 1, False, 0, (), False)
+    deadly = Point(case, (), tmp_path / "x", "x", 1, 0, (), False)
     with engines.PoolEngine(1) as engine:
         engine.submit(deadly)
         (row,) = engine.results()

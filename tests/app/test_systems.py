@@ -80,19 +80,6 @@ def test_memory_in_the_unit_of_the_system(monkeypatch: pytest.MonkeyPatch) -> No
     assert system.peak_memory_mb() == 300.0 * 1024.0
 
 
-def test_room_is_made_by_zeros_where_it_cannot_be_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fd = system.open_regular(tmp_path / "file", os.O_RDWR | os.O_CREAT)
-    for name in ("posix_fallocate", "pread", "pwrite"):
-        monkeypatch.delattr(os, name)
-    system.write_at(fd, b"abc", 2)
-    system.reserve(fd, 5, 3 * 2**20)
-    assert system.read_at(fd, 8, 0) == b"\0\0abc\0\0\0"
-    assert os.fstat(fd).st_size == 5 + 3 * 2**20
-    os.close(fd)
-
-
 def test_links_and_pipes_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "target").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "target")

@@ -86,7 +86,6 @@ def test_run_passes_everything_on(
         "threads": 2,
         "max_wall": 90.0,
         "argv": ("mlsanm", "run", "a.toml"),
-        "cache": True,
         "skip_done": False,
     }
     assert threads == ["2"] * 4
@@ -113,11 +112,7 @@ def test_run_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_resume_uses_the_threads_of_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     calls: list[tuple[Any, Any, Any]] = []
 
-    def resume(
-        rundir: Path, *, max_wall: float | None, threads: int, cache: bool, console: Any
-    ) -> dict[str, Any]:
-        assert str(threads) == os.environ["OPENBLAS_NUM_THREADS"]
-        assert cache
+    def resume(rundir: Path, *, max_wall: float | None, console: Any) -> dict[str, Any]:
         calls.append((rundir, max_wall, os.environ["OPENBLAS_NUM_THREADS"]))
         return {**SUMMARY, "status": "stopped"}
 
@@ -413,3 +408,17 @@ def test_errors_as_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     assert (code, "--threads" in problem["message"]) == (2, True)
     install(monkeypatch, "run", raising(ZeroDivisionError("oh")))
     assert told_as_json(capsys, "run", "x.toml")[0] == 70
+
+
+def test_what_an_earlier_version_has_kept_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("MLSANM_CACHE_DIR", str(tmp_path))
+    left, kernel = tmp_path / "operators" / "a" / "clouds-1.mlsanm", tmp_path / "kernels" / "k.so"
+    for file in (left, kernel):
+        file.parent.mkdir(parents=True)
+        file.write_bytes(bytes(2000))
+    for command, counted, count in (("info", "entries", 1), ("clear", "removed", 1), ("info", "entries", 0)):
+        assert main(["cache", command, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)[counted] == count
+    assert kernel.is_file()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +15,7 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-from mlsanm_cli.memo import NoCache
+from mlsanm_cli.memo import Memo
 
 UPRIGHT, LEVEL = Line(0, 0.3), Line(1, -0.2)
 
@@ -170,25 +168,8 @@ def test_a_line_along_an_inner_edge_gives_an_ordinary_cloud() -> None:
     assert build_cloud(slit, Spacing(0.2), 0, line=Line(0, 0.0)).mirror is None
 
 
-class Kept(NoCache):
-    """A memo that keeps everything."""
-
-    def __init__(self) -> None:
-        self.known: dict[tuple[str, str], Any] = {}
-
-    def arrays(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
-        """What was made first."""
-        return self.value(kind, key, make)
-
-    def value(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
-        """What was made first."""
-        if (kind, key) not in self.known:
-            self.known[kind, key] = make()
-        return self.known[kind, key]
-
-
 def test_clouds_of_a_memo_are_told_apart() -> None:
-    memo = Kept()
+    memo = Memo(100)
     outline, spacing, line = SCENES["block"]
     clouds = [
         build_cloud(outline, spacing, 0, memo=memo, line=one) for one in (None, line, LEVEL, None, line)

@@ -174,9 +174,9 @@ def test_a_comparison_touches_no_foreign_file(tmp_path: Path) -> None:
 def test_a_run_that_may_not_be_read_is_not_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "run.h5").write_bytes(b"a run")
 
-    def refuse(file: Path) -> None:
+    def refuse(file: Path, *more: str, **options: bool) -> None:
         raise PermissionError(13, "Permission denied", str(file))
 
-    monkeypatch.setattr(run_dir, "opened", refuse)
+    monkeypatch.setattr("h5py.File", refuse)
     with pytest.raises(RunError, match=r"run\.h5 cannot be read: no permission"):
         run_dir.check(tmp_path, force=True)

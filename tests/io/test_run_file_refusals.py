@@ -7,13 +7,13 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
 from tests.io.run_files import (
@@ -21,54 +21,26 @@ from tests.io.run_files import (
     contact_record,
     datasets,
     start_run,
-    step_record,
+    step_row,
+    write_fields,
     write_steps,
 )
 
 
-def test_a_bad_step_raises_before_anything_is_written(tmp_path: Path) -> None:
-    good = step_record(1)
-    wrong_shape = replace(contact_record(1), gap=np.ones(M + 1))
-    bad: list[dict[str, Any]] = [
-        {"factors": {"press": 1.0}},
-        {"resultants": {**good.resultants, "press": np.ones(3)}},
-        {"contacts": {}},
-        {"contacts": {"interface": wrong_shape}},
-        {"order": 2.5},
-    ]
-    with start_run(tmp_path / "run.h5") as run:
-        write_steps(run, range(1))
-        for change in bad:
-            with pytest.raises(ValueError, match=r"expected|does not fit"):
-                run.append_step(replace(good, **change))
+def test_a_row_of_another_shape_is_refused(tmp_path: Path) -> None:
+    run = start_run(tmp_path / "run.h5")
+    write_steps(run, range(1))
+    run.save()
+    run.add([step_row(1, contacts={"interface": replace(contact_record(1), gap=np.ones(M + 1))})])
+    with pytest.raises(ValueError, match=r"contacts/interface/gap: shape \(8,\), expected \(7,\)"):
+        run.save()
     assert {len(array) for name, array in datasets(tmp_path / "run.h5").items() if "path/" in name} == {1}
 
 
-def test_calls_out_of_order_and_wrong_shapes_are_refused(tmp_path: Path) -> None:
-    with RunFile.create(tmp_path / "run.h5", {}) as run:
-        with pytest.raises(ValueError, match="start_path"):
-            run.append_step(step_record(0))
-        with pytest.raises(ValueError, match="boundary names"):
-            run.write_body("a", np.ones((3, 2)), np.array([0, 1]), np.ones((2, 2)), ["x"])
-        with pytest.raises(ValueError, match="points of body"):
-            run.write_body("a", np.ones((3, 3)), np.array([0]), np.ones((1, 2)), ["x"])
-        with pytest.raises(ValueError, match="weight"):
-            run.write_contact("c", np.ones((3, 2)), np.ones((3, 2)), np.ones(3), np.ones(4))
-        run.start_path([], [])
-        with pytest.raises(ValueError, match="started already"):
-            run.start_path([], [])
-    with start_run(tmp_path / "other.h5") as run:
-        write_steps(run, range(1))
-        with pytest.raises(ValueError, match="after the path was started"):
-            run.write_contact("late", np.ones((1, 2)), np.ones((1, 2)), np.ones(1), np.ones(1))
-        with pytest.raises(ValueError, match="negative"):
-            run.write_series(-1, {}, {})
-
-
 @pytest.mark.parametrize("name", ["", ".", "..", "a/b"])
-def test_names_that_hdf5_would_take_for_paths_are_refused(tmp_path: Path, name: str) -> None:
-    with RunFile.create(tmp_path / "run.h5", {}) as run, pytest.raises(RunError, match="cannot be stored"):
-        run.write_body(name, np.ones((1, 2)), np.array([], int), np.empty((0, 2)), [])
+def test_names_that_hdf5_would_take_for_paths_are_refused(name: str) -> None:
+    with pytest.raises(RunError, match="cannot be stored"):
+        place("bodies", name, "points")
 
 
 def test_create_never_overwrites_and_reports_a_missing_directory(tmp_path: Path) -> None:
@@ -78,20 +50,7 @@ def test_create_never_overwrites_and_reports_a_missing_directory(tmp_path: Path)
         RunFile.create(path, {})
     assert path.read_text() == "mine"
     with pytest.raises(RunError, match="cannot write"):
-        RunFile.create(tmp_path / "none" / "run.h5", {})
-
-
-def test_an_exception_leaves_the_status_as_it_was_set(tmp_path: Path) -> None:
-    def fail() -> None:
-        with start_run(tmp_path / "run.h5") as run:
-            write_steps(run, range(2))
-            run.set_status("failed")
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail()
-    data = read_run(tmp_path)
-    assert (data.status, data.path.rows) == ("failed", 2)
+        RunFile.create(tmp_path / "none" / "run.h5", {}).save()
 
 
 ROOT = Path(__file__).parents[2]
@@ -101,11 +60,12 @@ from pathlib import Path
 from mlsanm_cli.errors import RunError
 from tests.io.run_files import start_run, write_steps
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
+resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
 run = start_run(Path(sys.argv[1]))
 try:
-    for step in range(100000):
-        write_steps(run, range(step, step + 1))
+    for step in range(0, 100000, 10):
+        write_steps(run, range(step, step + 10))
+        run.save()
         print(step, flush=True)
 except RunError as error:
     print(error.message, flush=True)
@@ -124,7 +84,8 @@ def test_a_full_disk_is_a_run_error_and_keeps_the_steps_before_it(tmp_path: Path
     )
     *steps, message = output.stdout.splitlines()
     assert message.startswith("cannot write "), output.stderr
-    assert read_run(tmp_path).path.rows >= len(steps) > 50
+    assert read_run(tmp_path).path.rows == 10 * len(steps) > 50
+    assert [path.name for path in tmp_path.iterdir()] == ["run.h5"]
 
 
 def test_reader_names_what_is_wrong(tmp_path: Path) -> None:
@@ -134,7 +95,7 @@ def test_reader_names_what_is_wrong(tmp_path: Path) -> None:
         read_run(tmp_path)
     path = tmp_path / "run.h5"
     path.write_bytes(b"not hdf5 at all")
-    with pytest.raises(RunError, match="damaged, or being written"):
+    with pytest.raises(RunError, match="it is damaged"):
         read_run(tmp_path)
     path.unlink()
     with h5py.File(path, "w") as file:
@@ -154,3 +115,44 @@ def test_reader_refuses_a_truncated_file(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(RunError, match="cannot be read"):
         read_run(path)
+
+
+def test_a_damaged_file_is_refused_by_name_or_read(tmp_path: Path) -> None:
+    """In a process of its own, which HDF5 must not bring down."""
+    with start_run(tmp_path / "run.h5") as run:
+        write_steps(run, range(20))
+        write_fields(run, 0, 0.5, {"upper/von_mises": np.arange(5.0)})
+    output = subprocess.run(
+        [sys.executable, "-c", DAMAGED, str(tmp_path / "run.h5")],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        check=False,
+    )
+    assert output.returncode == 0, output.stderr
+    refused, whole = map(int, output.stdout.split())
+    assert refused > 50
+    assert whole > 10
+
+
+DAMAGED = """
+import random, sys
+from pathlib import Path
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.run_reader import read_origin, read_run
+path, draw, refused = Path(sys.argv[1]), random.Random(0), 0
+content = path.read_bytes()
+for trial in range(300):
+    damaged = bytearray(content)
+    for _ in range(draw.choice((1, 20, 300))):
+        damaged[draw.randrange(len(damaged) if trial % 2 else 2000)] = draw.randrange(256)
+    path.write_bytes(damaged[: draw.choice((len(damaged), draw.randrange(len(damaged))))])
+    try:
+        read_run(path), read_origin(path), RunFile.reopen(path, {}).close()
+    except RunError as error:
+        assert str(path) in str(error), error
+        refused += 1
+print(refused, 300 - refused)
+"""

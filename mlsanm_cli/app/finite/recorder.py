@@ -1,14 +1,11 @@
-"""The run directory of a run at finite strain: every finished step is on disk before the next one begins."""
+"""The run directory of a run at finite strain."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
-
-import numpy as np
+from typing import Any
 
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
@@ -23,18 +20,17 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.recording import boundary_tags
-from mlsanm_cli.case import LoadedCase, resolved_mapping
+from mlsanm_cli.app.output.writer import RunWriter, body_datasets
+from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.path_table import write_path_csv
-from mlsanm_cli.io.records import StepRecord
-from mlsanm_cli.io.run_file import RunFile
-from mlsanm_cli.io.summary import EventLog, toml_text, write_json_atomic, write_toml
-from mlsanm_cli.io.vtu import BodyState, StateWriter, write_single
+from mlsanm_cli.io.records import place, row
+from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.vtu import BodyState, write_single
 from mlsanm_cli.mechanics.finite.forces import Forces
 
 
-class FiniteRecorder:
+class FiniteRecorder(RunWriter):
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
 
     ``steps`` counts finished ones; the state at the start is none.
@@ -48,52 +44,27 @@ class FiniteRecorder:
         clock: Clock,
         console: Console,
     ) -> None:
-        self.directory, self._clock, self._console = directory, clock, console
-        resolved = resolved_mapping(loaded.case)
-        self._file = RunFile.create(directory / run_dir.RUN_FILE, {**attributes, "strain": "finite"})
-        try:
-            self._file.write_case(loaded.raw, toml_text(resolved))
-            self._file.commit()
-            self._events = EventLog(directory / run_dir.EVENTS_FILE)
-            start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
-            self._events.write("start", **start, threads=attributes.get("threads", 1))
-            write_toml(directory / run_dir.RESOLVED_FILE, resolved)
-        except BaseException:
-            # HDF5 must not outlive the interpreter that its file is written through.
-            self._file.close()
-            raise
-        self._states = StateWriter(directory)
-        self._started = time.monotonic()
-        self.steps = 0
+        super().__init__(directory, loaded, {**attributes, "strain": "finite"}, clock, console)
+        self.steps = self._saved = self.renewed = 0
         self.last: FiniteState | None = None
-        self.iterations = self.factorizations = self.solves = self.renewed = 0
-        self.residual = self.balance = self._largest = 0.0
+        self.balance = self._largest = 0.0
         self.stability = float("inf")
         self.turns: list[Turn] = []
-        self.warnings: list[str] = []
 
     def start(self, scene: FiniteScene) -> None:
-        """Store the body, and begin the path."""
-        cloud = scene.body.elastic.model.cloud
-        surfaces = cloud.surfaces.values()
+        """Store the body and its contacts."""
         with self._clock.phase("output"):
-            self._file.write_body(
-                scene.name,
-                cloud.points,
-                np.concatenate([surface.index for surface in surfaces]),
-                np.concatenate([surface.normal for surface in surfaces]),
-                [surface.name for surface in surfaces for _ in surface.index],
-            )
-            nothing = scene.stages[0]
+            datasets = body_datasets(scene.name, scene.body.elastic.model.cloud)
             for contact in scene.contacts:
-                shape = contact.shape.closest(contact.places, contact.outward)[1]
-                self._file.write_contact(contact.name, contact.places, shape, contact.arc, contact.weight)
-            unloaded = np.zeros(scene.body.loads.count)
-            forces = Forces.of(scene.body, np.zeros(scene.body.unknowns), unloaded)
-            moved = tuple(platen_displacements(scene, nothing))
-            probes = tuple(probe.name for probe in scene.probes)
-            self._file.start_path(scene.case.moved, tuple(resultants(scene, forces)), moved, probes)
-            self._file.commit()
+                geometry = {
+                    "points": contact.places,
+                    "normal": contact.shape.closest(contact.places, contact.outward)[1],
+                    "arc_length": contact.arc,
+                    "weight": contact.weight,
+                }
+                datasets |= {place("contacts", contact.name, key): array for key, array in geometry.items()}
+            self._file.add(datasets=datasets)
+            self._file.save_if_due()
 
     def step(self, scene: FiniteScene, step: FiniteStep) -> None:
         """Store one finished step with the fields wanted within it."""
@@ -103,16 +74,17 @@ class FiniteRecorder:
             rows = [self._row(scene, one, FiniteStep(one, order=step.order)) for one in between]
             rows.append(self._row(scene, state, step))
             fields = [(one, fields_of(scene, one)) for one in step.saved] if scene.case.output.fields else []
-            with self._file.together():
-                for row in rows:
-                    self._file.append_step(row)
-                for one, found in fields:
-                    self._file.write_fields(one.position, {scene.name: _stored(scene, found)})
-                self._file.commit()
+            datasets: dict[str, Value] = {}
+            for one, found in fields:
+                datasets |= _stored(scene, found, self._saved)
+                rows.append({"fields/position": one.position})
+                self._saved += 1
+            self._file.add(rows, datasets)
+            self._file.save_if_due()
             for one, found in fields:
                 if scene.case.output.vtu:
                     self._states.write(one.position, {scene.name: _shown(scene, found)})
-            self._events.write_once(
+            self._events.write(
                 "step",
                 index=self.steps + bool(self.last),
                 position=state.position,
@@ -124,16 +96,18 @@ class FiniteRecorder:
         text = "  ".join([*turned, *(["equations renewed"] if step.renewed else [])])
         self._console.step(self.steps, state.position, state.residual, text)
 
-    def _row(self, scene: FiniteScene, state: FiniteState, step: FiniteStep) -> StepRecord:
+    def _row(self, scene: FiniteScene, state: FiniteState, step: FiniteStep) -> dict[str, Any]:
         forces = Forces.of(scene.body, state.displacement, state.acting)
-        return StepRecord(
-            position=state.position,
-            step_length=step.length,
-            residual=state.residual,
-            order=step.order,
-            factorizations=step.factorizations,
-            solves=step.solves,
-            seconds=time.monotonic() - self._started,
+        return row(
+            path={
+                "position": state.position,
+                "step_length": step.length,
+                "residual": state.residual,
+                "order": step.order,
+                "factorizations": step.factorizations,
+                "solves": step.solves,
+                "seconds": time.monotonic() - self._started,
+            },
             factors=dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
             resultants=resultants(scene, forces),
             contacts=contact_records(scene, state),
@@ -155,12 +129,6 @@ class FiniteRecorder:
         self._largest = max(self._largest, forces.size)
         self.balance = forces.rest / self._largest if self._largest else 0.0
 
-    def warn(self, message: str) -> None:
-        """A warning on the console, in the events and in the summary."""
-        self.warnings.append(message)
-        self._events.write_once("warning", message=message)
-        self._console.warning(message)
-
     def failure(self, error: NumericalError, scene: FiniteScene) -> None:
         """Tell of a failure, and write the last good state as failure.vtu."""
         with self._clock.phase("output"):
@@ -172,33 +140,17 @@ class FiniteRecorder:
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Close everything; summary.json comes last, so that its presence means the run is over."""
         if self.last is not None:
-            write_path_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
-        self._states.finish()
-        self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
-        self._file.set_status(str(summary["status"]))
-        self.close()
-        write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
-
-    def close(self) -> None:
-        """Close the files; twice is allowed."""
-        self._file.close()
-        self._events.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+            self.write_path()
+        super().finish(summary)
 
 
-def _stored(scene: FiniteScene, fields: FiniteFields) -> dict[str, Any]:
-    """The fields asked for, as run.h5 takes them; with stresses the stretches and ratios of volumes."""
+def _stored(scene: FiniteScene, fields: FiniteFields, number: int) -> dict[str, Value]:
+    """The fields asked for, as the saved state of a number; with stresses the stretches and ratios of
+    volumes."""
     wanted: list[str] = list(scene.case.output.fields)
     if "stress" in wanted:
         wanted += ["stretch", "volume_ratio"]
-    return {name: getattr(fields, name) for name in wanted}
+    return {place("fields", str(number), scene.name, name): getattr(fields, name) for name in wanted}
 
 
 def _shown(scene: FiniteScene, fields: FiniteFields) -> BodyState:

@@ -1,4 +1,4 @@
-"""The run directory while a run goes on: every finished step is on disk before the next one begins."""
+"""The run directory while a run goes on."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -19,26 +19,25 @@ from mlsanm_cli.app.assessment.refinement import Adapted
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.output import recording
+from mlsanm_cli.app.output.checkpoint import REFINEMENT, Earlier, plain_checkpoint, plain_refinement
 from mlsanm_cli.app.output.fine_views import Views
 from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.output.recording import model_bodies
+from mlsanm_cli.app.output.writer import RunWriter
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import LoadedCase, resolved_mapping
+from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.path_table import write_path_csv
-from mlsanm_cli.io.run_file import RunFile
-from mlsanm_cli.io.summary import EventLog, toml_text, write_interface_csv, write_json_atomic, write_toml
-from mlsanm_cli.io.vtu import StateWriter, write_model, write_single
+from mlsanm_cli.io.records import place
+from mlsanm_cli.io.run_file import Attribute, Value
+from mlsanm_cli.io.summary import write_interface_csv
+from mlsanm_cli.io.vtu import write_model, write_single
 from mlsanm_cli.io.vtu_lines import LinesWriter
-from mlsanm_cli.packing import packed
-from mlsanm_cli.solve.checkpoint import BEGINNING, Start
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields, fields_of
-from mlsanm_cli.solve.recorded import CLOUDS, PATH, Earlier, Recorded
-from mlsanm_cli.solve.state import PathStep, Polish, State
+from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State
 
 NOTICED = 2.0
 """Seconds after which the rest of a path is estimated: before, nobody waits."""
@@ -46,11 +45,11 @@ NOTICED = 2.0
 NAMED = 2
 """Loads by which a stage is called."""
 
-Saved = tuple[float, dict[str, dict[str, FloatArray]], dict[str, float]]
-"""Position, fields by body and name, and attributes of a saved state."""
+TALLIES = ("iterations", "factorizations", "solves", "residual", "linear_residual", "cone")
+"""What a recorder counts along the path, a run that goes on counts further."""
 
 
-class Recorder:
+class Recorder(RunWriter):
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
 
     With ``earlier`` it goes on with the files of an earlier process, behind the last step in them.
@@ -66,41 +65,17 @@ class Recorder:
         *,
         earlier: Earlier | None = None,
     ) -> None:
-        self.directory = directory
+        super().__init__(directory, loaded, attributes, clock, console, earlier.rows if earlier else None)
         self._case = loaded.case
-        self._clock = clock
-        self._console = console
-        with clock.phase("output"):
-            resolved = resolved_mapping(loaded.case)
-            self._file = _open(directory / run_dir.RUN_FILE, attributes, earlier)
-            try:
-                self._file.write_case(loaded.raw, toml_text(resolved))
-                self._file.commit()
-                self._events = EventLog(directory / run_dir.EVENTS_FILE)
-                if earlier is not None:
-                    before = earlier.recorded.rows - 1 if earlier.recorded else 0
-                    self._events.write("resume", steps=before)
-                else:
-                    start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
-                    self._events.write("start", **start, threads=attributes.get("threads", 1))
-                write_toml(directory / run_dir.RESOLVED_FILE, resolved)
-            except BaseException:
-                # HDF5 must not outlive the interpreter that its file is written through.
-                self._file.close()
-                raise
-        self._states, self._lines = StateWriter(directory), LinesWriter(directory)
+        self._lines = LinesWriter(directory)
         # The clock of /path/seconds goes on where it stood.
-        self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
-        self._earlier = earlier.recorded if earlier else None
+        self._started -= earlier.seconds if earlier else 0.0
+        self._earlier = earlier
         self._pace: tuple[float, float] | None = None
-        self._rows = 0
-        self._saved = 0
+        self._rows = self._saved = 0
         self._told: list[str] = []
         self.last: State | None = None
-        self.iterations = self.factorizations = self.solves = 0
-        self.residual = 0.0
         self.linear_residual: float | None = None
-        self.warnings: list[str] = []
         self.cone: dict[str, float] = {}
         self.polished: list[Polish] = []
         self._mapped = False
@@ -116,63 +91,63 @@ class Recorder:
         """Finished steps; the state at the start is none."""
         return max(self._rows - 1, 0)
 
-    def start(self, adapted: Adapted) -> Start:
-        """Store the model; where its path begins, or goes on."""
+    def start(self, adapted: Adapted) -> Checkpoint | None:
+        """Store the model; what its path goes on from, None where it begins."""
         built, self._starts = adapted.built, adapted.accuracy.solutions
         with self._clock.phase("output"):
             self._views = Views.of(built)
-            recording.write_model(self._file, built, self._views.clouds)
-            self._file.confirm_attribute("cache_hash", recording.operators_digest(built))
+            self._file.confirm(recording.model_datasets(built, self._views.clouds))
             nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
-            self._file.confirm_attribute("nodes", str(nodes))
+            digest = recording.operators_digest(built)
+            self._file.add(attributes={"": {"cache_hash": digest, "nodes": str(nodes)}})
             if adapted.refined:
-                self._file.write_checkpoint(CLOUDS, packed(adapted.refinement))
-            self._file.commit()
-            return self._take_up(built, self._earlier) if self._earlier else BEGINNING
+                self._file.add(datasets={REFINEMENT: plain_refinement(adapted.refinement)})
+            self._file.save_if_due()
+            return self._take_up(built, self._earlier) if self._earlier else None
 
-    def _take_up(self, built: CondensedScene, before: Recorded) -> Start:
+    def _take_up(self, built: CondensedScene, before: Earlier) -> Checkpoint | None:
         """Go on behind what is recorded."""
-        self._tell(before)
+        if before.last is None:
+            return None
         self.last, self._rows = before.last, before.rows
-        self.iterations, self.factorizations, self.solves = (
-            before.iterations,
-            before.factorizations,
-            before.solves,
-        )
-        self.residual, self.linear_residual = before.residual, before.linear_residual
-        self.cone, self.polished = dict(before.cone), list(before.polished)
-        self.warnings += before.warnings
-        self._told += before.warnings
-        self._saved = before.saved
-        if self._case.output.vtu:
-            for position in self._file.saved_positions():
-                self._states.keep(position, tuple(built.scene.bodies))
-                self._lines.keep(position)
-        return before.start
+        for name in TALLIES:
+            setattr(self, name, before.figures[name])
+        self.polished = [Polish(**one) for one in before.figures["polished"]]
+        self._told += before.figures["told"]
+        self.warnings += self._told
+        positions = self._file.saved_positions()
+        self._saved = len(positions)
+        for position in positions if self._case.output.vtu else ():
+            self._states.keep(position, tuple(built.scene.bodies))
+            self._lines.keep(position)
+        return before.checkpoint
 
     def step(self, built: CondensedScene, step: PathStep) -> None:
-        """Store one finished step, all at once: its series, its row, the fields wanted within it, and what
-        the run goes on from."""
+        """Add one finished step: its series, its row, the fields wanted within it, and what the run goes on
+        from. All of it is written together, some time later."""
         state, index = step.state, self._rows
         with self._clock.phase("output"):
-            # All that takes long comes first: signals wait while the file is written.
-            row = recording.step_record(built, step, time.monotonic() - self._started)
-            saved = self._saved_fields(built, step.saved) if self._case.output.fields else []
+            rows = [recording.step_row(built, step, time.monotonic() - self._started)]
+            datasets: dict[str, Value] = {}
+            attributes: dict[str, Mapping[str, Attribute]] = {}
+            if step.series:
+                if not self._mapped:
+                    datasets |= recording.map_datasets(built)
+                    self._mapped = True
+                series = place("series", str(index))
+                datasets |= {f"{series}/{name}": array for name, array in step.series.items()}
+                attributes[series] = step.series_attributes
+            if self._case.output.fields:
+                self._save_fields(built, step.saved, rows, datasets, attributes)
             self._count(built, step)
-            recorded = self._recorded(step)
-            content = packed(recorded)
-            with self._file.together():
-                if step.series:
-                    if not self._mapped:
-                        recording.write_maps(self._file, built)
-                        self._mapped = True
-                    self._file.write_series(index, step.series, step.series_attributes)
-                self._file.append_step(row)
-                for one in saved:
-                    self._file.write_fields(*one)
-                self._file.write_checkpoint(PATH, content)
-                self._file.commit()
-            self._tell(recorded)
+            figures = {name: getattr(self, name) for name in TALLIES if name != "cone"}
+            more = {"cone": dict(self.cone), "polished": tuple(self.polished), "told": tuple(self._told)}
+            latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
+            event = {"index": index, "position": state.position, "residual": state.residual}
+            # Before the row: a run that goes on drops the events of steps that are not in its file.
+            self._events.write("step", **event, length=step.length)
+            self._file.add(rows, datasets, attributes, latest)
+            self._file.save_if_due()
         peak = float(state.pressure.max(initial=0.0))
         told = self._progress(state.position)
         if len(state.pressure):
@@ -199,8 +174,6 @@ class Recorder:
         """Add a step, fields and all, to what is known of the path."""
         self.last = step.state
         self._rows += 1
-        if self._case.output.fields:
-            self._saved += len(step.saved)
         self.iterations += step.iterations
         self.factorizations += step.factorizations
         self.solves += step.solves
@@ -215,39 +188,17 @@ class Recorder:
             self._told.append(step.warning)
             self.warn(step.warning)
 
-    def _tell(self, recorded: Recorded) -> None:
-        """The event of the last step recorded, which a kill may have come before."""
-        state = recorded.last
-        self._events.write_once(
-            "step",
-            index=recorded.rows - 1,
-            position=state.position,
-            residual=state.residual,
-            length=recorded.length,
-        )
-
-    def _recorded(self, step: PathStep) -> Recorded:
-        return Recorded(
-            last=step.state,
-            length=step.length,
-            rows=self._rows,
-            saved=self._saved,
-            iterations=self.iterations,
-            factorizations=self.factorizations,
-            solves=self.solves,
-            residual=self.residual,
-            linear_residual=self.linear_residual,
-            cone=self.cone,
-            polished=tuple(self.polished),
-            warnings=tuple(self._told),
-            mark=np.frombuffer(packed(step.mark), np.uint8),
-        )
-
-    def _saved_fields(self, built: CondensedScene, states: Sequence[State]) -> list[Saved]:
-        """The fields wanted of states as run.h5 takes them; their VTU files are written."""
+    def _save_fields(
+        self,
+        built: CondensedScene,
+        states: Sequence[State],
+        rows: list[dict[str, Any]],
+        datasets: dict[str, Value],
+        attributes: dict[str, Mapping[str, Attribute]],
+    ) -> None:
+        """Add the fields wanted of states to what goes to run.h5, and write their VTU files."""
         wanted = tuple(dict.fromkeys(self._case.output.fields))
         stress = bool({"stress", "von_mises", "strain"} & set(wanted))
-        saved: list[Saved] = []
         found = fields_of(built, states, stress, self._starts)
         for state, (fields, residual) in zip(states, found, strict=True):
             if stress:
@@ -262,9 +213,10 @@ class Recorder:
                 self._states.write(state.position, recording.vtu_states(clouds, shown, wanted))
                 lines = contact_lines(built, state, clouds, shown), obstacle_lines(built, state)
                 self._lines.write(state.position, *lines)
-            kept = recording.stored_fields(shown, wanted)
-            saved.append((state.position, kept, {"linear_residual": residual}))
-        return saved
+            datasets |= recording.stored_fields(self._saved, shown, wanted)
+            rows.append({"fields/position": state.position})
+            attributes[place("fields", str(self._saved))] = {"linear_residual": residual}
+            self._saved += 1
 
     def _judge_places(
         self,
@@ -295,12 +247,6 @@ class Recorder:
             check_overlaps(built, self.last, clouds, {name: one.displacement for name, one in fields.items()})
         return self.linear_residual or 0.0
 
-    def warn(self, message: str) -> None:
-        """A warning on the console, in the events and in the summary."""
-        self.warnings.append(message)
-        self._events.write_once("warning", message=message)
-        self._console.warning(message)
-
     def failure(self, error: NumericalError, prepared: SceneModel, built: CondensedScene | None) -> None:
         """Tell of a failure, and write failure.vtu: the state that was judged last, or the model if none was.
 
@@ -329,37 +275,8 @@ class Recorder:
         if self.last is None:
             return
         with self._clock.phase("output"):
-            write_path_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
+            self.write_path()
             for pairing in built.condensed.reported:
                 columns = recording.interface_columns(built, pairing, self.last)
                 name = run_dir.interface_name(pairing.name, len(built.condensed.reported))
                 write_interface_csv(self.directory / name, {k: np.asarray(v) for k, v in columns.items()})
-
-    def finish(self, summary: Mapping[str, Any]) -> None:
-        """Close everything; summary.json comes last, so that its presence means the run is over."""
-        self._states.finish()
-        self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
-        self._file.set_status(str(summary["status"]))
-        self.close()
-        write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
-
-    def close(self) -> None:
-        """Close the files; twice is allowed."""
-        self._file.close()
-        self._events.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-
-def _open(path: Path, attributes: Mapping[str, str | int | float], earlier: Earlier | None) -> RunFile:
-    """run.h5, a new one or that of an earlier process."""
-    if earlier is None:
-        return RunFile.create(path, attributes)
-    before = earlier.recorded
-    return RunFile.reopen(path, attributes, *((before.rows, before.saved) if before else (0, 0)))

@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.output.fine_views import View, Views
+from mlsanm_cli.app.output.writer import body_datasets
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
-from mlsanm_cli.io.records import ContactRecord, StepRecord
-from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.records import ContactRecord, place, row
+from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import BodyState, ModelBody
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.probes import stress_of_expansion
@@ -29,36 +30,24 @@ PRESSED = 1e-9
 """Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
 
 
-def write_model(file: RunFile, built: CondensedScene, clouds: Mapping[str, Cloud]) -> None:
+def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[str, Value]:
     """Bodies and contacts as they are before loading."""
+    found: dict[str, Value] = {}
     for name, cloud in clouds.items():
-        surfaces = cloud.surfaces.values()
-        file.write_body(
-            name,
-            cloud.points,
-            np.concatenate([surface.index for surface in surfaces]),
-            np.concatenate([surface.normal for surface in surfaces]),
-            [surface.name for surface in surfaces for _ in surface.index],
-        )
+        found |= body_datasets(name, cloud)
     for pairing in built.condensed.reported:
-        chosen = pairing.candidate
-        file.write_contact(
-            pairing.name,
-            slave_points(built, pairing),
-            pairing.normal[chosen],
-            slave_arc(pairing),
-            pairing.weight[chosen],
-        )
-    condensed = built.condensed
-    bonds = condensed.bonds
-    if bonds.pairings:
-        parts = {
-            name: (bonds.pressure.take(own), bonds.traction.take(own)) for name, own in bonds.spans.items()
+        geometry = {
+            "points": slave_points(built, pairing),
+            "normal": pairing.normal[pairing.candidate],
+            "arc_length": slave_arc(pairing),
+            "weight": pairing.weight[pairing.candidate],
         }
-        both = {name: np.concatenate([one.matrix for one in pair]) for name, pair in parts.items()}
-        file.write_maps("bonds", both)
-    moved = tuple(platen_displacements(built))
-    file.start_path(built.scene.loads, tuple(condensed.forces), moved, tuple(condensed.probes))
+        found |= {place("contacts", pairing.name, key): array for key, array in geometry.items()}
+    bonds = built.condensed.bonds
+    for name, own in bonds.spans.items() if bonds.pairings else ():
+        pair = (bonds.pressure.take(own), bonds.traction.take(own))
+        found[place("maps", "bonds", name)] = np.concatenate([one.matrix for one in pair])
+    return found
 
 
 def operators_digest(built: CondensedScene) -> str:
@@ -68,13 +57,12 @@ def operators_digest(built: CondensedScene) -> str:
     return digest([one.matrix for one in maps], condensed.weight)
 
 
-def write_maps(file: RunFile, built: CondensedScene) -> None:
+def map_datasets(built: CondensedScene) -> dict[str, Value]:
     """What else follows from the unknowns that series hold: forces, slips, what probes observe."""
     condensed = built.condensed
     slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
-    for kind, maps in (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes)):
-        if maps:
-            file.write_maps(kind, {name: one.matrix for name, one in maps.items()})
+    kinds = (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes))
+    return {place("maps", kind, name): one.matrix for kind, maps in kinds for name, one in maps.items()}
 
 
 def contact_record(built: CondensedScene, pairing: Pairing, state: State) -> ContactRecord:
@@ -115,17 +103,19 @@ def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
     return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
 
 
-def step_record(built: CondensedScene, step: PathStep, seconds: float) -> StepRecord:
-    """One row of the path."""
+def step_row(built: CondensedScene, step: PathStep, seconds: float) -> dict[str, Any]:
+    """One row of the path: a value for every column of run.h5."""
     state = step.state
-    return StepRecord(
-        position=state.position,
-        step_length=step.length,
-        residual=state.residual,
-        order=step.order,
-        factorizations=step.factorizations,
-        solves=step.solves,
-        seconds=seconds,
+    return row(
+        path={
+            "position": state.position,
+            "step_length": step.length,
+            "residual": state.residual,
+            "order": step.order,
+            "factorizations": step.factorizations,
+            "solves": step.solves,
+            "seconds": seconds,
+        },
         factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
         resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
         displacements=platen_displacements(built, state),
@@ -198,9 +188,13 @@ def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stre
     return Fields(seen[:, :2] + moved, sigma, across, von_mises(sigma, across), strain, fields.rest)
 
 
-def stored_fields(fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, dict[str, FloatArray]]:
-    """The fields asked for, by body and name."""
-    return {body: {name: getattr(values, name) for name in wanted} for body, values in fields.items()}
+def stored_fields(number: int, fields: Mapping[str, Fields], wanted: tuple[str, ...]) -> dict[str, Value]:
+    """The fields asked for, as the saved state of a number."""
+    return {
+        place("fields", str(number), body, name): np.ascontiguousarray(getattr(values, name))
+        for body, values in fields.items()
+        for name in wanted
+    }
 
 
 def vtu_states(

@@ -8,7 +8,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.cache import shelf
 from mlsanm_cli.app.run import run
 from mlsanm_cli.errors import MlsanmError
 from mlsanm_cli.memo import Memo
@@ -28,7 +27,6 @@ class Point:
     directory: Path
     name: str
     threads: int
-    cache: bool
     memory: int
     argv: tuple[str, ...]
     done: bool
@@ -47,7 +45,7 @@ def solve_point(point: Point) -> Mapping[str, Any]:
                 threads=point.threads,
                 console=Silent(),
                 argv=point.argv,
-                memo=_memo(point.threads, point.cache, point.memory),
+                memo=_memo(point.memory),
             )
         except MlsanmError as error:
             return outcome(point, "failed", error.message)
@@ -69,15 +67,9 @@ def outcome(point: Point, status: str, reason: str, warnings: int = 0) -> Mappin
 
 
 @lru_cache(maxsize=1)
-def _memo(threads: int, cache: bool, memory: int) -> Memo:
-    """The process's memo. What it has to say about the disk is said once per process."""
-    return shelf(threads, _warn, on_disk=cache, values=memory)
-
-
-def _warn(text: str) -> None:
-    import sys
-
-    print(f"warning: {text}", file=sys.stderr)
+def _memo(memory: int) -> Memo:
+    """The process's memo."""
+    return Memo(memory)
 
 
 class Silent:

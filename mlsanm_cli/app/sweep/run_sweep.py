@@ -1,7 +1,6 @@
 """``mlsanm sweep``: a case solved for every combination of some values, each in a run directory of its own.
 
-Points of one geometry follow each other, so that a process that has its operators uses them again. The first
-point of every geometry goes ahead of the others, which then find its operators on disk.
+Points of one geometry follow each other, so that a process that has its operators uses them again.
 """
 
 from __future__ import annotations
@@ -42,7 +41,6 @@ class SweepOptions:
     jobs: int = 1
     threads: int = 1
     scheduler: str | None = None
-    cache: bool = True
     force: bool = False
 
 
@@ -128,7 +126,6 @@ def _plan(
             directory=place,
             name=place.name,
             threads=wishes.threads,
-            cache=wishes.cache,
             # Clouds, operators and answers of two geometries.
             memory=2 * RESULTS_PER_BODY * (1 + len(loaded.case.body)),
             argv=argv,
@@ -184,15 +181,10 @@ def geometry(case: Case) -> str:
 
 
 def _results(engine: Engine, planned: Sequence[Sequence[Point]]) -> Iterator[Mapping[str, Any]]:
-    """Rows of the points that are not done, as they end; the first of a group before the rest of it."""
-    waiting: dict[str, list[Point]] = {}
+    """Rows of the points that are not done, as they end."""
     with engine:
         for group in planned:
-            todo = [point for point in group if not point.done]
-            if todo:
-                waiting[todo[0].name] = todo[1:]
-                engine.submit(todo[0])
-        for row in engine.results():
-            yield row
-            for point in waiting.pop(str(row["name"]), ()):
-                engine.submit(point)
+            for point in group:
+                if not point.done:
+                    engine.submit(point)
+        yield from engine.results()

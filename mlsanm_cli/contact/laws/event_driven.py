@@ -34,13 +34,12 @@ OVERLAP_HINT = "move one body so that the surfaces at most touch, or prescribe i
 @dataclass(frozen=True, eq=False)
 class Event:
     """The state at ``fraction`` of a stage, the dense systems ``solves`` it took to come there, and whether
-    the state ``jumped`` there from another contact. It came there along rates unless ``found`` ahead."""
+    the state ``jumped`` there from another contact."""
 
     fraction: float
     state: CoulombState
     solves: int
     jumped: bool = False
-    found: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +83,11 @@ def event_driven_path(
     stops: Sequence[float],
     begin: FloatArray | None = None,
     fraction: float = 0.0,
-    found: bool = False,
 ) -> Iterator[Event]:
     """Every event of a stage from ``state`` to the load factors ``end`` (L,), and the states at ``stops``.
 
     ``stops`` are fractions up to 1, increasing, the last one 1. A path that is taken up again names the
-    load factors ``begin`` (L,) of the stage's start, the ``fraction`` of it that is behind the state, and
-    whether the state was ``found`` ahead.
+    load factors ``begin`` (L,) of the stage's start and the ``fraction`` of it that is behind the state.
     Raises SlidingError where the contact slides as a whole under a force, NumericalError where no state
     continues the path.
     """
@@ -100,8 +97,7 @@ def event_driven_path(
         yield from (Event(stop, replace(state, factors=begin + stop * change), 0) for stop in stops)
         return
     pending, standing = list(stops), 0
-    # A path that is taken up again makes the system anew that it had, which counts no more.
-    course = None if found or fraction == 0.0 else _course_of(condensed, state.sets, change)
+    course: _Course | None = None
     while pending:
         touching = bool(state.sets.closed.any())
         try:
@@ -118,7 +114,7 @@ def event_driven_path(
             standing, course = 0, None
             while pending and pending[0] <= fraction:
                 pending.pop(0)
-            yield Event(fraction, state, solves, jumped=touching, found=True)
+            yield Event(fraction, state, solves, jumped=touching)
             continue
         sets = course.sets
         if slides_freely(condensed, sets):

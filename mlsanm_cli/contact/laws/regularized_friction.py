@@ -221,11 +221,6 @@ class RegularizedFriction:
             self._ready = (x.copy(), self._factorised(x))
         return self._ready[1]
 
-    @property
-    def expanded_at(self) -> FloatArray | None:
-        """The unknowns (size,) where the tangent was made that is at hand; None if there is none."""
-        return None if self._ready is None else self._ready[0]
-
     def _factorised(self, x: FloatArray) -> RubbingTangent | CoupledRubbingTangent:
         self.tally.count += 1
         if isinstance(self.base, DenseCoupling):

@@ -203,4 +203,4 @@ def _answer(
 
     if not sources.shape[1]:
         return {"observed": np.zeros((rows.shape[0], 0)), "solution": np.zeros((rows.shape[1], 0))}
-    return memo.arrays("answers", digest(body.equations.content, sources, rows, quick), solve)
+    return memo.value("answers", digest(body.equations.content, sources, rows, quick), solve)

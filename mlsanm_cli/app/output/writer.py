@@ -1,0 +1,108 @@
+"""The files that every run writes as it begins, warns and ends."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.console import Console
+from mlsanm_cli.case import LoadedCase, resolved_mapping
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.path_table import write_path_csv
+from mlsanm_cli.io.records import place
+from mlsanm_cli.io.run_file import RunFile, Value
+from mlsanm_cli.io.summary import EventLog, toml_text, write_json_atomic, write_toml
+from mlsanm_cli.io.vtu import StateWriter
+
+
+class RunWriter:
+    """run.h5, events.jsonl, resolved.toml and VTU files of a run, and its warnings; a context manager."""
+
+    def __init__(
+        self,
+        directory: Path,
+        loaded: LoadedCase,
+        attributes: Mapping[str, str | int | float],
+        clock: Clock,
+        console: Console,
+        rows: int | None = None,
+    ) -> None:
+        """Begin the files, or go on behind so many ``rows`` of run.h5. RunError."""
+        self.directory = directory
+        self._clock, self._console = clock, console
+        file = directory / run_dir.RUN_FILE
+        with clock.phase("output"):
+            resolved = resolved_mapping(loaded.case)
+            self._file = (
+                RunFile.create(file, attributes) if rows is None else RunFile.reopen(file, attributes)
+            )
+            try:
+                self._file.confirm({"case/raw": loaded.raw, "case/resolved": toml_text(resolved)})
+                self._file.save()
+                self._events = EventLog(directory / run_dir.EVENTS_FILE, rows)
+                if rows is None:
+                    start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
+                    self._events.write("start", **start, threads=attributes.get("threads", 1))
+                else:
+                    self._events.write("resume", steps=max(rows - 1, 0))
+                write_toml(directory / run_dir.RESOLVED_FILE, resolved)
+            except BaseException:
+                self._file.close()
+                raise
+        self._states = StateWriter(directory)
+        self._started = time.monotonic()
+        self.warnings: list[str] = []
+        self.iterations = self.factorizations = self.solves = 0
+        self.residual = 0.0
+
+    def warn(self, message: str) -> None:
+        """A warning on the console, in the events and in the summary."""
+        self.warnings.append(message)
+        self._events.write_once("warning", message=message)
+        self._console.warning(message)
+
+    def write_path(self) -> None:
+        """Write the path as a table."""
+        write_path_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
+
+    def finish(self, summary: Mapping[str, Any]) -> None:
+        """Close everything; summary.json comes last, so that its presence means the run is over."""
+        self._states.finish()
+        self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
+        self._file.set_status(str(summary["status"]))
+        self.close()
+        write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
+
+    def close(self) -> None:
+        """Close the files; twice is allowed."""
+        try:
+            self._file.close()
+        finally:
+            self._events.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def body_datasets(name: str, cloud: Cloud) -> dict[str, Value]:
+    """A body as run.h5 stores it."""
+    surfaces = cloud.surfaces.values()
+    boundary = ("bodies", name, "boundary")
+    return {
+        place("bodies", name, "points"): cloud.points,
+        place(*boundary, "index"): np.concatenate([surface.index for surface in surfaces]),
+        place(*boundary, "normal"): np.concatenate([surface.normal for surface in surfaces]),
+        place(*boundary, "name"): [surface.name for surface in surfaces for _ in surface.index],
+    }

@@ -1,0 +1,165 @@
+"""A path taken up again behind any of its steps leads to the same states."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.output.checkpoint import earlier_of, plain_checkpoint
+from mlsanm_cli.app.scene.build import build_scene, condense_scene
+from mlsanm_cli.case import load_case
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.run_reader import read_origin
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.paths import load_path
+from mlsanm_cli.solve.state import PathStep
+from tests.app.scenes import BAR, COARSE, PATCH, Quiet, hertz
+from tests.app.test_friction import EXACT, HOLONOMIC, SHEARED
+
+INSIDE = "output.at=[0.3, 0.7, 1.0]"
+SHORT = ("stage=[{press=1.0}, {shear=1.0}, {shear=1.0}, {shear=0.3}]", "output.at=[0.5, 1.5, 4.0]")
+NEWTON, MONOLITHIC = 'solver.method="newton"', 'solver.formulation="monolithic"'
+SCENES = {
+    "linear": (BAR, ("output.at=[0.2, 0.6, 1.0]",)),
+    "exact": (PATCH, ("output.at=[0.25, 0.5, 1.0]",)),
+    "series": (
+        hertz(),
+        (INSIDE, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]"),
+    ),
+    "newton": (hertz(), (INSIDE, NEWTON)),
+    "monolithic": (hertz(), (INSIDE, MONOLITHIC, *COARSE)),
+    "polished": (hertz(), (INSIDE, "solver.polish=true")),
+    "holonomic": (SHEARED, (HOLONOMIC, "stage=[{press=1.0, shear=1.0}]", "output.at=[0.7, 1.0]")),
+    "friction": (SHEARED, SHORT),
+    "friction by newton": (SHEARED, (NEWTON, *SHORT)),
+    "exact friction": (SHEARED, (EXACT, *SHORT)),
+    "polished friction": (SHEARED, ("solver.polish=true", *SHORT)),
+}
+EVERY = {
+    "friction": 5,
+    "friction by newton": 17,
+    "polished friction": 11,
+    "monolithic": 4,
+    "holonomic": 5,
+    "series": 4,
+    "polished": 5,
+    "newton": 3,
+}
+"""Only every so many steps are tried where there are many."""
+SAME = 1e-8
+"""How near states come where the path is followed in other steps; the solver's tolerance is 1e-6."""
+
+
+def built_of(name: str, directory: Path, *more: str) -> CondensedScene:
+    text, settings = SCENES[name]
+    case = directory / "case.toml"
+    case.write_text(text)
+    loaded, clock, console = load_case(case, (*settings, *more)), Clock(), Quiet()
+    return condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
+
+
+def away(whole: list[PathStep], rest: list[PathStep]) -> float:
+    """By how much the states asked for, and the last one, differ between two paths, relatively."""
+    expected = {state.position: state for step in whole for state in (*step.saved, step.state)}
+    found = [state for step in rest for state in step.saved] + [rest[-1].state]
+    largest = 0.0
+    for state in found:
+        for name in ("pressure", "gap", "motion", "traction", "slip", "work", "displacement"):
+            one, other = getattr(expected[state.position], name), getattr(state, name)
+            size = max(float(np.abs(getattr(step.state, name)).max(initial=0.0)) for step in whole)
+            largest = max(largest, float(np.nanmax(np.abs(one - other), initial=0.0)) / (size or 1.0))
+    return largest
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_rest_of_a_path_leads_to_the_same_states(name: str, tmp_path: Path) -> None:
+    built = built_of(name, tmp_path)
+    whole = list(load_path(built))
+    assert len(whole) > 3
+    for count in range(1, len(whole), EVERY.get(name, 1)):
+        assert whole[count - 1].checkpoint is not None
+        rest = list(load_path(built, whole[count - 1].checkpoint))
+        assert away(whole, rest) < SAME, f"behind step {count - 1}"
+    assert list(load_path(built, whole[-1].checkpoint)) == []
+
+
+@pytest.mark.parametrize("name", ["series", "newton", "friction"])
+def test_the_rest_of_a_path_has_the_steps_that_are_left(name: str, tmp_path: Path) -> None:
+    built = built_of(name, tmp_path, "solver.max_steps=7")
+    steps: list[PathStep] = []
+    with pytest.raises(NumericalError, match="more than 7 steps"):
+        steps.extend(load_path(built))
+    assert len(steps) == 8
+    rest: list[PathStep] = []
+    with pytest.raises(NumericalError, match="more than 7 steps"):
+        rest.extend(load_path(built, steps[3].checkpoint))
+    assert len(rest) == 4
+
+
+def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
+    """States within steps have tangents of their own: the path would go on from those, and count them.
+
+    Both follow the path on the same contact grid, of which what is saved tells how fine it is.
+    """
+    few, many = "output.at=[2.0]", f"output.at={[k / 10 for k in range(1, 21)]}"
+    short = ("stage=[{press=1.0}, {shear=0.5}]",)
+    one, other = (built_of("friction", tmp_path, *short, at) for at in (few, many))
+    paths = [list(load_path(replace(one, case=two.case))) for two in (one, other)]
+    ends = [[packed(step.checkpoint) for step in path] for path in paths]
+    assert ends[0] == ends[1]
+
+
+def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
+    """Also where the last step's event left no state to go on from."""
+    built = built_of("friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
+    steps: list[PathStep] = []
+    with pytest.raises(NumericalError, match="slides as a whole"):
+        steps.extend(load_path(built))
+    rest: list[PathStep] = []
+    with pytest.raises(NumericalError, match="slides as a whole"):
+        rest.extend(load_path(built, steps[-1].checkpoint))
+    assert all(abs(step.state.position - steps[-1].state.position) < 1e-9 for step in rest)
+
+
+@pytest.mark.parametrize("name", ["exact friction", "friction"])
+def test_a_checkpoint_without_memory_leads_elsewhere(name: str, tmp_path: Path) -> None:
+    """The slips at rest that a checkpoint holds are needed."""
+    built = built_of(name, tmp_path)
+    steps = list(load_path(built))
+    kept = [step.checkpoint for step in steps if step.state.position <= 1.5][-1]
+    assert kept is not None
+    assert kept.history is not None
+    history = replace(kept.history, stick_reference=0.0 * kept.history.stick_reference)
+    try:
+        rest = list(load_path(built, replace(kept, history=history)))
+    except NumericalError:
+        return
+    assert away(steps, rest) > 1e-3
+
+
+@pytest.mark.parametrize("name", ["exact friction", "friction", "exact"])
+def test_a_checkpoint_is_read_as_it_was_stored(name: str, tmp_path: Path) -> None:
+    built = built_of(name, tmp_path)
+    steps = load_path(built)
+    step = [next(steps) for _ in range(4)][-1]
+    figures = {"cone": {"a/b": float("nan")}, "told": ("a warning",)}
+    with RunFile.create(tmp_path / "run.h5", {}) as file:
+        file.add(latest=lambda: plain_checkpoint(step.state, step.checkpoint, figures))
+    read = earlier_of(read_origin(tmp_path))
+    assert packed(read.checkpoint) == packed(step.checkpoint)
+    assert packed(read.last) == packed(step.state)
+    assert read.figures["told"] == ["a warning"]
+    assert np.isnan(read.figures["cone"]["a/b"])
+
+
+def packed(value: Any) -> Any:
+    """All of a dataclass, for a comparison to the last bit."""
+    if is_dataclass(value):
+        return {one.name: packed(getattr(value, one.name)) for one in fields(value)}
+    return (np.asarray(value).dtype, np.asarray(value).tolist()) if value is not None else None
