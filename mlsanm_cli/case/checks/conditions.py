@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
+from mlsanm_cli.case.checks.sound import Sound
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import split_boundary
 from mlsanm_cli.case.model.case import Support
@@ -19,7 +20,6 @@ from mlsanm_cli.case.model.loads import (
     Traction,
 )
 from mlsanm_cli.case.report import Report
-from mlsanm_cli.case.sound import Sound
 from mlsanm_cli.values import dataclass
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]

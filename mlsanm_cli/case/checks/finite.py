@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from mlsanm_cli.case.checks.sound import Sound
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Contact
 from mlsanm_cli.case.model.loads import ObstacleMotion, Platen, Pressure, Temperature
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.report import Report
-from mlsanm_cli.case.sound import Sound
 
 LARGEST_NU = 4.0 / 9.0
 """Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""

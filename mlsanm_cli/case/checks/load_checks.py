@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from mlsanm_cli.case.checks.sound import Sound
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.loads import Displacement, ObstacleMotion, Platen, Pressure, Temperature, Traction
 from mlsanm_cli.case.model.places import Stretch
 from mlsanm_cli.case.report import Report, suggestion
-from mlsanm_cli.case.sound import Sound
 
 
 def check_loads(sound: Sound, report: Report) -> None:

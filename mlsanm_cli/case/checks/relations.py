@@ -12,6 +12,7 @@ from dataclasses import replace
 from mlsanm_cli.case.checks.conditions import check_conditions
 from mlsanm_cli.case.checks.finite import check_finite
 from mlsanm_cli.case.checks.load_checks import check_ends, check_loads
+from mlsanm_cli.case.checks.sound import Sound
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, split_boundary
 from mlsanm_cli.case.model.case import Body, Contact
@@ -22,7 +23,6 @@ from mlsanm_cli.case.model.obstacles import check_obstacle
 from mlsanm_cli.case.model.shapes import shape_faults
 from mlsanm_cli.case.model.stop import check_stop
 from mlsanm_cli.case.report import Report, suggestion
-from mlsanm_cli.case.sound import Sound
 from mlsanm_cli.errors import GeometryError, OutlineError
 
 ROUND_OFF = 1e-9

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.case.checks.relations import run_checks
+from mlsanm_cli.case.checks.sound import validate
 from mlsanm_cli.case.lines import KeyPath, key_lines
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.files import Geometry, Survey
@@ -19,7 +20,6 @@ from mlsanm_cli.case.model.tables import inline_tables
 from mlsanm_cli.case.reading.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
 from mlsanm_cli.case.report import Report, nearest
-from mlsanm_cli.case.sound import validate
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.inputs import MB, is_text, read_input
 from mlsanm_cli.values import dataclass

@@ -15,8 +15,8 @@ from mlsanm_cli.case.model.files import Geometry
 from mlsanm_cli.case.model.loads import AnyLoad
 from mlsanm_cli.case.model.shapes import edge_names
 from mlsanm_cli.case.model.stop import Stop
-from mlsanm_cli.case.reading.schema_errors import UNKNOWN, findings, report_findings
 from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.schema_errors import UNKNOWN, findings, report_findings
 from mlsanm_cli.values import dataclass
 
 LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
