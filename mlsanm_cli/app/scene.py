@@ -19,11 +19,9 @@ from mlsanm_cli.app.movers import components, movers
 from mlsanm_cli.app.near_geometry import Clear, clear_contacts, directed
 from mlsanm_cli.app.restraints import restrained
 from mlsanm_cli.app.surfaces import surfaces_at
-from mlsanm_cli.app.symmetry import even_scene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Place, Platen
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.contact.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
@@ -48,9 +46,9 @@ class Prepared:
 
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
     by one, ``acting`` the loads' values, ``movers`` all that moves rigidly, ``probes`` the points to observe,
-    ``notes`` what a person should know, ``line`` about what the scene is its own mirror image if half of it
-    is solved, ``clear`` the contacts that may have grids of their own, ``held_motions`` what of loose bodies
-    is held although nothing resists it, as a scene has them, ``weak`` warnings of what is hardly resisted.
+    ``notes`` what a person should know, ``clear`` the contacts that may have grids of their own,
+    ``held_motions`` what of loose bodies is held although nothing resists it, as a scene has them, ``weak``
+    warnings of what is hardly resisted.
     """
 
     models: Mapping[str, BodyModel]
@@ -61,7 +59,6 @@ class Prepared:
     probes: tuple[Probe, ...]
     movers: tuple[mechanics.Mover, ...]
     notes: tuple[str, ...]
-    line: Line | None = None
     clear: Mapping[str, Clear] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     weak: tuple[str, ...] = ()
@@ -122,29 +119,19 @@ def prepare(
     grids = grids and case.model.strain == "small"
     clear = clear_contacts(case, models, pairings, occupied) if grids else {}
     found = restrained(case, clouds, directed(pairings, clear), free, loads, clear)
-    moving, notes = found.movers, found.notes
-    probes = _probes(case, clouds)
-    prepared = Prepared(
+    return Prepared(
         models,
         pairings,
         held,
         held_nodes,
         loads,
-        probes,
-        moving,
-        notes,
+        _probes(case, clouds),
+        found.movers,
+        found.notes,
+        clear=clear,
         held_motions=found.held,
         weak=found.weak,
     )
-    even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
-    if clear:
-        # Symmetry forbids motions; half of so few nodes is not worth solving.
-        return replace(prepared, clear=clear, movers=moving if even is None else even.movers)
-    if even is None:
-        return prepared
-    half = f"the scene is its own mirror image about {even.line}: half of it is solved"
-    notes = (*notes, half)
-    return replace(prepared, pairings=even.pairings, movers=even.movers, notes=notes, line=even.line)
 
 
 def _touching(prepared: Prepared) -> dict[str, tuple[str, ...]]:
@@ -171,15 +158,13 @@ def equip(
     """Set up every body's system, once for bodies that are alike; it is factorised within ``timed()`` when it
     is first used. Of the bodies ``before``, of the same case, those stay whose models did."""
     bodies: dict[str, ElasticBody] = {}
-    halved = prepared.line is not None
     conditions = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
         for name, touching in _touching(prepared).items()
     }
     for name, model in prepared.models.items():
         known = before.get(name)
-        # Halves are of no use to a scene that is no longer symmetric.
-        if known is not None and known.model is model and known.halved == halved:
+        if known is not None and known.model is model:
             bodies[name] = known
             continue
         held, held_nodes, springs, touching = conditions[name]
@@ -194,8 +179,8 @@ def equip(
             continue
         body = memo.value(
             "body",
-            digest(model.content, *conditions[name], solver.name, halved),
-            partial(assemble, model, held, held_nodes, solver, springs, halved=halved, touching=touching),
+            digest(model.content, *conditions[name], solver.name),
+            partial(assemble, model, held, held_nodes, solver, springs, touching=touching),
         )
         bodies[name] = replace(body, timed=timed)
     places = {s.place.label: s.place for s in case.support if s.place is not None}

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app import scene as prepared
 from mlsanm_cli.app.build import Built, build_scene, complete
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.judge import LINEAR_LIMIT
@@ -68,12 +67,6 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "tilting": (TILTING, SMOOTH[:2]),
     "collocation": ("paper", (*EVEN, SMOOTH[1])),
 }
-
-
-@pytest.fixture(autouse=True)
-def _whole_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half of a body's equations are close to the whole ones, not the same: tests/app/test_symmetry.py."""
-    monkeypatch.setattr(prepared, "even_scene", lambda *given: None)
 
 
 def build(scene: str, formulation: str, directory: Path) -> Built:
