@@ -75,7 +75,7 @@ def assemble(
     if model.settings.square:
         choice = choose_equations(cloud, held, single, table, model.ghosts)
         choice = sparse.csr_array((choice.data, choice.indices, choice.indptr), (choice.shape[0], count))
-        factorise = partial(square.factorise, rows, choice, model.nodes, solver)
+        factorise = partial(square.factorise, rows, choice, model.nodes)
     else:
         weight = row_weights(cloud, held, single, table, grips)
         known = pieces.told(list(held_nodes))
