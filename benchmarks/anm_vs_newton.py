@@ -30,9 +30,9 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.eta_homotopy import lowered  # noqa: E402
 from mlsanm_cli.app.build import Built, build_scene, complete  # noqa: E402
 from mlsanm_cli.app.clock import Clock  # noqa: E402
-from mlsanm_cli.app.homotopy import lowered  # noqa: E402
 from mlsanm_cli.app.paths import path_of  # noqa: E402
 from mlsanm_cli.app.series_path import coupling_of, problem_of, regularization, start_point  # noqa: E402
 from mlsanm_cli.app.stages import factors_at  # noqa: E402
