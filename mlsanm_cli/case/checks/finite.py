@@ -123,5 +123,3 @@ def _check_rest(draft: Draft, report: Report) -> None:
         return
     if solver.method == "active-set" and not draft.count("contact"):
         report.add(("solver", "method"), '"active-set" is for contact', '"anm" or "newton"')
-    if solver.linear in ("pardiso", "mumps"):
-        report.add(("solver", "linear"), f'"{solver.linear}" {_ALONE}', '"auto"')

@@ -270,10 +270,6 @@ def _check_numerics(draft: Draft, report: Report) -> None:
         elif mls.neighbors > MOST_NEIGHBORS * terms:
             message = f"{mls.neighbors} nodes are far too many for the {terms} terms of degree {mls.degree}"
             report.add(("mls", "neighbors"), message, f'at most {MOST_NEIGHBORS * terms}, or "auto"')
-    linear = draft.solver.linear if draft.solver is not None else "auto"
-    if mls is not None and mls.scheme != "least-squares" and linear in ("pardiso", "mumps"):
-        message = f'"{linear}" is for symmetric equations, which mls.scheme = "{mls.scheme}" has not'
-        report.add(("solver", "linear"), message, 'write "auto"')
     _check_laws(draft, report, [one for one in draft.contacts.values() if not one.bonded])
     fixed = [body.name for body in draft.bodies.values() if body.has_nodes]
     if draft.adapt is not None and draft.adapt.passes and fixed:

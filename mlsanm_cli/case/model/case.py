@@ -10,7 +10,7 @@ import math
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
-from pydantic_core import PydanticKnownError
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from mlsanm_cli.case.model.base import (
     FOUNDATION,
@@ -34,6 +34,15 @@ from mlsanm_cli.case.model.places import Boundaries, Place, Stretch, listed
 from mlsanm_cli.case.model.shapes import Shape
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.model.units import Units
+
+
+def _linear_solver(value: Any) -> Any:
+    """Refuse by name the solvers of earlier versions."""
+    if value in ("pardiso", "mumps"):
+        raise PydanticCustomError(
+            "linear_solver", '"{name}" is no longer there: write "auto" or "superlu"', {"name": value}
+        )
+    return value
 
 
 class Model(Section):
@@ -234,9 +243,8 @@ class Solver(Section):
     that remembers."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """A path that needs more steps fails."""
-    linear: Literal["auto", "superlu", "pardiso", "mumps"] = "auto"
-    """Direct solver of the bodies' linear systems: auto is our own, with SuperLU for square schemes; pardiso
-    and mumps, which keeps its factors on disk, take packages of their own."""
+    linear: Annotated[Literal["auto", "superlu"], BeforeValidator(_linear_solver)] = "auto"
+    """Direct solver of the bodies' linear systems: auto is our own, with SuperLU for square schemes."""
 
 
 class Output(Section):
