@@ -1,4 +1,4 @@
-"""Factorisation and condensation of one body, against SuperLU under the same nested dissection, and engines.
+"""Factorisation and condensation of one body, against SuperLU under the same nested dissection.
 
     python benchmarks/linear_algebra.py [--scale 1.0 0.7 0.43 0.17] [--repeat 5] [--out benchmarks/results]
 
@@ -10,8 +10,7 @@ seconds, medians, all in one process with one thread:
 - ``condense``: all functionals of all contact columns; ``blocks`` the same by solutions refined 64 at a time
   with our factor; ``superlu_solves`` one back-substitution by SuperLU for every column, without refinement;
 - ``error`` and ``blocks_error``: of a few columns against refinement in extended precision, relatively;
-- ``solve``: one right-hand side with our factor; and ``engines``, where their packages are installed:
-  ``factor``, ``solve``, ``condense`` and ``error`` of PARDISO and MUMPS, the same work with theirs for ours.
+- ``solve``: one right-hand side with our factor.
 
 Writes linear_algebra.json after every line.
 """
@@ -25,8 +24,6 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
-from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -46,12 +43,9 @@ from mlsanm_cli.case import load_case  # noqa: E402
 from mlsanm_cli.contact.response.functionals import gap_rows, slip_rows  # noqa: E402
 from mlsanm_cli.contact.response.linear_map import Columns  # noqa: E402
 from mlsanm_cli.contact.response.load_vectors import body_load_vectors  # noqa: E402
-from mlsanm_cli.operators.least_squares import Eliminated, LeastSquares  # noqa: E402
+from mlsanm_cli.operators.least_squares import LeastSquares  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
-from mlsanm_cli.operators.linear.engine import MissingEngineError  # noqa: E402
-from mlsanm_cli.operators.linear.interface import DirectSolver, Factor, Matrix  # noqa: E402
-from mlsanm_cli.operators.linear.mumps import MumpsSolver  # noqa: E402
-from mlsanm_cli.operators.linear.pardiso import PardisoSolver  # noqa: E402
+from mlsanm_cli.operators.linear.interface import Matrix  # noqa: E402
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
 from mlsanm_cli.operators.normal import bordered, normal_equations  # noqa: E402
 from mlsanm_cli.operators.refinement import BLOCK, QUICK  # noqa: E402
@@ -81,24 +75,6 @@ def exactly(system: LeastSquares, observed: sparse.csr_array, sources: sparse.cs
         gradient = rows.T @ lack[: rows.shape[0]] + strong.T @ lack[rows.shape[0] :]
         solution += system.factor.solve(np.asarray(gradient, dtype=float))
     return np.asarray(observed @ solution, dtype=float)
-
-
-@cache
-def installed() -> dict[str, DirectSolver]:
-    """Engines whose packages are there."""
-    found: dict[str, DirectSolver] = {}
-    for name, solver in (("pardiso", PardisoSolver), ("mumps", MumpsSolver)):
-        try:
-            found[name] = solver()
-        except MissingEngineError as error:
-            print(f"{name} {error}: {error.hint}")
-    return found
-
-
-def with_factor(system: LeastSquares, factor: Factor) -> LeastSquares:
-    """The same equations, solved by another factor of them."""
-    assert isinstance(system.factor, Eliminated)
-    return replace(system, factor=replace(system.factor, factor=factor))
 
 
 def bordered_equations(system: LeastSquares, nodes: FloatArray) -> tuple[Matrix, FloatArray, int]:
@@ -152,16 +128,6 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
     def error(found: FloatArray) -> float:
         return float((np.linalg.norm(found[:, judged] - exact, axis=0) / size).max())
 
-    engines = {}
-    for name, engine in installed().items():
-        its = engine.factor_definite(*equations)
-        same = with_factor(system, its)
-        engines[name] = {
-            "factor": cpu_of(partial(engine.factor_definite, *equations), repeat),
-            "solve": cpu_of(partial(its.solve, block[:, 0]), repeat),
-            "condense": cpu_of(partial(same.functionals, observed, sources), repeat),
-            "error": error(same.functionals(observed, sources)),
-        }
     return {
         "nodes": len(body.model.nodes),
         "columns": sources.shape[1],
@@ -174,7 +140,6 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
         "error": error(system.functionals(observed, sources)),
         "blocks_error": error(blocks()),
         "solve": cpu_of(lambda: own.solve(block[:, 0]), repeat),
-        "engines": engines,
     }
 
 
@@ -200,9 +165,6 @@ def main() -> None:
                 f"error {line['error']:.0e}, blocks {line['blocks_error']:.0e}",
                 flush=True,
             )
-            for name, engine in line["engines"].items():
-                ratios = [f"{key} {engine[key] / line[key]:.2f}" for key in ("factor", "solve", "condense")]
-                print(f"  {name}, times ours: {', '.join(ratios)}; error {engine['error']:.0e}", flush=True)
 
 
 if __name__ == "__main__":

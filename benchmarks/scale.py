@@ -3,7 +3,7 @@
     python benchmarks/scale.py [--case hertz] [--set KEY=VALUE ...] [--scale 1.0 0.36 0.147 0.104]
 
 A case of ``cases/`` with all spacings multiplied by each scale and other keys as ``--set`` has them, as
-``'solver.linear="mumps"'``; every run a process of its own with one thread, compiled kernels and no cache of
+``'solver.order=15'``; every run a process of its own with one thread, compiled kernels and no cache of
 operators. Tells CPU seconds (user and system, of the process), those of the phases, peak memory, and the
 exponents of CPU time in the number of nodes, from line to line and over all. Writes scale.json (``--out``)
 after every line; lines of other cases and settings stay.

@@ -62,19 +62,7 @@ STACK = tuple(
     f"body.block{n}.spacing={h}" for n, h in zip((1, 2, 3, 4), (0.03, 0.033, 0.03, 0.033), strict=True)
 )
 COARSE = tuple(f"body.{body}.refine.0.spacing={0.02}" for body in ("cylinder", "block"))
-FINER = tuple(
-    f"body.{body}.{key}={value}"
-    for body in ("cylinder", "block")
-    for key, value in (
-        ("spacing", 0.036),
-        ("refine.0.spacing", 0.00144),
-        ("refine.1.spacing", 0.00018),
-        ("refine.2.spacing", 0.00018),
-    )
-)
 LINES = (
-    Line("symmetry", "hertz", patch="symmetry"),
-    Line("symmetry, finer", "hertz", FINER, patch="symmetry"),
     Line("friction", "two_cylinders", forced=("contact.interface.friction=0.01",)),
     Line("contact", "kirsch", patch="solve"),
     Line("candidates", "hertz", forced=("contact.interface.reach=1.0",)),
@@ -94,13 +82,6 @@ def solve_fields() -> None:
 
     solution = Condensed.solution
     Condensed.solution = lambda self, *given: solution(replace(self, solutions={}), *given)  # type: ignore[method-assign]
-
-
-def solve_whole() -> None:
-    """All equations of symmetric scenes, on the same clouds."""
-    from mlsanm_cli.app.scene import assemble as scene
-
-    scene.even_scene = lambda *given: None
 
 
 def factorise_twins() -> None:
@@ -142,7 +123,6 @@ def import_numba() -> None:
 
 FORCED: dict[str, Callable[[], None]] = {
     "solve": solve_fields,
-    "symmetry": solve_whole,
     "twins": factorise_twins,
     "passes": build_anew,
     "orders": factorise_orders,

@@ -72,14 +72,6 @@ class Mirror:
         place[beyond] = place[self.image[beyond]]
         return place
 
-    def reflected(self, derivatives: FloatArray, signs: FloatArray) -> FloatArray:
-        """Derivatives (n, kinds, c) at all nodes of fields whose images are themselves times ``signs`` (c,),
-        from those (h, kinds, c) at the own ones."""
-        whole: FloatArray = derivatives[self.place]
-        beyond = self.side < 0
-        whole[beyond] *= self.derivative_signs(whole.shape[1])[:, None] * signs
-        return whole
-
     def derivative_signs(self, kinds: int) -> FloatArray:
         """What value, d/dx, d/dy, d2/dx2, d2/dxdy and d2/dy2, the first ``kinds`` of them, are multiplied by
         in the mirror."""

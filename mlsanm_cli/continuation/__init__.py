@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from mlsanm_cli.continuation.corrector import Correction, correct
 from mlsanm_cli.continuation.follow import follow
-from mlsanm_cli.continuation.homotopy import Family, solve_at
 from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions, PathOptions
 from mlsanm_cli.continuation.path import Follower, Outcome, Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
@@ -14,7 +13,6 @@ __all__ = [
     "AnmOptions",
     "Branch",
     "Correction",
-    "Family",
     "FloatArray",
     "Follower",
     "NewtonOptions",
@@ -28,5 +26,4 @@ __all__ = [
     "correct",
     "follow",
     "locate",
-    "solve_at",
 ]

@@ -19,7 +19,7 @@ from types import MappingProxyType
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
@@ -27,13 +27,11 @@ from mlsanm_cli.mechanics.corners import corner_weight, inward_weight
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
-from mlsanm_cli.mechanics.halves import even_motions, fold_of
 from mlsanm_cli.mechanics.pieces import SOFTEST, Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import Held, Springs, gripped, stiffest_soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares, square
-from mlsanm_cli.operators.folded import Fold, Folded
 from mlsanm_cli.operators.least_squares import Strong
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.rows import nodal_rows
@@ -51,7 +49,6 @@ def assemble(
     solver: DirectSolver,
     springs: Springs = MappingProxyType({}),
     timed: Timed = nullcontext,
-    halved: bool = False,
     touching: Collection[str] = (),
 ) -> ElasticBody:
     """Choose the conditions of every surface and set up the rows.
@@ -59,14 +56,10 @@ def assemble(
     ``held`` names the surfaces with held components, ``held_nodes`` are (node, component) pairs held at zero.
     Components of surfaces with ``springs`` have the row sigma n + k u. A body that can still move is pinned
     where that holds it, which changes nothing but its rigid motion. ``touching`` are the surfaces in contact.
-    The system is factorised within ``timed()``. If ``halved``, it is that of one half of a cloud with a
-    mirror and answers to the symmetric part of loads; supports and springs must be symmetric, and single held
-    nodes on the mirror.
+    The system is factorised within ``timed()``.
     """
     cloud = model.cloud
     free = free_motions(cloud, held, held_nodes, springs)
-    if halved:
-        free = even_motions(cloud, free)
     single = [*held_nodes, *pins(cloud.points, free)]
     first_row, total = _first_rows(cloud)
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
@@ -74,36 +67,31 @@ def assemble(
     # Where volumes hardly change, pressures of single nodes are what pairs would make alternate.
     pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, grips)
     count = table.total + 3 * pieces.count
-    fold = fold_of(cloud, table, single, pieces) if halved else None
     pulls = _pulls(cloud, table, len(model.nodes))
-    rows = _rows(model, held, single, table, fold)
+    rows = _rows(model, held, single)
     if springs:
-        rows = sparse.csr_array(rows + (pulls if fold is None else pulls[fold.kept]))
-    rows = compact(rows if fold is None else fold.halved(rows))
+        rows = sparse.csr_array(rows + pulls)
+    rows = compact(rows)
     factorise: Callable[[], LinearSystem]
     weight = np.zeros(0)
     if model.settings.square:
         choice = choose_equations(cloud, held, single, table, model.ghosts)
         choice = sparse.csr_array((choice.data, choice.indices, choice.indptr), (choice.shape[0], count))
-        factorise = partial(square.factorise, rows, choice, model.nodes, solver)
+        factorise = partial(square.factorise, rows, choice, model.nodes)
     else:
         weight = row_weights(cloud, held, single, table, grips)
         known = pieces.told(list(held_nodes))
-        if fold is not None:
-            known = np.asarray(known & np.isin(np.arange(len(known)), fold.strong))
         strong = partial(_strong, model, pieces, grips, first_row, pulls, known)
-        sums = pieces.sums(pieces.told(list(held_nodes)), fold)
-        factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, fold, solver)
+        sums = pieces.sums(known)
+        factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, solver)
     # What rows are made from, in place of them: they are many times as large. The weights and the places
     # halfway between nodes tell what nodes and normals do not of the curves behind them.
     curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
-    chosen = [held, held_nodes, springs, solver.name, halved, sorted(touching)]
+    chosen = [held, held_nodes, springs, solver.name, sorted(touching)]
     content = digest(model.rows_content, weight, curves, chosen)
     equations = Equations(content, factorise)
     single_held = tuple(held_nodes)
-    body = ElasticBody(
-        model, held, springs, free, first_row, count, pieces, equations, timed, halved, single_held
-    )
+    body = ElasticBody(model, held, springs, free, first_row, count, pieces, equations, timed, single_held)
     if not free.components:
         return body
     pinned = replace(body, timed=nullcontext)
@@ -139,31 +127,22 @@ def _least_squares(
     strong: Callable[[], tuple[sparse.csr_array, sparse.csr_array, FloatArray]],
     sums: sparse.csr_array,
     pieces: Pieces,
-    fold: Fold | None,
     solver: DirectSolver,
 ) -> LinearSystem:
-    """Factorise; with a ``fold``, for the half that it keeps. The ``rows`` are weighted in place."""
+    """Factorise; the ``rows`` are weighted in place."""
     lines, loads, scale = strong()
-    number = np.arange(3 * pieces.count) if fold is None else fold.strong
-    nodes, owner, levels = model.nodes, number % pieces.count, pieces.levels
-    if fold is not None:
-        weight = fold.weights(weight, HOLD / model.cloud.spacing)
-        lines, loads = fold.strong_rows(lines, loads)
-        scale = fold.strong_share * scale[fold.strong]
-        nodes, levels = nodes[fold.own], tuple(level[fold.own] for level in levels)
+    owner = np.tile(np.arange(pieces.count), 3)
     # In place: of all that there is before the factor, the rows are the largest part.
     rows.data *= np.repeat(weight, np.diff(rows.indptr))
     places, times = np.zeros((pieces.count, 2)), np.zeros(pieces.count)
-    for level in levels:
+    for level in pieces.levels:
         some = np.flatnonzero(level >= 0)
-        np.add.at(places, level[some], nodes[some])
+        np.add.at(places, level[some], model.nodes[some])
         np.add.at(times, level[some], 1.0)
     places /= np.maximum(times, 1.0)[:, None]
-    own, owner = np.unique(owner, return_inverse=True)
     sums = sparse.csr_array(sums @ sparse.diags_array(1.0 / np.where(scale > 0.0, scale, 1.0)))
-    strong_rows = Strong(lines, loads, owner, places[own], sums)
-    system = least_squares.factorise(rows, weight, nodes, solver, strong_rows)
-    return system if fold is None else Folded(system, fold)
+    strong_rows = Strong(lines, loads, owner, places, sums)
+    return least_squares.factorise(rows, weight, model.nodes, solver, strong_rows)
 
 
 def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
@@ -179,28 +158,18 @@ def _rows(
     model: BodyModel,
     held: Mapping[str, tuple[bool, bool]],
     single: Sequence[tuple[int, int]],
-    table: RowTable,
-    fold: Fold | None,
 ) -> sparse.csr_array:
-    """All rows, or those that the ``fold`` keeps, (r, 2N), springs left out."""
+    """All rows (r, 2N), springs left out."""
     cloud, c, count = model.cloud, model.material.stiffness, len(model.nodes)
-
-    def some(first: int, size: int) -> IntArray | None:
-        return None if fold is None else fold.kept_within(first, size)
-
-    points = len(cloud.points)
-    blocks = [model.equilibrium(component, some(component * points, points)) for component in (0, 1)]
+    blocks = [model.equilibrium(component) for component in (0, 1)]
     for name, surface in cloud.surfaces.items():
-        size, stencils = len(surface.index), model.stencils.take(surface.index)
+        stencils = model.stencils.take(surface.index)
         for component in (0, 1):
             if held.get(name, (False, False))[component]:
-                block = nodal_rows(surface.index, component, count)
+                blocks.append(nodal_rows(surface.index, component, count))
             else:
-                block = traction_rows(stencils, c, surface.normal, component)
-            at = some(table.surfaces[name] + component * size, size)
-            blocks.append(block if at is None else block[at])
-    at = some(table.nodes, len(single))
-    for node, component in single if at is None else [single[number] for number in at]:
+                blocks.append(traction_rows(stencils, c, surface.normal, component))
+    for node, component in single:
         blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 

@@ -39,7 +39,7 @@ from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
 from mlsanm_cli.memo import digest
-from mlsanm_cli.operators.folded import reflected, reflected_numbers
+from mlsanm_cli.operators.reflected import reflected, reflected_numbers
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils, look_around
@@ -172,8 +172,8 @@ class BodyModel:
         points = self.cloud.points
         return build_stencils(points, self.cloud.tree, points, 1, self.settings, self.cloud.sight)
 
-    def equilibrium(self, component: int, at: IntArray | None = None) -> sparse.csr_array:
-        """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points, or some ``at`` (e,) of them.
+    def equilibrium(self, component: int) -> sparse.csr_array:
+        """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points.
 
         Nearly incompressible materials would lock: the gradient of the divergence, twice a node, leaves too
         few displacements without change of volume. There the mean pressure is differentiated as a nodal
@@ -182,12 +182,12 @@ class BodyModel:
         c = self.material.stiffness
         nested = self.settings.degree == 1
         if not nested and not self.material.nearly_incompressible:
-            return equilibrium_rows(_some(self.stencils, at), c, component)
+            return equilibrium_rows(self.stencils, c, component)
         even = c if nested else self.material.bulk_part
-        rows = nested_equilibrium_rows(self.stencils, _some(self._stress_stencils, at), even, component)
+        rows = nested_equilibrium_rows(self.stencils, self._stress_stencils, even, component)
         if nested:
             return rows
-        return sparse.csr_array(equilibrium_rows(_some(self.stencils, at), c - even, component) + rows)
+        return sparse.csr_array(equilibrium_rows(self.stencils, c - even, component) + rows)
 
     def surface_traction(self, surface: Surface, component: int) -> sparse.csr_array:
         """Rows (b, 2N) of sigma n in x (0) or y (1) at a surface's nodes."""
@@ -219,10 +219,6 @@ class BodyModel:
     def stress_divergence(self, stress: FloatArray) -> FloatArray:
         """Divergence (n, 2) of nodal ``stress`` (n, 3) at the cloud's points."""
         return divergence_of_stress(self._stress_stencils.derivatives(stress))
-
-
-def _some(stencils: Stencils, at: IntArray | None) -> Stencils:
-    return stencils if at is None else stencils.take(at)
 
 
 def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
@@ -266,7 +262,7 @@ class ElasticBody:
     ``system`` then answers to balanced loads, by displacements without mean motion. ``rows`` counts all rows:
     behind those of the nodes are three for each of the k ``pieces``, whose right-hand sides are what the
     loads on it are beyond those that the nodes' right-hand sides stand for.
-    ``equations`` are factorised within ``timed()``. If ``halved``, they are one half's, for symmetric loads.
+    ``equations`` are factorised within ``timed()``.
     ``held_nodes`` are the (node, component) pairs that supports hold one by one, whose rows follow those of
     the surfaces.
     """
@@ -280,7 +276,6 @@ class ElasticBody:
     pieces: Pieces
     equations: Equations
     timed: Timed = nullcontext
-    halved: bool = False
     held_nodes: tuple[tuple[int, int], ...] = ()
 
     @property
@@ -338,18 +333,8 @@ class ElasticBody:
 
     def reaction_rows(self, surface: str, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
         """Force x, y and moment about a ``center`` (3, 2N) of a held surface on the body."""
-        mirror, held = self.model.cloud.mirror if self.halved else None, self.gripped[surface]
-        where = self.model.cloud.surfaces[surface]
-        image = surface if mirror is None else mirror.surfaces[surface][0]
-        if mirror is None or image == surface:
-            return reaction_rows(self.model, where, held, center, mirror, self.depth_of_reactions(surface))
-        if mirror.side[where.index].sum() > 0:
-            return reaction_rows(self.model, where, held, center)
-        # Beyond the mirror the triangles and stencils may differ, and no equilibrium was asked for.
-        other = mirror.line.reflect(np.array([center]))[0]
-        there = (float(other[0]), float(other[1]))
-        rows = reaction_rows(self.model, self.model.cloud.surfaces[image], held, there)
-        return sparse.csr_array(sparse.diags_array(np.append(mirror.line.signs, -1.0)) @ rows)
+        where, inside = self.model.cloud.surfaces[surface], self.depth_of_reactions(surface)
+        return reaction_rows(self.model, where, self.gripped[surface], center, inside)
 
     def depth_of_reactions(self, surface: str) -> float:
         """How many spacings inside the stress is taken for the force of a held surface.

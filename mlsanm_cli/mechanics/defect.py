@@ -16,7 +16,6 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.mirror import Mirror
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
@@ -112,7 +111,7 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
     model = body.model
     if model.settings.degree not in DEGREES:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
-    better = _NextDegree(model, model.cloud.mirror if body.halved else None)
+    better = _NextDegree(model)
     derivatives = better.of_displacement(displacement)
     stress = stress_of(derivatives, model.material.stiffness) - model.stress(displacement)
     source = np.zeros(body.rows)
@@ -129,23 +128,18 @@ def defect_of(body: ElasticBody, displacement: FloatArray) -> Defect:
 
 @dataclass(frozen=True)
 class _NextDegree:
-    """Fits one degree higher than a body's, with that degree's own number of neighbours; none is kept.
-
-    Fields are their own images in the ``mirror``, if there is one.
-    """
+    """Fits one degree higher than a body's, with that degree's own number of neighbours; none is kept."""
 
     model: BodyModel
-    mirror: Mirror | None
 
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
-        model, signs = self.model, np.ones(2) if self.mirror is None else self.mirror.line.signs
-        return self._derivatives(model.nodes, model.tree, displacement, signs)
+        return self._derivatives(self.model.nodes, self.model.tree, displacement)
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, ghosts left out."""
         cloud = self.model.cloud
-        return self._derivatives(cloud.points, cloud.tree, stress, np.array([1.0, 1.0, -1.0]))
+        return self._derivatives(cloud.points, cloud.tree, stress)
 
     def stress_around(self, displacement: FloatArray, places: FloatArray, points: FloatArray) -> FloatArray:
         """What the stress of ``displacement`` (N, 2) is more by the model's fits than by these (e, t, 3), at
@@ -161,16 +155,9 @@ class _NextDegree:
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
         return stress_of(whole, model.material.stiffness).reshape(*points.shape[:2], 3)
 
-    def _derivatives(
-        self, nodes: FloatArray, tree: cKDTree, field: FloatArray, signs: FloatArray
-    ) -> FloatArray:
-        """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2),
-        whose components the mirror multiplies by ``signs`` (c,)."""
+    def _derivatives(self, nodes: FloatArray, tree: cKDTree, field: FloatArray) -> FloatArray:
+        """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2)."""
         model, cloud = self.model, self.model.cloud
         near = model.near if len(nodes) == len(model.nodes) else None
-        points = cloud.points
-        if self.mirror is not None:
-            points, near = points[self.mirror.own], None if near is None else near[self.mirror.own]
         settings = next_degree(model.settings)
-        found = fitted_derivatives(nodes, tree, points, settings, field, cloud.sight, near)
-        return found if self.mirror is None else self.mirror.reflected(found, signs)
+        return fitted_derivatives(nodes, tree, cloud.points, settings, field, cloud.sight, near)

@@ -27,15 +27,13 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, Measures, Rule, cell_quadrature, measure
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Edges, Halves, Measures, Rule, corner_moments, measure
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.mirror import Mirror
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.corners import REACH, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, Held
-from mlsanm_cli.operators.folded import Fold
 from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
@@ -242,11 +240,30 @@ class Pieces:
         # Forces that are alike all over a piece have no moment about its middle, true outline included.
         total[: 2 * self.count] = (self.size[:, None] ** 2 * mean[:-1]).T.ravel()
         if np.ptp(force, axis=0).any():
-            node, points, area, shares = cell_quadrature(self.cloud.points, self.cloud.triangles)
-            values = (shares[:, :, None] * force[node]).sum(axis=1)
             for level in self.levels:
-                owner = level[node[:, 0]]
-                total += self.gathered(owner, points, area[:, None] * (values - mean[owner]))
+                total += self._of_linear_force(level, force, mean)
+        return total
+
+    def _of_linear_force(self, level: IntArray, force: FloatArray, mean: FloatArray) -> FloatArray:
+        """Force and moment (3k,) on the pieces of one ``level`` (n,) by what a body force, linear over
+        triangles between its nodal values ``force`` (n, 2), is more than its ``mean`` (k + 1, 2) there."""
+        points, first, second = self.cloud.points, *corner_moments()
+        total = np.zeros(3 * self.count)
+        for turn in range(3):
+            corners = np.roll(self.cloud.triangles, -turn, axis=1)
+            corners = corners[level[corners[:, 0]] >= 0]
+            owner = level[corners[:, 0]]
+            a, b, c = np.moveaxis(points[corners], 1, 0)
+            area = 0.5 * np.abs(
+                (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+            )
+            x, y = np.moveaxis(force[corners] - mean[owner][:, None], 2, 0)
+            arm = (points[corners] - self.whole.middle[owner][:, None]) / self.size[owner][:, None, None]
+            across, along = np.moveaxis(arm, 2, 0)
+            moment = ((across @ second) * y).sum(axis=1) - ((along @ second) * x).sum(axis=1)
+            for row, values in enumerate((x @ first, y @ first, moment)):
+                span = slice(row * self.count, (row + 1) * self.count)
+                total[span] += np.bincount(owner, area * values, self.count)
         return total
 
     def gathered(self, owner: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
@@ -263,16 +280,12 @@ class Pieces:
         lines = [[one, none, none], [none, one, none], [-y, x, one * self.size]]
         return sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
 
-    def sums(self, known: BoolArray, fold: Fold | None) -> sparse.csr_array:
-        """Forces and moment on the body (s, 3k), as far as those on its pieces are all ``known`` (3k,); with
-        a ``fold`` the force along the mirror, by the rows that are kept (s, g)."""
+    def sums(self, known: BoolArray) -> sparse.csr_array:
+        """Forces and moment on the body (s, 3k), as far as those on its pieces are all ``known`` (3k,)."""
         middle = self.cloud.points.mean(axis=0)
         told: BoolArray = np.array([(one | ~self.main).all() for one in known.reshape(3, -1)])
         told[2] = told.all()
-        if fold is not None:
-            told &= np.arange(3) == fold.along
-        sums = sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(told)])
-        return sums if fold is None else fold.strong_sums(sums)
+        return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(told)])
 
     def told(self, hidden: list[tuple[int, int]]) -> BoolArray:
         """Which of the 3k rows can be told: those of closed pieces, but where single ``hidden`` (node,
@@ -311,30 +324,15 @@ def reaction_rows(
     surface: Surface,
     held: tuple[bool, bool],
     center: tuple[float, float],
-    mirror: Mirror | None = None,
     inside: float = 0.0,
 ) -> sparse.csr_array:
     """Force x, y and moment about ``center`` (3, 2N) of a held surface on its body, in ``held`` components:
-    what the rows of the pieces take for it, or the stress so many spacings ``inside``.
-
-    Where displacements are their own images in a ``mirror``, it is the force along it on its own side,
-    twice.
-    """
+    what the rows of the pieces take for it, or the stress so many spacings ``inside``."""
     halves = Halves.of(surface, _rule(model))
     points, normals = _beneath(model, surface, halves, inside)
     forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
     x, y = (points - np.array(center)).T
-    along, times = np.array(held, dtype=float), np.ones(count)
-    if mirror is not None:
-        across = mirror.line.axis
-        times = 1.0 + np.sign(
-            mirror.side[surface.index[halves.own]] + mirror.side[surface.index[halves.other]]
-        )
-        along[across] = 0.0
-        x, y = (
-            np.full(count, mirror.line.at - center[k]) if k == across else z for k, z in enumerate((x, y))
-        )
-    one, none = times, np.zeros(count)
+    along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
     lines = [[one * along[0], none, none], [none, one * along[1], none]]
     lines.append([-y * one * along[0], x * one * along[1], none])
     sums = sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))

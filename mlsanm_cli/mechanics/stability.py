@@ -20,12 +20,12 @@ def bulk_stability(body: ElasticBody) -> float:
 
         sigma = min |S u| / |u|        stability = sigma max_b |u_b| / |S b|        0 < stability
 
-    b are the body forces that vary linearly over the body, or over both halves of one with a mirror, and u_b
-    their displacements. A sound discretisation answers to nothing much more than to such loads; one that
-    answers to some rough residual a hundred times as strongly amplifies its own discretisation error in the
-    same way. The rows of pieces, thousands of times as strong, count in S u but not in S b. sigma comes from
-    a few steps of subspace iteration with the factor at hand (Golub and Van Loan, Matrix Computations,
-    section 8.2); their start is fixed.
+    b are the body forces that vary linearly over the body, and u_b their displacements. A sound
+    discretisation answers to nothing much more than to such loads; one that answers to some rough residual a
+    hundred times as strongly amplifies its own discretisation error in the same way. The rows of pieces,
+    thousands of times as strong, count in S u but not in S b. sigma comes from a few steps of subspace
+    iteration with the factor at hand (Golub and Van Loan, Matrix Computations, section 8.2); their start is
+    fixed.
     """
     model, system = body.model, body.system
     count = len(model.cloud.points)
@@ -51,13 +51,8 @@ def bulk_stability(body: ElasticBody) -> float:
 
 
 def _linear_forces(model: BodyModel) -> list[FloatArray]:
-    """Body forces (n, 2): in x and in y, each uniform, linear in x and linear in y. With a mirror, whose
-    system may answer to symmetric forces only, six more: those of one half and what it shows of them."""
-    points, mirror = model.cloud.points, model.cloud.mirror
+    """Body forces (n, 2): in x and in y, each uniform, linear in x and linear in y."""
+    points = model.cloud.points
     middle, extent = points.mean(axis=0), np.ptp(points, axis=0).max()
     shapes = np.column_stack([np.ones(len(points)), (points - middle) / extent])
-    forces = [np.outer(shape, axis) for axis in np.eye(2) for shape in shapes.T]
-    if mirror is None:
-        return forces
-    beyond = (mirror.side < 0)[:, None]
-    return forces + [np.where(beyond, mirror.line.signs * force[mirror.image], force) for force in forces]
+    return [np.outer(shape, axis) for axis in np.eye(2) for shape in shapes.T]

@@ -8,7 +8,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
+from mlsanm_cli.operators.linear.interface import Factor
+from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
 from mlsanm_cli.operators.refinement import (
     BLOCK,
     CHECKED,
@@ -109,9 +110,7 @@ class Square:
         return np.asarray(self.matrix @ solution - self.choice @ source)
 
 
-def factorise(
-    rows: sparse.csr_array, choice: sparse.csr_array, points: FloatArray, solver: DirectSolver
-) -> Square:
+def factorise(rows: sparse.csr_array, choice: sparse.csr_array, points: FloatArray) -> Square:
     """Set up and factorise the equations ``choice`` (n, r) times ``rows`` (e, n), the first e of the r ones
     that right-hand sides have.
 
@@ -119,5 +118,5 @@ def factorise(
     """
     matrix = sparse.csr_array(choice[:, : rows.shape[0]] @ rows)
     pattern = sparse.csc_array(abs(matrix) + abs(matrix).T)
-    order = solver.analyse(pattern, points)
-    return Square(matrix, choice, solver.factor_unsymmetric(sparse.csc_array(matrix), order))
+    order = elimination_order(pattern, points)
+    return Square(matrix, choice, factor_unsymmetric(sparse.csc_array(matrix), order))

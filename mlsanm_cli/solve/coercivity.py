@@ -22,11 +22,6 @@ BULK_LIMIT = 0.1
 """Smallest certificate of a body that passes. In 300 random scenes least squares stayed above 0.13; of square
 schemes with errors more than ten times the usual, most are below."""
 
-HALF_LIMIT = 0.05
-"""The same of a body of which half is solved: symmetric smooth forces, which it is compared with, may move it
-less than one-sided ones. Four of 63 random bodies came out between the limits; solved whole, two of them had
-0.14 and 0.17, and all had the same errors, 3 to 16 %, against clouds three times as fine."""
-
 CONTACT_LIMIT = 0.15
 """Smallest certificate of a contact that passes. In 100 random Hertz scenes, results with 2.4 to 16 times the
 usual error had -0.003 to 0.14, good ones 0.15 to 1.6 but for six below the limit."""
@@ -54,22 +49,19 @@ def check_coercivity(
         if name not in spoken_for or body.model.settings.square
     }
     for name, value in bulk.items():
-        limit = HALF_LIMIT if scene.bodies[name].halved else BULK_LIMIT
-        if not value >= limit:
+        if not value >= BULK_LIMIT:
             raise UnstableError(
                 f"the discrete equations of body {name} amplify errors "
-                f"(stability {value:.2g}, below {limit:g})",
+                f"(stability {value:.2g}, below {BULK_LIMIT:g})",
                 _bulk_hint(case, name),
                 value,
             )
     return min(judged.values()) if judged else min(bulk.values())
 
 
-def stability_limit(scene: Scene, ends: Sequence[ExactState]) -> float:
+def stability_limit(ends: Sequence[ExactState]) -> float:
     """Below which :func:`check_coercivity` refuses a scene whose contacts touch as in the states ``ends``."""
-    if any(state.active.any() for state in ends):
-        return CONTACT_LIMIT
-    return HALF_LIMIT if all(body.halved for body in scene.bodies.values()) else BULK_LIMIT
+    return CONTACT_LIMIT if any(state.active.any() for state in ends) else BULK_LIMIT
 
 
 def check_candidates_coercivity(case: Case, scene: Scene, condensed: Condensed, memo: Memo) -> None:

@@ -29,7 +29,6 @@ from mlsanm_cli.continuation import (
     follow,
 )
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, wanted_positions
 
@@ -129,7 +128,7 @@ def regularization(built: CondensedScene) -> Regularization:
 def coupling_of(built: CondensedScene, law: Regularization) -> DenseCoupling | SparseCoupling:
     """What the bodies answer with, in the scales of a law."""
     if built.case.solver.formulation == "monolithic":
-        return sparse_coupling(built.scene, built.condensed, law, SuperLUSolver())
+        return sparse_coupling(built.scene, built.condensed, law)
     return DenseCoupling.of(built.condensed, law)
 
 

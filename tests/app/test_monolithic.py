@@ -9,7 +9,6 @@ import pytest
 
 from mlsanm_cli.app.assessment.checks import LINEAR_LIMIT
 from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.scene import assemble as prepared
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
@@ -69,12 +68,6 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "tilting": (TILTING, SMOOTH[:2]),
     "collocation": ("paper", (*EVEN, SMOOTH[1])),
 }
-
-
-@pytest.fixture(autouse=True)
-def _whole_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half of a body's equations are close to the whole ones, not the same: tests/app/test_symmetry.py."""
-    monkeypatch.setattr(prepared, "even_scene", lambda *given: None)
 
 
 def build(scene: str, formulation: str, directory: Path) -> CondensedScene:

@@ -10,14 +10,14 @@ import h5py
 import numpy as np
 import pytest
 
+from benchmarks.eta_homotopy import lowered
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.results.history import pressures_at
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
-from mlsanm_cli.errors import NumericalError, RunError
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.homotopy import lowered
 from mlsanm_cli.solve.paths import path_of
 from mlsanm_cli.solve.state import State
 from tests.app.scenes import NODAL, Quiet, hertz, solve
@@ -117,10 +117,3 @@ def test_eta_lowered_at_full_load(tmp_path: Path) -> None:
     assert built.case.contact[0].regularization.eta == 1e-4
     assert np.abs(last.x[:m] - end.pressure).max() <= 1e-9 * end.pressure.max()
     assert np.abs(last.x[m : 2 * m] - end.gap).max() <= 1e-9 * end.gap.max()
-
-
-def test_eta_is_not_lowered_under_friction_with_memory(tmp_path: Path) -> None:
-    case = tmp_path / "case.toml"
-    case.write_text(SHEARED)
-    with pytest.raises(NumericalError, match="memory"):
-        next(lowered(built_of(case), (1.0, 1e-1)))

@@ -58,7 +58,6 @@ def test_a_block_is_accepted() -> None:
         (('mls.scheme="collocation"',), "mls.scheme", "collocation"),
         (("adapt.passes=1",), "adapt.passes", "refinement"),
         (('solver.method="active-set"',), "solver.method", "contact"),
-        (('solver.linear="mumps"',), "solver.linear", "mumps"),
         (('reference.solution="hertz-line"',), "reference", "analytical"),
     ],
 )

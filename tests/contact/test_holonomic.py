@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +10,6 @@ from hypothesis import strategies as st
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.holonomic import HolonomicContact
-from mlsanm_cli.contact.laws.homotopy import carried
 from tests.contact.derivatives import highest_terms, tangent_times
 from tests.contact.friction import in_units
 from tests.contact.test_rubbing import random_problem as random_rubbing
@@ -90,23 +87,3 @@ def test_traction_is_the_laws() -> None:
     assert problem.admissible(whole, 0.4)
     whole[-1] = -whole[-1]
     assert not problem.admissible(whole, 0.4)
-
-
-@given(**sizes, ratio=st.floats(1e-6, 10.0))
-def test_carried_to_another_eta(m: int, k: int, seed: int, ratio: float) -> None:
-    """The guess lies on the other hyperbola, is admissible, and keeps the part of friction that is used."""
-    problem = random_problem(m, k, seed)
-    x = state(problem, seed)
-    other = HolonomicContact(
-        DenseCoupling.of(problem.condensed, replace(problem.law, eta=ratio * problem.law.eta)),
-        problem.start,
-        problem.start + problem.change,
-    )
-    found = carried(problem, x, other.law.eta)
-    assert other.admissible(found, 0.3)
-    assert np.abs(other.residual(found, 0.3)[:m]).max() <= 1e-12
-    used = [
-        one.split(y)[3] / (one.split(y)[0] + one.law.eta)[one.condensed.friction_nodes]
-        for one, y in ((problem, x), (other, found))
-    ]
-    assert used[1] == pytest.approx(used[0], rel=1e-10)

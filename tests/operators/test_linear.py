@@ -21,7 +21,7 @@ from mlsanm_cli.operators.conditions import said
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.dissection import LEAF, nested_dissection
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
 from mlsanm_cli.operators.square import Square
 from mlsanm_cli.operators.square import factorise as square_of
 
@@ -87,7 +87,7 @@ def test_dissection_beats_the_order_of_the_front_in_fill(fine: float) -> None:
     spacing = Spacing(0.03, (Zone.around((0.5, 1.0), fine, 0.02, 0.12),))
     points = build_cloud(rectangle((0.0, 1.0), (0.0, 1.0)), spacing, 0).points
     matrix = positive_definite(points)
-    order = SuperLUSolver().analyse(matrix, points)
+    order = elimination_order(matrix, points)
     assert np.array_equal(np.sort(order), np.arange(2 * len(points)))
     assert fill(matrix, order) <= 0.5 * fill(matrix, np.arange(2 * len(points)))
 
@@ -95,8 +95,7 @@ def test_dissection_beats_the_order_of_the_front_in_fill(fine: float) -> None:
 def test_superlu_against_a_dense_solution() -> None:
     points = np.random.default_rng(3).uniform(0.0, 1.0, (150, 2))
     matrix = positive_definite(points)
-    solver = SuperLUSolver()
-    factor = solver.factor(matrix, solver.analyse(matrix, points))
+    factor = factor_in_order(matrix, elimination_order(matrix, points))
     for shape in ((300,), (300, 4)):
         rhs = np.random.default_rng(4).normal(size=shape)
         expected = np.linalg.solve(matrix.toarray(), rhs)
@@ -109,9 +108,8 @@ def test_a_singular_matrix_is_refused() -> None:
     matrix[7, :] = 0.0
     matrix[:, 7] = 0.0
     broken = sparse.csc_array(matrix)
-    solver = SuperLUSolver()
     with pytest.raises(NumericalError, match="could not be factorised"):
-        solver.factor(broken, solver.analyse(broken, points))
+        factor_in_order(broken, elimination_order(broken, points))
 
 
 def least_squares(apart: float, seed: int = 0) -> tuple[LeastSquares, FloatArray, FloatArray]:
@@ -179,7 +177,7 @@ def square() -> Square:
     matrix = sparse.csr_array(
         np.logspace(0, 2, 120)[:, None] * (20.0 * np.eye(120) + rng.normal(size=(120, 120)))
     )
-    return square_of(matrix, sparse.eye_array(120, format="csr"), rng.normal(size=(60, 2)), SuperLUSolver())
+    return square_of(matrix, sparse.eye_array(120, format="csr"), rng.normal(size=(60, 2)))
 
 
 @pytest.mark.parametrize("kind", ["least squares", "square"])

@@ -141,7 +141,7 @@ def adapt(case: Case, prepared: SceneModel, clock: Clock, console: Console, memo
         # Nodes in the bulk are wasted as long as it is the contact's own zones that are too coarse.
         more: tuple[Zone, ...] = ()
         if accuracy.bulk_leads:
-            more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk), prepared.line)
+            more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk))
         if not more and not any(_is_coarse(patch, rule) for patch in patches):
             console.note(f"refinement ends before pass {number}: the clouds are fine enough everywhere")
             break

@@ -121,7 +121,7 @@ def limits(case: Case, built: CondensedScene | None) -> dict[str, float]:
         "energy_error": ENERGY_LIMIT,
         "error_estimate": LARGE_ERROR,
     }
-    return found if built is None else found | {"stability": stability_limit(built.scene, built.ends)}
+    return found if built is None else found | {"stability": stability_limit(built.ends)}
 
 
 def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:
@@ -159,9 +159,7 @@ def _contact(built: CondensedScene, name: str, state: State, cone: float | None)
 
 
 def _symmetry(built: CondensedScene) -> str | None:
-    """The line about which half of the scene is solved, if it is."""
-    for body in built.scene.bodies.values():
-        mirror = body.model.cloud.mirror
-        if body.halved and mirror is not None:
-            return str(mirror.line)
-    return None
+    """The line about which the nodes of all bodies are placed symmetrically, if they are."""
+    mirrors = [body.model.cloud.mirror for body in built.scene.bodies.values()]
+    lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
+    return lines.pop() if len(lines) == 1 else None

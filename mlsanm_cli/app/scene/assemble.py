@@ -19,11 +19,9 @@ from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
 from mlsanm_cli.app.scene.surfaces import surfaces_at
-from mlsanm_cli.app.scene.symmetry import even_scene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Place, Platen
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -56,9 +54,9 @@ class SceneModel:
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
     by one, ``acting`` the loads' values, ``rigid_constraints`` all that moves rigidly, ``probes`` the points
     to observe,
-    ``notes`` what a person should know, ``line`` about what the scene is its own mirror image if half of it
-    is solved, ``clear`` the contacts that may have grids of their own, ``held_motions`` what of loose bodies
-    is held although nothing resists it, as a scene has them, ``weak`` warnings of what is hardly resisted.
+    ``notes`` what a person should know, ``clear`` the contacts that may have grids of their own,
+    ``held_motions`` what of loose bodies is held although nothing resists it, as a scene has them, ``weak``
+    warnings of what is hardly resisted.
     """
 
     models: Mapping[str, BodyModel]
@@ -69,7 +67,6 @@ class SceneModel:
     probes: tuple[Probe, ...]
     rigid_constraints: tuple[mechanics.RigidConstraint, ...]
     notes: tuple[str, ...]
-    line: Line | None = None
     clear: Mapping[str, ContactRange] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     weak: tuple[str, ...] = ()
@@ -130,36 +127,18 @@ def prepare(
     grids = grids and case.model.strain == "small"
     clear = contact_ranges(case, models, pairings, occupied) if grids else {}
     found = constrain_free_rigid_modes(case, clouds, directed(pairings, clear), free, loads, clear)
-    moving, notes = found.rigid_constraints, (*_beside(case, clouds), *found.notes)
-    probes = _probes(case, clouds)
-    prepared = SceneModel(
+    return SceneModel(
         models,
         pairings,
         held,
         held_nodes,
         loads,
-        probes,
-        moving,
-        notes,
+        _probes(case, clouds),
+        found.rigid_constraints,
+        (*_beside(case, clouds), *found.notes),
+        clear=clear,
         held_motions=found.held,
         weak=found.weak,
-    )
-    even = even_scene(case, models, held, held_nodes, loads, moving, pairings)
-    if clear:
-        # Symmetry forbids motions; half of so few nodes is not worth solving.
-        return replace(
-            prepared, clear=clear, rigid_constraints=moving if even is None else even.rigid_constraints
-        )
-    if even is None:
-        return prepared
-    half = f"the scene is its own mirror image about {even.line}: half of it is solved"
-    notes = (*notes, half)
-    return replace(
-        prepared,
-        pairings=even.pairings,
-        rigid_constraints=even.rigid_constraints,
-        notes=notes,
-        line=even.line,
     )
 
 
@@ -187,15 +166,13 @@ def assemble_bodies(
     """Set up every body's system, once for bodies that are alike; it is factorised within ``timed()`` when it
     is first used. Of the bodies ``before``, of the same case, those stay whose models did."""
     bodies: dict[str, ElasticBody] = {}
-    halved = prepared.line is not None
     conditions = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
         for name, touching in _touching(prepared).items()
     }
     for name, model in prepared.models.items():
         known = before.get(name)
-        # Halves are of no use to a scene that is no longer symmetric.
-        if known is not None and known.model is model and known.halved == halved:
+        if known is not None and known.model is model:
             bodies[name] = known
             continue
         held, held_nodes, springs, touching = conditions[name]
@@ -210,8 +187,8 @@ def assemble_bodies(
             continue
         body = memo.value(
             "body",
-            digest(model.content, *conditions[name], solver.name, halved),
-            partial(assemble, model, held, held_nodes, solver, springs, halved=halved, touching=touching),
+            digest(model.content, *conditions[name], solver.name),
+            partial(assemble, model, held, held_nodes, solver, springs, touching=touching),
         )
         bodies[name] = replace(body, timed=timed)
     places = {s.place.label: s.place for s in case.support if s.place is not None}

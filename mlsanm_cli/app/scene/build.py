@@ -56,12 +56,10 @@ def load_kernels(clock: Clock, console: Console) -> Loaded:
 def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo = NO_CACHE) -> SceneModel:
     """All that can show that a case cannot be run as written, on its own clouds.
 
-    Raises CaseError for a scene that memory cannot hold, a solver that is not installed, and contacts and
-    platens without sense.
+    Raises CaseError for a scene that memory cannot hold, and contacts and platens without sense.
     """
     load_kernels(clock, console)
     try:
-        direct_solver(loaded.case)
         with clock.phase("cloud"):
             size = memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
         if sum(size.nodes.values()) > MANY:

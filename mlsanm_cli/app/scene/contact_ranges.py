@@ -103,6 +103,9 @@ def _clear(
     slack = TOUCHING * base.length
     if facing.profile is not None:
         slack = min(slack, SHALLOW * float(np.ptp(gap[faces])))
+    if base.closed and faces.all() and np.ptp(gap) <= slack and pairing.interference and not case.load:
+        # A fit that nothing loads touches all around: no grid has ends there.
+        return None
     least = gap[faces].min() + slack
     touching = np.flatnonzero(off & (gap <= least))
     if not len(touching):

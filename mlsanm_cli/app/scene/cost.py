@@ -16,7 +16,7 @@ PER_NODE = 1.0e-5
 FACTOR = 5.0e-7
 COLUMN = 3.7e-8
 REFINED = 60
-SLOW = {"auto": 1.0, "superlu": 3.0, "pardiso": 1.3, "mumps": 2.0}
+SLOW = {"auto": 1.0, "superlu": 3.0}
 """Factor and solutions against ours, by ``solver.linear``."""
 STAGE = 0.06
 STAGE_NODE = 5.0e-4

@@ -21,10 +21,9 @@ from mlsanm_cli.values import dataclass
 COUNT_LIMIT = 2e8
 PROCESS_MB = 150.0
 """Memory of a process before its first body."""
-CHOLESKY = 64.0
-OTHERS = {"superlu": 217.0, "pardiso": 109.0, "mumps": 18.0}
-"""Bytes of a factor for every node, node of its stencil and level of nested dissection: of our own, and by
-``solver.linear`` of others. SuperLU's is of both halves, MUMPS's on disk."""
+CHOLESKY, SUPERLU = 64.0, 217.0
+"""Bytes of a factor for every node, node of its stencil and level of nested dissection: of our own, and of
+SuperLU's, which is of both halves."""
 DENSE = 8.0
 """Square matrices of the contact unknowns that are there at the same time; 5 to 6 were measured."""
 
@@ -53,8 +52,8 @@ def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
     factor takes besides; fitted to measured runs (docs/performance.md)."""
     counts = list(nodes.values())
     kept = sum((150.0 * stencil + 1950.0) * count for count in counts)
-    if solver in OTHERS:
-        factors = sum(OTHERS[solver] * count * stencil * _levels(count, 7.2) for count in counts)
+    if solver == "superlu":
+        factors = sum(SUPERLU * count * stencil * _levels(count, 7.2) for count in counts)
     else:
         ours = [CHOLESKY * count * stencil * _levels(count, 8.6) for count in counts]
         # Of large factors one at a time is in memory.
@@ -112,9 +111,6 @@ def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
     usual = replace(settings, neighbors=None).stencil_size
     if _memory_mb(size.nodes, usual, _solver(case)) <= room:
         return "mls.neighbors", f'"auto" takes {usual}'
-    on_disk = _memory_mb(size.nodes, settings.stencil_size, "mumps")
-    if on_disk <= room and not settings.square:
-        return "solver.linear", f'"mumps", with its factors on disk, needs about {on_disk / 1024:.3g} GB'
     body = max(case.body, key=lambda body: size.nodes[body.name])
     if body.has_nodes:
         return f"body.{body.name}.shape.file", "use a coarser mesh"

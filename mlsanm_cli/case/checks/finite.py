@@ -114,5 +114,3 @@ def _check_rest(sound: Sound, report: Report) -> None:
     solver = sound.case.solver
     if solver.method == "active-set" and not sound.count("contact"):
         report.add(("solver", "method"), '"active-set" needs a contact', '"anm" or "newton"')
-    if solver.linear in ("pardiso", "mumps"):
-        report.add(("solver", "linear"), f'"{solver.linear}" {_ALONE}', '"auto"')

@@ -282,11 +282,6 @@ def _check_numerics(sound: Sound, report: Report) -> None:
         elif case.mls.neighbors > MOST_NEIGHBORS * terms:
             hint = f'at most {MOST_NEIGHBORS * terms}, or "auto"'
             report.add(path, f"{case.mls.neighbors} nodes are too many for {of}", hint)
-    if case.mls.scheme != "least-squares" and case.solver.linear in ("pardiso", "mumps"):
-        message = (
-            f'"{case.solver.linear}" needs symmetric equations; mls.scheme = "{case.mls.scheme}" has none'
-        )
-        report.add(("solver", "linear"), message, 'write "auto"')
     _check_laws(sound, report, [one for one in case.contact if not one.bonded])
     if case.adapt.passes:
         fixed = [body.name for body in case.body if body.has_nodes]

@@ -9,7 +9,7 @@ import math
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
-from pydantic_core import PydanticKnownError
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from mlsanm_cli.case.model.base import (
     FOUNDATION,
@@ -36,6 +36,15 @@ from mlsanm_cli.case.model.units import Units
 
 HELD = Field(json_schema_extra={"enum": [0.0]})
 """The only value supported so far."""
+
+
+def _linear_solver(value: Any) -> Any:
+    """Refuse by name the solvers of earlier versions."""
+    if value in ("pardiso", "mumps"):
+        raise PydanticCustomError(
+            "linear_solver", '"{name}" is no longer supported: write "auto" or "superlu"', {"name": value}
+        )
+    return value
 
 
 class Model(Section):
@@ -236,9 +245,8 @@ class Solver(Section):
     history."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """Largest number of steps; a path that needs more fails."""
-    linear: Literal["auto", "superlu", "pardiso", "mumps"] = "auto"
-    """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation, or SuperLU for square schemes.
-    `"pardiso"` and `"mumps"` (factors on disk) need optional packages."""
+    linear: Annotated[Literal["auto", "superlu"], BeforeValidator(_linear_solver)] = "auto"
+    """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation, SuperLU for square schemes."""
 
 
 class Output(Section):

@@ -41,9 +41,8 @@ class Pairing:
     others are only watched. ``friction`` is Coulomb's coefficient, inf of bonded surfaces, ``interference``
     what the gaps lose when the load of this contact's name is at 1, ``closed_by`` what they have lost to
     surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor ``master``; its
-    virtual nodes lie on the obstacle. In a scene that is its own mirror image, ``image`` (w,) is where every
-    node's image stands. With ``near`` the candidates are the places of a contact grid, and gaps and normals
-    means over its functions.
+    virtual nodes lie on the obstacle. With ``near`` the candidates are the places of a contact grid, and gaps
+    and normals means over its functions.
     """
 
     name: str
@@ -63,7 +62,6 @@ class Pairing:
     friction: float = 0.0
     interference: float = 0.0
     closed_by: float = 0.0
-    image: IntArray | None = None
     near: Near | None = None
 
     @property
@@ -111,19 +109,7 @@ class Pairing:
 
     def with_reach(self, reach: float) -> Pairing:
         """The same pairs with the nodes of initial gap up to ``reach`` as candidates."""
-        near = self.gap <= reach
-        # Round-off must not take a node without its image.
-        return replace(self, candidate=near if self.image is None else near | near[self.image])
-
-    def with_images(self, image: IntArray) -> Pairing:
-        """The same pairs in a scene that is its own mirror image, with every node's ``image`` (w,)."""
-        return replace(self, image=image, candidate=self.candidate | self.candidate[image])
-
-    @property
-    def side(self) -> IntArray:
-        """On which side (w,) of the mirror nodes are, 1 or -1, or 0 on it; all on it where there is none."""
-        own = np.arange(len(self.position))
-        return np.zeros_like(own) if self.image is None else np.sign(self.image - own)
+        return replace(self, candidate=self.gap <= reach)
 
     def first_reach(self) -> float:
         """A reach to begin with: the widest gap where the slave's spacing is within 1.5 of the finest."""

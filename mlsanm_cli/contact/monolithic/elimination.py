@@ -11,7 +11,8 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
+from mlsanm_cli.operators.linear.interface import Factor
+from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order, factor_unsymmetric
 from mlsanm_cli.operators.system import Equations
 from mlsanm_cli.values import dataclass
 
@@ -32,7 +33,6 @@ class Elimination:
     order: IntArray
     last: int
     definite: bool
-    solver: DirectSolver
 
     def with_added(self, added: sparse.csr_array) -> Elimination:
         """The same with further entries (r, r)."""
@@ -45,7 +45,7 @@ class Elimination:
         factors[: len(rows)] = rows
         values = self.matrix.data * factors[self.order][self.matrix.indices]
         whole = sparse.csc_array((values, self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape)
-        make = self.solver.factor if self.definite else self.solver.factor_unsymmetric
+        make = factor_in_order if self.definite else factor_unsymmetric
         try:
             return make(sparse.csc_array(whole + self._placed(added)), np.arange(len(self.order)))
         except NumericalError as error:
@@ -77,7 +77,6 @@ def plan_elimination(
     equations: Mapping[str, Equations],
     scale: FloatArray,
     unknowns: FloatArray,
-    solver: DirectSolver,
 ) -> Elimination:
     """The matrix of ``contact`` rows (c, r) above the bodies' ``equations``, divided by ``scale`` (2N,), over
     unknowns with typical sizes ``unknowns`` (r,): c of the contact's, then the bodies' displacements.
@@ -95,7 +94,7 @@ def plan_elimination(
     parts, first = [], count
     for name, one in equations.items():
         pattern = sparse.csc_array(abs(one.matrix) + abs(one.matrix).T)
-        parts.append(first + solver.analyse(pattern, scene.bodies[name].model.nodes))
+        parts.append(first + elimination_order(pattern, scene.bodies[name].model.nodes))
         first += one.matrix.shape[0]
     order = np.concatenate([*parts, np.arange(count)])
     factors = np.ones(total)
@@ -107,5 +106,4 @@ def plan_elimination(
         order=order,
         last=count,
         definite=all(one.definite for one in equations.values()),
-        solver=solver,
     )

@@ -34,7 +34,6 @@ from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows, sli
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.mechanics.scene import Platen, Scene
-from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.refinement import Progress, refine
 from mlsanm_cli.values import dataclass
 
@@ -132,9 +131,7 @@ class SparseTangent:
         return np.asarray(scales * refine(first, update, Progress.of(first, REFINED))[0][:, 0])
 
 
-def sparse_coupling(
-    scene: Scene, condensed: Condensed, law: Regularization, solver: DirectSolver
-) -> SparseCoupling:
+def sparse_coupling(scene: Scene, condensed: Condensed, law: Regularization) -> SparseCoupling:
     """The linear part of the problem on the candidates, loads and platens of ``condensed``.
 
     Of the condensed problem's solutions nothing is used, but for friction its ``beyond``.
@@ -169,7 +166,7 @@ def sparse_coupling(
         gaps=contact[:m],
         slips=contact[m : m + n],
         scale=scale,
-        elimination=plan_elimination(scene, contact, equations, scale, unknowns, solver),
+        elimination=plan_elimination(scene, contact, equations, scale, unknowns),
     )
 
 

@@ -12,10 +12,6 @@ s is the slip of the slave relative to the master along it. The matrices A are t
 factorised once; of the solutions to its columns only the functionals needed are found. Both are left out
 where a memo has the functionals already.
 
-A scene that is its own mirror image has symmetric pressures, and its bodies answer to the symmetric part of
-each: half to a node's pressure, half to that of its image. Twice that on the node's own side and nothing on
-the other is the same for symmetric pressures, and leaves the compliance positive for others.
-
 Equation (10) of docs/method.md.
 """
 
@@ -328,15 +324,12 @@ def _drivers(scene: Scene, pairings: tuple[Pairing, ...]) -> Drivers:
 
 def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answers: Answers) -> Condensed:
     drivers, sources = _drivers(scene, pairings), answers.sources
-    like = drivers.columns.like(answers.observation.images[1])
     seen = answers.observation.parted(answers.observed)
 
     nodal = tuple(pairing for pairing in pairings if pairing.near is None)
     candidate = _candidates(pairings)
     gaps = [_gaps(scene, drivers, pairing, seen.gaps[pairing.name]) for pairing in pairings]
     gap = stack(gaps, drivers.unknowns)
-    side = np.concatenate([np.zeros(0, dtype=np.int64), *(pairing.side for pairing in pairings)])
-    gap.pressure[:] *= 1.0 + np.outer(side, side[candidate])
     gap = gap + of_obstacles(scene, pairings, drivers.unknowns, "normal")
     gap = gap + of_fits(scene, pairings, drivers.unknowns)
     weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
@@ -382,7 +375,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
         bonds=bonds,
         sources=sources,
         solutions=answers.solutions,
-        solves=sum(len(np.unique(like[used_columns(source)])) for source in sources.values()),
+        solves=sum(len(used_columns(source)) for source in sources.values()),
         content=content,
         probes={
             probe.name: reduced(_seen(scene, probe, drivers, rows))

@@ -81,13 +81,6 @@ class Columns:
         """The columns of the motions."""
         return slice(self.loads, self.loads + self.motions)
 
-    def like(self, pressures: IntArray) -> IntArray:
-        """Which column (total,) is to be taken for each: of pressures those numbered ``pressures`` (m,)."""
-        numbers = np.arange(self.total)
-        first = self.loads + self.motions
-        numbers[first : first + self.pressures] = first + pressures
-        return numbers
-
     def split(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
         """A dense array (r, total) as a linear map."""
         ends = np.cumsum([self.loads, self.motions, self.pressures])

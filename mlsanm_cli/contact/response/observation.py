@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -76,25 +75,6 @@ class ResponseFunctionals:
         counts, first = self.counts, len(self.pairings) + len(self.rough)
         return slice(sum(counts[:first]), sum(counts[: first + len(self.held)]))
 
-    @cached_property
-    def images(self) -> tuple[IntArray, IntArray]:
-        """Which row (sum of counts,) says the same as each, and which pressure (m,) does: in scenes that are
-        their own mirror images, of a node and its image those of the one farther along; elsewhere itself."""
-        rows, first = np.arange(sum(self.counts)), 0
-        pressures = [np.zeros(0, dtype=np.int64)]
-        for pairing in self.pairings:
-            if pairing.near is not None:
-                first += _rows_of(pairing)
-                pressures.append(np.arange(pairing.near.drivers) + sum(map(len, pressures)))
-                continue
-            own = np.arange(len(pairing.position))
-            same = own if pairing.image is None else np.maximum(own, pairing.image)
-            rows[first : first + len(own)] = first + same
-            number = np.cumsum(pairing.candidate) - 1 + sum(map(len, pressures))
-            pressures.append(number[same[pairing.candidate]])
-            first += len(own)
-        return rows, np.concatenate(pressures)
-
     def rows(self, name: str) -> sparse.csr_array:
         """What each row (sum of counts, n) takes of the unknowns of one body."""
         scene, body = self.scene, self.scene.bodies[name]
@@ -149,8 +129,6 @@ def observe(
     """What is observed, (sum of counts, total), of the bodies' answers to their ``sources`` (r, total) and
     motions; without contact also the answers (n, total) themselves."""
     scene, quick = observation.scene, bool(observation.pairings)
-    own_rows, back = np.unique(observation.images[0], return_inverse=True)
-    like = columns.like(observation.images[1])
     observed = np.zeros((sum(observation.counts), columns.total))
     solutions = {}
     # Memory is shortest while the last factor is made, so that it had better be a small one.
@@ -161,9 +139,8 @@ def observe(
         solved = np.zeros((rows.shape[1], 0 if quick else columns.total))
         # Loads by themselves: when their magnitudes change, the others' answers still hold.
         for some in (used[used < columns.loads], used[used >= columns.loads]):
-            own, again = np.unique(like[some], return_inverse=True)
-            answer = _answer(body, sources[name][:, own], rows[own_rows], quick, memo)
-            observed[:, some] += answer["observed"][np.ix_(back, again)]
+            answer = _answer(body, sources[name][:, some], rows, quick, memo)
+            observed[:, some] += answer["observed"]
             if not quick:
                 solved[:, some] = answer["solution"]
         if not quick:

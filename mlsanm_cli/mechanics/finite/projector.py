@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_ro
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
 from mlsanm_cli.values import dataclass
 
 
@@ -132,7 +132,7 @@ class Projector:
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
         down = place @ strong
         matrix = sparse.block_array([[normal, up], [down, -sparse.eye_array(place.shape[0])]], format="csc")
-        factor = SuperLUSolver().factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix))
+        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix))
         return Factorised(self, rows, strong, factor)
 
     @cached_property
@@ -145,7 +145,7 @@ class Projector:
 
     def _order(self, matrix: sparse.csc_array) -> IntArray:
         points = np.concatenate([self.body.elastic.model.nodes, np.repeat(self.places, 2, axis=0)])
-        return SuperLUSolver().analyse(sparse.csc_array(matrix), points)
+        return elimination_order(sparse.csc_array(matrix), points)
 
 
 @dataclass(frozen=True)

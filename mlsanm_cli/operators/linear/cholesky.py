@@ -17,7 +17,6 @@ from mlsanm_cli.operators.linear.fallback import verified_or_superlu
 from mlsanm_cli.operators.linear.interface import Factor, Matrix
 from mlsanm_cli.operators.linear.progress import watched
 from mlsanm_cli.operators.linear.scratch import MappedArray
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver
 from mlsanm_cli.operators.structure import structure
 from mlsanm_cli.values import dataclass
 
@@ -141,7 +140,7 @@ class CholeskyFactor:
         return products(*self.arrays, self.fronts.parent, *columns)
 
 
-class CholeskySolver(SuperLUSolver):
+class CholeskySolver:
     """Our own method for definite and quasi-definite matrices, SuperLU for what it cannot do."""
 
     name = "cholesky"

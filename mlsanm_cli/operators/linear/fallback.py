@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, backward_error
-from mlsanm_cli.operators.linear.superlu import SuperLUSolver
+from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
 
 SOUND = 1e-11
 """Largest backward error of a factor that is believed; what is expected is round-off."""
@@ -26,8 +26,8 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
     """
     if factor is not None and _sound(matrix, factor):
         return factor
-    solver, plain = SuperLUSolver(), sparse.csc_array(matrix)
-    other = solver.factor(plain, solver.analyse(plain, points))
+    plain = sparse.csc_array(matrix)
+    other = factor_in_order(plain, elimination_order(plain, points))
     if not _sound(matrix, other):
         raise NumericalError(
             "the elastic system of a body is singular to working precision",

@@ -7,7 +7,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 
 Matrix: TypeAlias = "sparse.csc_array | sparse.bsr_array"
 """A symmetric matrix, in columns or in blocks."""
@@ -43,18 +43,6 @@ class DirectSolver(Protocol):
     def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
         """Factorise a symmetric matrix (2n, 2n), positive definite in all but its last ``negative`` points'
         unknowns and negative definite in these; NumericalError for a singular one."""
-        ...
-
-    def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
-        """Elimination order (2n,) of the unknowns of a ``matrix`` (2n, 2n) with a symmetric pattern."""
-        ...
-
-    def factor(self, matrix: sparse.csc_array, order: IntArray) -> Factor:
-        """Factorise a positive definite matrix in a given order; NumericalError for a singular one."""
-        ...
-
-    def factor_unsymmetric(self, matrix: sparse.csc_array, order: IntArray) -> Factor:
-        """Factorise any square matrix, rows exchanged where needed; NumericalError for a singular one."""
         ...
 
 

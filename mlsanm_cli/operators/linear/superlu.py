@@ -44,27 +44,32 @@ class SuperLUFactor:
 
 
 class SuperLUSolver:
-    """Scipy's SuperLU, for every system without a better method."""
+    """Scipy's SuperLU as a solver of definite and quasi-definite systems."""
 
     name = "superlu"
 
-    def analyse(self, matrix: sparse.csc_array, points: FloatArray) -> IntArray:
-        """Nested dissection of the nodes; both unknowns of a node stay together."""
-        nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2])).order
-        return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
-
     def factor_definite(self, matrix: Matrix, points: FloatArray, negative: int = 0) -> Factor:
-        """Order and factorise."""
+        """Order and factorise; NumericalError for a singular matrix."""
         plain = sparse.csc_array(matrix)
-        return self.factor(plain, self.analyse(plain, points))
+        return factor_in_order(plain, elimination_order(plain, points))
 
-    def factor(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
-        """Factorise without pivoting, which a quasi-definite matrix does not need."""
-        return _factor(matrix, order, 0.0)
 
-    def factor_unsymmetric(self, matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
-        """Factorise with threshold pivoting."""
-        return _factor(matrix, order, THRESHOLD)
+def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
+    """Elimination order (2n,) of the unknowns of a ``matrix`` (2n, 2n) with a symmetric pattern, by nested
+    dissection of the nodes ``points`` (n, 2); both unknowns of a node stay together."""
+    nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2])).order
+    return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
+
+
+def factor_in_order(matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
+    """Factorise in an ``order`` (n,) without pivoting, which a quasi-definite matrix does not need;
+    NumericalError for a singular one."""
+    return _factor(matrix, order, 0.0)
+
+
+def factor_unsymmetric(matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
+    """Factorise any square matrix with threshold pivoting; NumericalError for a singular one."""
+    return _factor(matrix, order, THRESHOLD)
 
 
 def _factor(matrix: sparse.csc_array, order: IntArray, threshold: float) -> SuperLUFactor:
