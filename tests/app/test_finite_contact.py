@@ -115,3 +115,29 @@ def test_dragging_without_friction_takes_no_force(tmp_path: Path) -> None:
     # The block has given way, yet the cylinder touches where it is now.
     assert loaded.min() > 0.0
     assert loaded.max() < 0.8
+
+
+def test_friction_dissipates_what_dragging_takes(tmp_path: Path) -> None:
+    """A cylinder dragged with friction: once all slips, the work of its force is what friction dissipates."""
+    top = '{along = "top", spacing = 0.06, radius = 0.05, growth = 0.2}'
+    text = BLOCK.format(left=-2.0, depth=-0.1, refine=top, **CLAMPED).replace("[0.0, 3.0]", "[-0.5, 3.0]")
+    text += '[[load]]\nname = "drag"\nkind = "obstacle"\nobstacle = "under"\nux = 1.0\n'
+    text += "[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n[output]\nat = [1.0, 1.3, 2.0]\n"
+    directory = tmp_path / "run"
+    summary = solve(text.replace('slave = "block.top"', 'slave = "block.top"\nfriction = 0.3'), directory)
+    assert summary["status"] == "done"
+    assert summary["iterations"] <= 90
+    run = read_run(directory)
+    position, force = run.path.position, run.path.resultants["contact under"][:, 0]
+    slips = position >= 1.3
+    work = float(np.trapezoid(force[slips], position[slips]))
+    lost = run.contacts["under"].dissipated_work
+    assert lost is not None
+    assert work == pytest.approx(lost[-1] - lost[slips][0], rel=0.01)
+    under = summary["contacts"]["under"]
+    assert under["stick_nodes"] == 0
+    assert under["max_cone_ratio"] == pytest.approx(1.0)
+    # Normals lean a little towards where the cylinder comes from.
+    assert 0.25 <= -under["force"][0] / under["force"][1] <= 0.31
+    # Pressed only, nodes stick in the middle.
+    assert (run.contacts["under"].status[position == 1.0] == 1).any()

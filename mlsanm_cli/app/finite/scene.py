@@ -1,7 +1,8 @@
-"""From a case and its clouds to a body at finite strain with its loads."""
+"""From a case and its clouds to bodies at finite strain with their loads and contacts."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -12,10 +13,12 @@ from mlsanm_cli.app.scene import Prepared
 from mlsanm_cli.app.stages import stage_factors
 from mlsanm_cli.app.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, Platen, Pressure
+from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
-from mlsanm_cli.contact.finite.loads import with_contacts
+from mlsanm_cli.contact.finite.exact import AnyContact
+from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.sides import Side, with_sides
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
@@ -32,34 +35,59 @@ from mlsanm_cli.values import dataclass
 
 @dataclass(frozen=True)
 class FiniteScene:
-    """A ``body`` called ``name`` with its loads, which move from stage to stage: ``stages`` (T + 1, L). The
-    body's last loads, beyond these, are unit tractions x, y at the nodes of the ``contacts`` in turn.
+    """All ``bodies`` by name with their loads, which move from stage to stage: ``stages`` (T + 1, L). The
+    bodies' last loads, beyond these, are unit tractions x, y at the nodes of their sides in ``contacts``.
 
-    ``supports`` names the surfaces of every support and of every load that holds a displacement.
+    ``supports`` names the bodies and surfaces of every support and of every load that holds a displacement.
     """
 
     case: Case
-    name: str
-    body: FiniteBody
+    bodies: Mapping[str, FiniteBody]
     stages: FloatArray
-    supports: dict[str, tuple[str, ...]]
+    supports: Mapping[str, tuple[tuple[str, str], ...]]
     probes: tuple[Probe, ...]
     solver: DirectSolver
-    contacts: tuple[RigidContact, ...] = ()
+    contacts: tuple[AnyContact, ...] = ()
 
     @property
-    def points(self) -> FloatArray:
-        """The body's nodes (n, 2) before loading."""
-        return self.body.elastic.model.cloud.points
+    def alone(self) -> tuple[str, FiniteBody]:
+        """The only body, and its name."""
+        ((name, body),) = self.bodies.items()
+        return name, body
+
+    @property
+    def unknowns(self) -> int:
+        """Displacements of all bodies."""
+        return sum(body.unknowns for body in self.bodies.values())
+
+    @property
+    def size(self) -> float:
+        """The largest extent of a body."""
+        return max(float(np.ptp(body.elastic.model.nodes, axis=0).max()) for body in self.bodies.values())
+
+    def parts(self, displacement: FloatArray) -> dict[str, FloatArray]:
+        """By body, its own of the displacements (2N,) of all."""
+        ends = np.cumsum([body.unknowns for body in self.bodies.values()])[:-1]
+        return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
+
+    def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
+        """By body, the factors of all its loads: the case's ``factors`` (L,), then its own of the tractions
+        (2s,) at the nodes of all sides in contact."""
+        found, first = {name: [factors] for name in self.bodies}, 0
+        for contact in self.contacts:
+            for side in contact.sides:
+                found[side.body].append(traction[first : first + 2 * side.count])
+                first += 2 * side.count
+        return {name: np.concatenate(some) for name, some in found.items()}
 
     @cached_property
-    def weights(self) -> Weights:
-        """The weights of the rows, for the whole path."""
-        return Weights.of(self.body)
+    def weights(self) -> Mapping[str, Weights]:
+        """The weights of the bodies' rows, for the whole path."""
+        return {name: Weights.of(body) for name, body in self.bodies.items()}
 
-    def projector(self, displacement: FloatArray, factors: FloatArray) -> Projector:
-        """The equations by the rows of a state."""
-        return Projector.at(self.body, self.weights, displacement, factors, self.solver)
+    def projector(self, name: str, displacement: FloatArray, factors: FloatArray) -> Projector:
+        """A body's equations by the rows of a state of it."""
+        return Projector.at(self.bodies[name], self.weights[name], displacement, factors, self.solver)
 
 
 def refuse_unsupported(prepared: Prepared) -> None:
@@ -71,28 +99,36 @@ def refuse_unsupported(prepared: Prepared) -> None:
             problem = CaseProblem(f"body.{mover.body}", message, hint="hold it with a [[support]]")
             raise CaseError((problem,))
     for pairing in prepared.pairings:
-        if pairing.slave.parts:
-            message = "a side of several pieces with finite strain is not supported yet"
-            problem = CaseProblem(f"contact.{pairing.name}.slave", message, hint="one smooth side")
-            raise CaseError((problem,))
+        for key, side in (("slave", pairing.slave), ("master", pairing.master)):
+            if side is not None and side.parts:
+                message = "a side of several pieces with finite strain is not supported yet"
+                problem = CaseProblem(f"contact.{pairing.name}.{key}", message, hint="one smooth side")
+                raise CaseError((problem,))
 
 
 def finite_scene(case: Case, prepared: Prepared) -> FiniteScene:
     """Take over clouds, conditions and loads of a scene that :func:`refuse_unsupported` has let pass."""
-    name, model = next(iter(prepared.models.items()))
     solver = direct_solver(case)
-    elastic = assemble(model, prepared.held[name], prepared.held_nodes[name], solver)
     contacts = tuple(_contact(case, prepared, one) for one in prepared.pairings)
-    loads = with_contacts(_loads(case, prepared, elastic), elastic, contacts)
-    body = FiniteBody(elastic, law_of(case, name), loads)
-    supports = _supports(case)
-    return FiniteScene(case, name, body, stage_factors(case), supports, prepared.probes, solver, contacts)
+    bodies = {}
+    for name, model in prepared.models.items():
+        elastic = assemble(model, prepared.held[name], prepared.held_nodes[name], solver)
+        sides = [side for contact in contacts for side in contact.sides if side.body == name]
+        loads = with_sides(_loads(case, prepared, name, elastic), elastic, sides)
+        bodies[name] = FiniteBody(elastic, law_of(case, name), loads)
+    stages, supports = stage_factors(case), _supports(case)
+    return FiniteScene(case, bodies, stages, supports, prepared.probes, solver, contacts)
 
 
-def _contact(case: Case, prepared: Prepared, pairing: Pairing) -> RigidContact:
-    """A side of the body against a rigid obstacle."""
-    slave = pairing.slave
+def _contact(case: Case, prepared: Prepared, pairing: Pairing) -> AnyContact:
+    """A side of a body against another's, or against a rigid obstacle."""
     found = next(one for one in case.contact if one.name == pairing.name)
+    points = {name: model.cloud.points for name, model in prepared.models.items()}
+    slave = Side.of(pairing.slave_body, points[pairing.slave_body], pairing.slave)
+    if pairing.master is not None:
+        assert pairing.master_body is not None
+        master = Side.of(pairing.master_body, points[pairing.master_body], pairing.master)
+        return BodyContact(pairing.name, slave, master, pairing.friction)
     assert found.obstacle is not None
     motion = np.zeros((2, len(case.moved)))
     for mover in prepared.movers:
@@ -100,10 +136,7 @@ def _contact(case: Case, prepared: Prepared, pairing: Pairing) -> RigidContact:
             for one in mover.motions:
                 assert one.prescribed is not None
                 motion[one.component] += one.prescribed
-    places = prepared.models[pairing.slave_body].cloud.points[slave.index]
-    shape = shape_of(found.obstacle)
-    args = (slave.index, places, slave.normal, slave.weight, slave.arc_length)
-    return RigidContact(pairing.name, slave.name, *args, shape, motion)
+    return RigidContact(pairing.name, slave, shape_of(found.obstacle), motion, pairing.friction)
 
 
 def law_of(case: Case, body: str) -> Law:
@@ -115,20 +148,28 @@ def law_of(case: Case, body: str) -> Law:
     return Law.isotropic(material.law, material.E, material.nu, case.model.plane)
 
 
-def _supports(case: Case) -> dict[str, tuple[str, ...]]:
-    """Surfaces by the label of a support, or by the name of a load that holds displacements."""
-    found = {s.place.label: surfaces_at(case, s.place) for s in case.support if s.place is not None}
-    held = [load for load in case.load if isinstance(load, Displacement | Platen)]
-    return found | {load.name: surfaces_at(case, load.place) for load in held}
+def _supports(case: Case) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Bodies and surfaces by the label of a support, or by the name of a load that holds displacements."""
+    found: dict[str, tuple[Place, ...]] = {
+        s.place.label: (s.place,) for s in case.support if s.place is not None
+    }
+    found |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
+    found |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
+    return {
+        label: tuple((place.body, name) for place in places for name in surfaces_at(case, place))
+        for label, places in found.items()
+    }
 
 
-def _loads(case: Case, prepared: Prepared, body: ElasticBody) -> Loads:
-    """All that acts, by load number."""
+def _loads(case: Case, prepared: Prepared, name: str, body: ElasticBody) -> Loads:
+    """All that acts on a body, by load number."""
     count = len(case.moved)
     sources = np.zeros((body.rows, count))
     tractions: dict[str, FloatArray] = {}
     pressing: list[Pressing] = []
     for load in prepared.acting.surface_loads:
+        if load.body != name:
+            continue
         given, surface = case.load[load.number], body.model.cloud.surfaces[load.surface]
         if isinstance(given, Pressure) and given.follows:
             assert load.between is not None
@@ -143,28 +184,29 @@ def _loads(case: Case, prepared: Prepared, body: ElasticBody) -> Loads:
             tractions.setdefault(load.surface, np.zeros(shape))[:, :, load.number] += load.between
     for mover in prepared.movers:
         if isinstance(mover, mechanics.Platen):
-            _move(mover, body, sources)
-    force = _force(prepared, len(body.model.cloud.points), count)
+            _move(mover, name, body, sources)
+    force = _force(prepared, name, len(body.model.cloud.points), count)
     if force is not None:
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)
     return Loads(count, sources, tractions, force, tuple(pressing))
 
 
-def _move(platen: mechanics.Platen, body: ElasticBody, sources: FloatArray) -> None:
-    """Add what a platen prescribes to the right-hand sides ``sources`` (r, L)."""
+def _move(platen: mechanics.Platen, name: str, body: ElasticBody, sources: FloatArray) -> None:
+    """Add what a platen prescribes to the right-hand sides ``sources`` (r, L) of a body."""
     points = body.model.cloud.points
     for motion in platen.motions:
         assert motion.prescribed is not None
-        for name in platen.surfaces:
-            pattern = platen.pattern(body.model.cloud.surfaces[name], points, motion.component)
-            sources += np.outer(body.source(name, pattern, held=True), motion.prescribed)
+        for surface in platen.surfaces_of(name):
+            pattern = platen.pattern(body.model.cloud.surfaces[surface], points, motion.component)
+            sources += np.outer(body.source(surface, pattern, held=True), motion.prescribed)
 
 
-def _force(prepared: Prepared, nodes: int, count: int) -> FloatArray | None:
-    """The body force (n, 2, L), if there is any."""
-    if not prepared.acting.body_forces:
+def _force(prepared: Prepared, name: str, nodes: int, count: int) -> FloatArray | None:
+    """The force (n, 2, L) per volume of a body, if there is any."""
+    own = [load for load in prepared.acting.body_forces if load.body == name]
+    if not own:
         return None
     force = np.zeros((nodes, 2, count))
-    for load in prepared.acting.body_forces:
+    for load in own:
         force[:, :, load.number] += load.values
     return force

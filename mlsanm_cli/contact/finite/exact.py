@@ -1,178 +1,386 @@
-"""Exact contact at finite strain, p >= 0, h >= 0, p h = 0, by Newton's method on body and contact together.
+"""Exact contact at finite strain, p >= 0, h >= 0, p h = 0, with Coulomb friction, by Newton's method on
+bodies and contacts together.
 
-Every iteration factorises the body's derivative, with what turns the tractions, condenses it on the
-pressures, and solves the linear complementarity problem there by an active set: du = z + Z dp,
-h = h_0 + n . du.
+Every iteration factorises the bodies' derivatives and condenses them on the tractions T at the nodes that
+may touch: U = U_0 + z + C dT. Tractions go with pressures and friction and turn with the displacements,
+dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K z); an active set finds dp and dq.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.finite.meeting import Meeting
+from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
+from mlsanm_cli.contact.sets import OPEN, SLIP, STICK
 from mlsanm_cli.contact.stability import relative_resistance
 from mlsanm_cli.mechanics.finite.body import BodySeries
-from mlsanm_cli.mechanics.finite.projector import Projector
+from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.values import dataclass
 
-PASSES = 60
-"""Passes of the active set within an iteration."""
+AnyContact: TypeAlias = RigidContact | BodyContact
 LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
+BESIDE = 3
+"""So many nodes beside those that touch may come to touch within an iteration."""
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """A state in contact: ``displacement`` (2N,); over the nodes of all contacts nominal ``pressure`` (c,),
-    ``gap`` (c,), ``normal`` (c, 2); ``residual`` is the last update over the typical displacement,
-    ``stability`` the least resistance of a contact to pressures that change from node to node."""
+    """A state in contact: ``displacement`` (2N,) of all bodies in turn; at the slaves' nodes of all contacts
+    nominal ``pressure`` and ``shear`` of friction (c,), ``gap``, ``place`` and ``slip`` (c,), ``normal``
+    (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn. ``residual`` is the last
+    update over the typical displacement, ``stability`` the least resistance of a contact to pressures that
+    change from node to node."""
 
     displacement: FloatArray
     pressure: FloatArray
+    shear: FloatArray
     gap: FloatArray
+    place: FloatArray
+    slip: FloatArray
     normal: FloatArray
+    sets: NodeSets
+    traction: FloatArray
     residual: float
     iterations: int
+    factorizations: int
     solves: int
     stability: float = np.inf
 
 
 @dataclass(frozen=True)
 class Pressing:
-    """Contacts of the body of a ``projector``, whose last 2c loads are unit tractions, x and y of every node
-    in turn. ``length`` is the typical displacement; ``stiffness`` turns gaps into pressures, to guess what
-    touches."""
+    """Contacts of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of every
+    node of their sides in turn, in the order of the contacts. ``length`` is the typical displacement;
+    ``stiffness`` turns gaps into pressures, to guess what touches."""
 
-    projector: Projector
-    contacts: Sequence[RigidContact]
+    projectors: Mapping[str, Projector]
+    contacts: Sequence[AnyContact]
     length: float
     stiffness: float
 
-    @property
-    def count(self) -> int:
-        """Nodes of all contacts (c)."""
-        return sum(one.count for one in self.contacts)
+    @cached_property
+    def firsts(self) -> dict[str, int]:
+        """Where every body's displacements begin."""
+        sizes = [one.body.unknowns for one in self.projectors.values()]
+        return dict(zip(self.projectors, np.cumsum([0, *sizes]).tolist(), strict=False))
 
-    def geometry(
-        self, displacement: FloatArray, factors: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Gaps (c,), normals (c, 2) and what turns them (c,)."""
-        found = [one.gaps(displacement, factors) for one in self.contacts]
-        bent = [one.bending(displacement, factors) for one in self.contacts]
-        return (
-            np.concatenate([gap for gap, _ in found]),
-            np.concatenate([normal for _, normal in found]),
-            np.concatenate(bent),
-        )
+    @cached_property
+    def numbers(self) -> IntArray:
+        """Where among the displacements of all bodies those of all sides' nodes (2s,) are."""
+        found = [
+            self.firsts[side.body] + (2 * side.nodes[:, None] + np.arange(2)).ravel()
+            for contact in self.contacts
+            for side in contact.sides
+        ]
+        return np.concatenate([*found, np.zeros(0, dtype=np.int64)])
+
+    @cached_property
+    def columns(self) -> dict[str, IntArray]:
+        """By body, which tractions (2s,) of all sides are its own, in their order."""
+        found: dict[str, list[IntArray]] = {name: [] for name in self.projectors}
+        first = 0
+        for contact in self.contacts:
+            for side in contact.sides:
+                found[side.body].append(first + np.arange(2 * side.count))
+                first += 2 * side.count
+        return {name: np.concatenate([*some, np.zeros(0, dtype=np.int64)]) for name, some in found.items()}
+
+    @cached_property
+    def friction(self) -> FloatArray:
+        """Coulomb's coefficient at the slaves' nodes (c,)."""
+        return np.concatenate([np.full(one.slave.count, one.friction) for one in self.contacts])
+
+    def meet(
+        self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None
+    ) -> tuple[Meeting, ...]:
+        """All contacts in a state; slips are from the places (c,) ``before``, or nothing."""
+        found, first, node = [], 0, 0
+        moved = displacement[self.numbers].reshape(-1, 2)
+        for contact in self.contacts:
+            last = first + contact.slave.count
+            own = moved[node : node + sum(side.count for side in contact.sides)]
+            since = None if before is None else before[first:last]
+            found.append(contact.meet(own, factors, since))
+            first, node = last, node + len(own)
+        return tuple(found)
 
     def solved(
         self,
-        displacement: FloatArray,
-        pressure: FloatArray,
+        start: Pressed,
         factors: FloatArray,
         tolerance: float,
         most: int,
+        before: FloatArray | None = None,
     ) -> Pressed | None:
-        """The state at load ``factors`` (L,), searched from ``displacement`` (2N,) and ``pressure`` (c,);
-        None where ``most`` iterations do not settle. Raises LinAlgError or NumericalError for singular
+        """The state at load ``factors`` (L,), searched from ``start``; slips are from the places ``before``
+        (c,). None where ``most`` iterations do not settle. Raises LinAlgError or NumericalError for singular
         derivatives."""
-        u, p, last = displacement, pressure, np.inf
-        active = None
+        step = _Iteration(self, factors, before)
+        u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
+        settled = False
         for count in range(1, most + 1):
-            du, dp, found, compliance = self._step(u, p, factors, active)
+            met = self.meet(u, factors, before)
+            done = step.taken(u, p, q, sets, met, first=count == 1)
+            solves += done.solves
             part = 1.0
-            while part > 1e-3 and not self.projector.body.least_volume(u + part * du) > LEAST:
+            while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
                 part *= 0.5
-            u, p = u + part * du, p + part * dp
-            settled = active is not None and bool((found == active).all())
-            last, active = float(np.abs(du).max()) / self.length, found
+            u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
+            settled, sets = count > 1 and done.settled and done.sets.same(sets), done.sets
+            last = float(np.abs(done.du).max()) / self.length
             if not np.isfinite(last):
                 return None
             if part == 1.0 and settled and last <= tolerance:
-                gap, normal, _ = self.geometry(u, factors)
-                solves = count * (self.count + 2)
-                kept, stable = np.where(active, p, 0.0), self._stability(found, compliance)
-                return Pressed(u, kept, gap, normal, last, count, solves, stable)
+                spent = count * len(self.projectors)
+                return self._state(u, p, q, sets, factors, before, (last, count, spent, solves), done)
         return None
 
-    def _step(
-        self, u: FloatArray, p: FloatArray, factors: FloatArray, active: BoolArray | None
-    ) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray]:
-        """Updates of displacement and pressure, which nodes touch, and the compliance (c, c)."""
-        gap, normal, bent = self.geometry(u, factors)
-        whole = np.concatenate([factors, (p[:, None] * normal).ravel()])
-        series = BodySeries(self.projector.body, 0)
-        series.put(0, u, whole)
-        columns = load_columns(self.projector.body, u, slice(len(factors), None))
-        factorised = self.projector.factorised(u, whole, columns @ self._turning(p, normal, bent))
-        along = columns @ _directions(normal)
-        z = -factorised.solve(self.projector.scaled(series.rows(0)))
-        many = -factorised.roughly(self.projector.scaled_columns(along))
-        compliance = self._seen(normal, many)
-        free = gap + self._seen(normal, z[:, None])[:, 0]
-        first = p > self.stiffness * gap if active is None else active
-        dp, found = _complementary(compliance, free, p, np.asarray(first))
-        return z + many @ dp, dp, found, compliance
+    def _volume(self, u: FloatArray) -> float:
+        parts = [
+            one.body.least_volume(u[self.firsts[name] : self.firsts[name] + one.body.unknowns])
+            for name, one in self.projectors.items()
+        ]
+        return min(parts)
 
-    def _stability(self, closed: BoolArray, compliance: FloatArray) -> float:
+    def _state(
+        self,
+        u: FloatArray,
+        p: FloatArray,
+        q: FloatArray,
+        sets: NodeSets,
+        factors: FloatArray,
+        before: FloatArray | None,
+        counts: tuple[float, int, int, int],
+        done: _Done,
+    ) -> Pressed:
+        met = self.meet(u, factors, before)
+        p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
+        gap, place, slip = (
+            np.concatenate([*(getattr(one, name) for one in met), np.zeros(0)])
+            for name in ("gap", "place", "slip")
+        )
+        normal = np.concatenate([*(one.normal for one in met), np.zeros((0, 2))])
+        traction = self.tractions(met, p, q)
+        stable = done.stability(self, met)
+        return Pressed(u, p, q, gap, place, slip, normal, sets, traction, *counts, stable)
+
+    def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
+        """Tractions (2s,) at the nodes of all sides by the slaves' pressures and friction (c,)."""
+        parts = [
+            one.tractions(pressure[here], shear[here]).ravel()
+            for one, here in zip(met, self.places, strict=True)
+        ]
+        return np.concatenate([*parts, np.zeros(0)])
+
+    @cached_property
+    def places(self) -> list[slice]:
+        """Where every contact's slave nodes are among those of all."""
+        ends = np.cumsum([0, *(one.slave.count for one in self.contacts)]).tolist()
+        return [slice(first, last) for first, last in pairwise(ends)]
+
+
+@dataclass(frozen=True)
+class _Done:
+    """What an iteration found: updates, ``sets`` of all nodes, the ``chosen`` ones (c,) that might touch and
+    their ``compliance`` (k, k), gaps by pressures that do not turn: what a body's equations resist pressures
+    with, whatever loads that turn with their surfaces do to its balance."""
+
+    du: FloatArray
+    dp: FloatArray
+    dq: FloatArray
+    sets: NodeSets
+    chosen: IntArray
+    compliance: FloatArray
+    solves: int
+    settled: bool
+
+    def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
         """The least resistance of a contact with closed nodes, on those between two others."""
-        least, first = np.inf, 0
-        material = self.projector.body.elastic.model.material
-        for one in self.contacts:
-            own = closed[first : first + one.count]
+        least = np.inf
+        number = np.full(len(self.sets.status), -1, dtype=np.int64)
+        number[self.chosen] = np.arange(len(self.chosen))
+        for contact, one, here in zip(pressing.contacts, met, pressing.places, strict=True):
+            own = self.sets.closed[here]
             inner = own[1:-1] & own[:-2] & own[2:]
-            chosen = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
-            modulus = 1.0 / material.softness(one.outward[chosen])
-            place = first + chosen
-            part = compliance[np.ix_(place, place)]
-            least = min(least, relative_resistance(one.weight[chosen], modulus, part))
-            first += one.count
+            some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
+            soft = sum(
+                pressing.projectors[side.body].body.elastic.model.material.softness(one.normal[some])
+                for side in contact.sides
+            )
+            place = number[here][some]
+            part = self.compliance[np.ix_(place, place)]
+            weight = contact.slave.weight[some]
+            least = min(least, relative_resistance(weight, 1.0 / np.asarray(soft), part))
         return least
 
-    def _turning(self, p: FloatArray, normal: FloatArray, bent: FloatArray) -> sparse.csr_array:
-        """How the tractions (2c,) turn with the nodes: (2c, 2N)."""
-        across = np.eye(2) - normal[:, :, None] * normal[:, None, :]
-        values = (p * bent)[:, None, None] * across
-        nodes = np.concatenate([one.nodes for one in self.contacts])
-        number = np.arange(len(p))
-        rows = np.repeat(2 * number[:, None] + np.arange(2), 2, axis=1)
-        columns = np.tile(2 * nodes[:, None] + np.arange(2), (1, 2))
-        size = self.projector.body.unknowns
-        entries = (values.reshape(len(p), 4).ravel(), (rows.ravel(), columns.ravel()))
-        return sparse.csr_array(entries, shape=(2 * len(p), size))
 
-    def _seen(self, normal: FloatArray, columns: FloatArray) -> FloatArray:
-        """n . u at the nodes of ``columns`` (2N, s): (c, s)."""
-        nodes = np.concatenate([one.nodes for one in self.contacts])
-        return np.asarray(normal[:, :1] * columns[2 * nodes] + normal[:, 1:] * columns[2 * nodes + 1])
+@dataclass(frozen=True)
+class _Iteration:
+    """Newton's steps at load ``factors`` (L,), with slips from the places ``before`` (c,)."""
+
+    pressing: Pressing
+    factors: FloatArray
+    before: FloatArray | None
+
+    def taken(
+        self,
+        u: FloatArray,
+        p: FloatArray,
+        q: FloatArray,
+        sets: NodeSets,
+        met: Sequence[Meeting],
+        first: bool,
+    ) -> _Done:
+        """One step from displacements (2N,), pressures and friction (c,)."""
+        pressing = self.pressing
+        applied = pressing.tractions(met, p, q)
+        factorised, z = {}, np.zeros(len(u))
+        for name, projector in pressing.projectors.items():
+            here = self._here(name)
+            whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
+            series = BodySeries(projector.body, 0)
+            series.put(0, u[here], whole)
+            factorised[name] = projector.factorised(u[here], whole)
+            z[here] = -factorised[name].solve(projector.scaled(series.rows(0)))
+        free = [one.gap + one.d_gap @ z[number] for one, number in zip(met, self._numbers(), strict=True)]
+        chosen, touched = self._chosen(np.concatenate([*free, np.zeros(0)]), p, met)
+        if not len(chosen):
+            none = NodeSets(np.zeros(len(p), dtype=np.int8), np.zeros(len(p)))
+            return _Done(z, -p, -q, none, chosen, np.zeros((0, 0)), len(factorised), True)
+        answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
+        return self._settled(p, q, sets, met, z, chosen, touched, answers, first)
+
+    def _here(self, name: str) -> slice:
+        first = self.pressing.firsts[name]
+        return slice(first, first + self.pressing.projectors[name].body.unknowns)
+
+    def _numbers(self) -> list[IntArray]:
+        """The displacements of every contact's sides among those of all bodies."""
+        ends = np.cumsum([0, *(2 * sum(s.count for s in one.sides) for one in self.pressing.contacts)])
+        return [self.pressing.numbers[a:b] for a, b in pairwise(ends)]
+
+    def _chosen(self, free: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
+        """The nodes that may touch, and the tractions (t,) of all sides that these make."""
+        chosen, touched, first, node = [], [], 0, 0
+        for contact, one in zip(self.pressing.contacts, met, strict=True):
+            here = slice(first, first + contact.slave.count)
+            near = one.facing & ((free[here] <= 0.0) | (p[here] > 0.0))
+            for _ in range(BESIDE):
+                beside = near.copy()
+                beside[1:] |= near[:-1]
+                beside[:-1] |= near[1:]
+                if contact.slave.around is not None:
+                    beside[0] |= near[-1]
+                    beside[-1] |= near[0]
+                near = beside & one.facing
+            own = np.flatnonzero(near)
+            chosen.append(first + own)
+            reached = np.unique(one.carried[:, own].tocoo().coords[0])
+            nodes = np.concatenate([own, contact.slave.count + reached])
+            touched.append(2 * node + (2 * nodes[:, None] + np.arange(2)).ravel())
+            first, node = here.stop, node + sum(side.count for side in contact.sides)
+        return (
+            np.concatenate([*chosen, np.zeros(0, dtype=np.int64)]),
+            np.concatenate([*touched, np.zeros(0, dtype=np.int64)]),
+        )
+
+    def _answers(
+        self, u: FloatArray, name: str, factorised: Factorised, touched: IntArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Which of the ``touched`` tractions are a body's, and its displacements (2n, k) by these."""
+        pressing, projector = self.pressing, self.pressing.projectors[name]
+        place = np.searchsorted(pressing.columns[name], touched)
+        place = np.minimum(place, max(len(pressing.columns[name]) - 1, 0))
+        own = np.flatnonzero(np.isin(touched, pressing.columns[name]))
+        columns = load_columns(projector.body, u[self._here(name)], slice(len(self.factors), None))
+        some = columns[:, place[own]]
+        return own, -factorised.roughly(projector.scaled_columns(sparse.csr_array(some)))
+
+    def _settled(
+        self,
+        p: FloatArray,
+        q: FloatArray,
+        sets: NodeSets,
+        met: Sequence[Meeting],
+        z: FloatArray,
+        chosen: IntArray,
+        touched: IntArray,
+        answers: Mapping[str, tuple[IntArray, FloatArray]],
+        first: bool,
+    ) -> _Done:
+        pressing = self.pressing
+        mu, numbers = pressing.friction[chosen], pressing.numbers
+        # Displacements of all sides by the touched tractions.
+        seen = np.zeros((len(numbers), len(touched)))
+        for name, (own, answer) in answers.items():
+            here, rows = self._here(name), pressing.columns[name]
+            seen[np.ix_(rows, own)] = answer[numbers[rows] - here.start]
+        turning = _diagonal(
+            [one.turning(p[at], q[at]) for one, at in zip(met, pressing.places, strict=True)]
+        )[touched]
+        push = _diagonal([one.columns(one.normal) for one in met])[touched][:, chosen].toarray()
+        drag = _diagonal([one.columns(one.tangent) for one in met])[touched][:, chosen].toarray()
+        d_gap = _diagonal([one.d_gap for one in met])[chosen]
+        d_slip = _diagonal([one.d_slip for one in met])[chosen]
+        surface = z[numbers]
+        inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
+        loads = inverse @ np.hstack([push, drag])
+        follow = inverse @ (turning @ surface)
+        moved = surface + seen @ follow
+        gap = np.concatenate([one.gap for one in met])[chosen]
+        slip = np.concatenate([one.slip for one in met])[chosen]
+        by_both = seen @ loads
+        linear = Linearised(
+            mu,
+            p[chosen],
+            q[chosen],
+            gap + d_gap @ moved,
+            slip + d_slip @ moved,
+            d_gap @ by_both,
+            d_slip @ by_both,
+        )
+        guess = NodeSets(sets.status[chosen], sets.sense[chosen])
+        if first:
+            closed = p[chosen] > pressing.stiffness * gap
+            held = np.where(mu > 0.0, STICK, SLIP)
+            status = np.where(closed, np.where(guess.closed, guess.status, held), OPEN).astype(np.int8)
+            guess = NodeSets(status, np.where(status == SLIP, guess.sense, 0.0))
+        dp, dq, found, settled = linear.settled(guess)
+        tractions = follow + loads @ np.concatenate([dp, dq])
+        du = z.copy()
+        for name, (own, answer) in answers.items():
+            du[self._here(name)] += answer @ tractions[own]
+        whole_p, whole_q = -p, -q
+        whole_p[chosen], whole_q[chosen] = dp, dq
+        status, sense = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
+        status[chosen], sense[chosen] = found.status, found.sense
+        solves = len(answers) + len(touched)
+        compliance = d_gap @ (seen @ push)
+        return _Done(du, whole_p, whole_q, NodeSets(status, sense), chosen, compliance, solves, settled)
 
 
-def _directions(normal: FloatArray) -> sparse.csr_array:
-    """Tractions (2c, c) of unit pressures along ``normal`` (c, 2)."""
-    count = len(normal)
-    entries = (normal.ravel(), (np.arange(2 * count), np.repeat(np.arange(count), 2)))
-    return sparse.csr_array(entries, shape=(2 * count, count))
+def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:
+    return sparse.csr_array(sparse.block_diag(blocks, format="csr"))
 
 
-def _complementary(
-    compliance: FloatArray, free: FloatArray, pressure: FloatArray, active: BoolArray
-) -> tuple[FloatArray, BoolArray]:
-    """Updates dp (c,) with p + dp >= 0, h = ``free`` + A dp >= 0 and one of them 0, from a first guess of
-    which nodes are ``active``, and which are."""
-    for _ in range(PASSES):
-        on, off = np.flatnonzero(active), np.flatnonzero(~active)
-        dp = -pressure.copy()
-        if len(on):
-            known = free[on] + compliance[np.ix_(on, off)] @ dp[off]
-            dp[on] = np.linalg.solve(compliance[np.ix_(on, on)], -known)
-        gap = free + compliance @ dp
-        better = np.where(active, pressure + dp > 0.0, gap < 0.0)
-        if (better == active).all():
-            break
-        active = better
-    return dp, active
+def unpressed(unknowns: int, contacts: Sequence[AnyContact]) -> Pressed:
+    """The state before loading of bodies with so many ``unknowns``."""
+    count = sum(one.slave.count for one in contacts)
+    sides = sum(side.count for one in contacts for side in one.sides)
+    none = np.zeros(count)
+    sets = NodeSets(np.zeros(count, dtype=np.int8), none)
+    still = np.zeros(unknowns)
+    zero = np.zeros(2 * sides)
+    return Pressed(still, none, none, none, none, none, np.zeros((count, 2)), sets, zero, 0.0, 0, 0, 0)

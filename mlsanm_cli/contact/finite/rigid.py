@@ -8,49 +8,76 @@ its stretch is in the equations, and p_j w_j dg_j is work.
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.finite.meeting import Meeting, by_component
+from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.near import turned
 from mlsanm_cli.contact.obstacles import Round, Shape
 from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)
 class RigidContact:
-    """The contact ``name`` of the ``nodes`` (c,), at ``places`` (c, 2) before loading with outward normals
-    ``outward`` (c, 2), ``weight`` (c,) the length each stands for and ``arc`` (c,) along the slave
-    ``surface``. The obstacle's ``shape`` moves by ``motion`` (2, L) times the load factors."""
+    """The contact ``name`` of a ``slave`` with an obstacle, whose ``shape`` moves by ``motion`` (2, L) times
+    the load factors; ``friction`` is Coulomb's coefficient."""
 
     name: str
-    surface: str
-    nodes: IntArray
-    places: FloatArray
-    outward: FloatArray
-    weight: FloatArray
-    arc: FloatArray
+    slave: Side
     shape: Shape
     motion: FloatArray
+    friction: float = 0.0
 
     @property
-    def count(self) -> int:
-        """Number of nodes (c)."""
-        return len(self.nodes)
+    def sides(self) -> tuple[Side, ...]:
+        """The slave alone."""
+        return (self.slave,)
 
-    def gaps(self, displacement: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gaps (c,) and the obstacle's normals (c, 2) in a state of nodal ``displacement`` (2N,) and load
-        ``factors`` (L,)."""
-        at = self._seen(displacement, factors)
-        partner, normal = self.shape.closest(at, self.outward)
-        return ((at - partner) * normal).sum(axis=1), normal
+    def start(self, factors: FloatArray) -> FloatArray:
+        """Where the obstacle's normals (c, 2) are before anything is deformed."""
+        at = self.slave.places - self.motion @ factors
+        return self.shape.closest(at, self.slave.outward)[1]
 
-    def bending(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
-        """What multiplies a node's motion along the obstacle to turn its normal (c,): 1 over the distance
-        from the centre, 0 above straight sides."""
+    def meet(self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None) -> Meeting:
+        """The contact in a state of the slave's ``displacement`` (c, 2) and load ``factors`` (L,); slips are
+        from the places (c,) ``before``, or nothing."""
+        at = self.slave.places + displacement - self.motion @ factors
+        partner, normal = self.shape.closest(at, self.slave.outward)
+        tangent = turned(normal)
+        count = self.slave.count
+        bent, place, scale = self._along(at)
+        slip = np.zeros(count) if before is None else self._slip(place - before)
+        own = sparse.eye_array(count, format="csr")
+        none = sparse.csr_array((0, count))
+        along = by_component(own, tangent)
+        return Meeting(
+            np.ones(count, dtype=bool),
+            ((at - partner) * normal).sum(axis=1),
+            normal,
+            tangent,
+            place,
+            slip,
+            by_component(own, normal),
+            sparse.csr_array(sparse.diags_array(scale) @ along),
+            sparse.csr_array(sparse.diags_array(bent) @ along),
+            none,
+            lambda _: sparse.csr_array((0, 2 * count)),
+        )
+
+    def _along(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What multiplies a node's motion along the obstacle to turn its normal (c,), 1 over the distance
+        from the centre and 0 above straight sides; places along the obstacle, and how they move (c,)."""
         if not isinstance(self.shape, Round):
-            return np.zeros(self.count)
-        away = np.hypot(*(self._seen(displacement, factors) - np.array(self.shape.center)).T)
-        return np.asarray((-1.0 if self.shape.inside else 1.0) / away)
+            normal = self.shape.closest(at[:1], self.slave.outward[:1])[1]
+            return np.zeros(len(at)), at @ turned(normal)[0], np.ones(len(at))
+        x, y = (at - np.array(self.shape.center)).T
+        away, sign = np.hypot(x, y), 1.0 if self.shape.inside else -1.0
+        place = sign * self.shape.radius * np.arctan2(y, x)
+        return -sign / away, place, self.shape.radius / away
 
-    def _seen(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
-        """The nodes (c, 2) as the obstacle sees them, which has moved itself."""
-        moved = self.places + displacement.reshape(-1, 2)[self.nodes]
-        return np.asarray(moved - self.motion @ factors)
+    def _slip(self, moved: FloatArray) -> FloatArray:
+        if not isinstance(self.shape, Round):
+            return moved
+        around = 2.0 * np.pi * self.shape.radius
+        return np.asarray(np.mod(moved + 0.5 * around, around) - 0.5 * around)
