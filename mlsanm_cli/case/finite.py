@@ -87,8 +87,6 @@ def _check_loads(draft: Draft, plane: str, report: Report) -> None:
 def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
     if contact.obstacle is None:
         _check_master(contact, path, report)
-    elif contact.obstacle.kind == "polyline":
-        report.add((*path, "obstacle", "kind"), f'a "polyline" {_ALONE}', '"plane" or "disk"')
     if not isinstance(contact.slave, str):
         report.add((*path, "slave"), f"a side of several boundaries {_ALONE}", "one boundary")
     if contact.bonded:

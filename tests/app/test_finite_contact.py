@@ -141,3 +141,74 @@ def test_friction_dissipates_what_dragging_takes(tmp_path: Path) -> None:
     assert 0.25 <= -under["force"][0] / under["force"][1] <= 0.31
     # Pressed only, nodes stick in the middle.
     assert (run.contacts["under"].status[position == 1.0] == 1).any()
+
+
+def test_a_profile_of_points_is_as_good_as_the_disk_it_is_of(tmp_path: Path) -> None:
+    """Dragged with friction too; and corners of a profile are pressed in."""
+    angle = np.linspace(-1.2, 1.2, 49)
+    points = np.stack([np.sin(angle) - 0.3, 3.0 - np.cos(angle)], axis=1).tolist()
+    top = '{along = "top", spacing = 0.1, radius = 0.05, growth = 0.3}'
+    moved = '[[load]]\nname = "drag"\nkind = "obstacle"\nobstacle = "under"\nux = 0.3\n'
+    moved += "[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n"
+    found = []
+    for obstacle in (DISK.replace("0.0, 3.0", "-0.3, 3.0"), f'kind = "polyline", points = {points}'):
+        text = BLOCK.format(left=-2.0, depth=-0.1, refine=top, bottom="ux = 0.0\n", obstacle=obstacle)
+        text = text.replace('slave = "block.top"', 'slave = "block.top"\nfriction = 0.3') + moved
+        summary = solve(text, tmp_path / str(len(found)))
+        assert summary["status"] == "done"
+        found.append(summary["contacts"]["under"])
+    disk, profile = found
+    np.testing.assert_allclose(profile["force"], disk["force"], rtol=1e-5)
+    assert profile["dissipated_work"] == pytest.approx(disk["dissipated_work"], rel=1e-3)
+    punch = 'kind = "polyline", points = [[-1.0, 2.8], [-0.4, 2.0], [0.4, 2.0], [1.0, 2.8]]'
+    text = BLOCK.format(left=0.0, depth=-0.2, refine=FINE, bottom="ux = 0.0\n", obstacle=punch) + SIDE
+    summary = solve(text, tmp_path / "punch")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["under"]["min_gap"] >= -1e-9
+    assert summary["force_balance"] <= 1e-6
+
+
+RING = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.rubber]
+E = 2.6
+nu = 0.3
+law = "neo-hookean"
+[[body]]
+name = "ring"
+material = "rubber"
+spacing = 0.025
+shape = { kind = "sector", center = [0.0, 0.0], radii = [0.95, 1.05], angles = [0.0, 90.0] }
+[[support]]
+boundary = "ring.start"
+uy = 0.0
+[[support]]
+boundary = "ring.end"
+ux = 0.0
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "plate"
+uy = -0.525
+[[contact]]
+name = "plate"
+slave = "ring.outer"
+obstacle = { kind = "plane", point = [0.0, 1.05], normal = [0.0, -1.0] }
+[contact.regularization]
+law = "exact"
+[output]
+at = [0.2, 0.6, 1.0]
+"""
+
+
+def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:
+    """A quarter of it; forces against nine-node finite elements, 60 x 3."""
+    summary = solve(RING, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["nodes"] <= 300
+    forces = [-row["fy"] for row in probe_force(tmp_path / "run", [0.2, 0.6, 1.0], "plate")]
+    np.testing.assert_allclose(forces, [1.4426e-4, 3.6199e-4, 7.4609e-4], rtol=0.01)
+    assert read_run(tmp_path / "run").contacts["plate"].gap[-1].min() >= -1e-9

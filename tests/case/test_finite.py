@@ -71,7 +71,6 @@ WARM = '[[load]]\nname = "warm"\nbody = "block"\nkind = "temperature"\ntemperatu
 OBSTACLE = '[contact.obstacle]\nkind = "plane"\npoint = [-0.1, 0.0]\nnormal = [1.0, 0.0]\n'
 CONTACT = '[[contact]]\nname = "c"\nslave = "block.left"\n'
 EXACT = '[contact.regularization]\nlaw = "exact"\n'
-CORNER = '[contact.obstacle]\nkind = "polyline"\npoints = [[-0.1, 0.0], [-0.1, 1.0]]\n'
 PUSH = '[[load]]\nname = "push"\nkind = "obstacle"\nobstacle = "c"\nfx = 1.0\n'
 SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
 
@@ -89,7 +88,6 @@ SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
         (f"{CONTACT}gap = 0.1\n{OBSTACLE}{EXACT}", "contact.c.gap", "gap"),
         (f"{CONTACT}reach = 0.1\n{OBSTACLE}{EXACT}", "contact.c.reach", "any node"),
         (f'{CONTACT}master = "block.right"\n{EXACT}', "contact.c.master", "with itself"),
-        (f"{CONTACT}{CORNER}{EXACT}", "contact.c.obstacle.kind", "polyline"),
         (f"{CONTACT}{OBSTACLE}{EXACT}{PUSH}", "load.push", "force"),
     ],
 )

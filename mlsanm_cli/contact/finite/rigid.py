@@ -14,8 +14,11 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.meeting import Meeting, by_component
 from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.contact.near import turned
-from mlsanm_cli.contact.obstacles import Round, Shape
+from mlsanm_cli.contact.obstacles import Chain, Round, Shape
 from mlsanm_cli.values import dataclass
+
+SMALL = 1e-3
+"""Differences along chains are over this part of a node's length."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ class RigidContact:
     def _along(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What multiplies a node's motion along the obstacle to turn its normal (c,), 1 over the distance
         from the centre and 0 above straight sides; places along the obstacle, and how they move (c,)."""
+        if isinstance(self.shape, Chain):
+            return self._along_chain(self.shape, at)
         if not isinstance(self.shape, Round):
             normal = self.shape.closest(at[:1], self.slave.outward[:1])[1]
             return np.zeros(len(at)), at @ turned(normal)[0], np.ones(len(at))
@@ -76,8 +81,31 @@ class RigidContact:
         place = sign * self.shape.radius * np.arctan2(y, x)
         return -sign / away, place, self.shape.radius / away
 
+    def _along_chain(self, shape: Chain, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The same of a chain by differences over a small part of the nodes' lengths, over which a corner is
+        round; places are counted against the way along the chain, as its tangents go."""
+        tangent = turned(shape.closest(at, self.slave.outward)[1])
+        step = SMALL * self.slave.weight[:, None] * tangent
+        ahead, behind = (shape.closest(at + way, self.slave.outward) for way in (step, -step))
+        twice = 2.0 * SMALL * self.slave.weight
+        bent = ((ahead[1] - behind[1]) * tangent).sum(axis=1) / twice
+        moved = ((ahead[0] - behind[0]) * tangent).sum(axis=1) / twice
+        return bent, -_arc(shape, 0.5 * (ahead[0] + behind[0])), moved
+
     def _slip(self, moved: FloatArray) -> FloatArray:
         if not isinstance(self.shape, Round):
             return moved
         around = 2.0 * np.pi * self.shape.radius
         return np.asarray(np.mod(moved + 0.5 * around, around) - 0.5 * around)
+
+
+def _arc(shape: Chain, points: FloatArray) -> FloatArray:
+    """Lengths (n,) along a chain up to ``points`` (n, 2) on it."""
+    start, way = shape.points[:-1], np.diff(shape.points, axis=0)
+    length = np.hypot(*way.T)
+    away = points[:, None] - start[None]
+    part = np.clip((away * way).sum(axis=2) / length**2, 0.0, 1.0)
+    distance = ((away - part[:, :, None] * way) ** 2).sum(axis=2)
+    side = np.argmin(distance, axis=1)
+    before = np.cumsum(length) - length
+    return np.asarray(before[side] + part[np.arange(len(points)), side] * length[side])
