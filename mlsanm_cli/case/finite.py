@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from mlsanm_cli.case.base import split_boundary
 from mlsanm_cli.case.draft import Draft
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.loads import ObstacleMotion, Platen, Pressure, Temperature
+from mlsanm_cli.case.loads import Platen, Pressure, Temperature
 from mlsanm_cli.case.materials import Material
 from mlsanm_cli.case.model import Contact
 from mlsanm_cli.case.report import Report
@@ -72,9 +72,6 @@ def _check_loads(draft: Draft, plane: str, report: Report) -> None:
             report.add(
                 (*path, "follows"), f"a following pressure in plane stress {_ALONE}", "follows = false"
             )
-        elif isinstance(load, ObstacleMotion):
-            if any(control == "force" for control, _ in load.control.values()):
-                report.add(path, f"an obstacle moved by a force {_ALONE}", "move it by a displacement")
         elif isinstance(load, Platen):
             if any(control == "force" for control, _ in load.control.values()):
                 hint = "move it by a displacement, or load the boundary with a traction"

@@ -126,6 +126,81 @@ def test_even_state_through_unlike_clouds(tmp_path: Path) -> None:
         np.testing.assert_allclose(stretch[:, 0], stretch[0, 0], rtol=1e-6)
 
 
+def test_a_body_between_two_others_is_held_by_them(tmp_path: Path) -> None:
+    """The middle one of three is held upwards by its contacts alone; all are stretched as one."""
+    high = BLOCKS[BLOCKS.index('[[body]]\nname = "high"') : BLOCKS.index("[[support]]")]
+    third = high.replace('"high"', '"top"').replace("0.19", "0.22").replace("[1.0, 2.0]", "[2.0, 3.0]")
+    joint = BLOCKS[BLOCKS.index("[[contact]]") :].replace('"joint"', '"over"')
+    joint = joint.replace("high.bottom", "high.top").replace("low.top", "top.bottom")
+    held = '[[support]]\nboundary = "top.left"\nux = 0.0\n'
+    text = BLOCKS.replace("[[support]]", f"{third}{held}[[support]]", 1) + joint
+    text = text.replace('boundary = "high.top"', 'boundary = "top.top"').replace("uy = -0.3", "uy = -0.45")
+    directory = tmp_path / "run"
+    summary = solve(text, directory)
+    assert summary["status"] == "done"
+    for body in ("low", "high", "top"):
+        stretch = read_run(directory).states[-1].bodies[body]["stretch"]
+        np.testing.assert_allclose(stretch[:, 1], 0.85, rtol=1e-6)
+    assert summary["force_balance"] <= 1e-9
+
+
+ROLLER = (
+    HEAD
+    + """
+[[body]]
+name = "roller"
+material = "rubber"
+spacing = 0.3
+shape = { kind = "disk", center = [0.0, 1.0], radius = 1.0 }
+refine = [{along = "arc", spacing = 0.09, radius = 0.05, growth = 0.3}]
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "plate"
+uy = -0.1
+[[load]]
+name = "roll"
+kind = "obstacle"
+obstacle = "plate"
+ux = 2.0
+[[contact]]
+name = "floor"
+slave = "roller.arc"
+friction = 0.5
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+[contact.regularization]
+law = "exact"
+[[contact]]
+name = "plate"
+slave = "roller.arc"
+friction = 0.5
+obstacle = { kind = "plane", point = [0.0, 2.0], normal = [0.0, -1.0] }
+[contact.regularization]
+law = "exact"
+[[stage]]
+press = 1.0
+[[stage]]
+roll = 1.0
+[[probe]]
+name = "middle"
+body = "roller"
+point = [0.0, 1.0]
+"""
+)
+
+
+def test_a_roller_rolls(tmp_path: Path) -> None:
+    """A disk that only a floor and a plate hold: its middle moves half as far as the plate."""
+    summary = solve(ROLLER, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["probes"]["middle"]["displacement"][0] == pytest.approx(1.0, rel=3e-3)
+    floor, plate = summary["contacts"]["floor"], summary["contacts"]["plate"]
+    np.testing.assert_allclose(floor["force"], -np.array(plate["force"]), atol=1e-9)
+    # Rolling takes next to nothing.
+    assert abs(floor["force"][0]) <= 0.02 * floor["force"][1]
+    assert floor["stick_nodes"] >= 3
+
+
 def test_what_no_contact_keeps_out_is_told(tmp_path: Path) -> None:
     """Without the contact the upper block is pushed into the lower one."""
     text = BLOCKS[: BLOCKS.index("[[contact]]")]

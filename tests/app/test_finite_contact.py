@@ -76,6 +76,16 @@ def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
         compare(directory.with_suffix(".toml"), Wishes(("newton",)), out=tmp_path / "c", console=Quiet())
 
 
+def test_cylinder_pressed_by_a_force(tmp_path: Path) -> None:
+    """Under the force that it takes to press it in by a fifth of its radius, it goes there."""
+    text = BLOCK.format(left=0.0, depth=-1.0, refine=FINE, **CLAMPED) + SIDE
+    text += '[[probe]]\nname = "under"\nbody = "block"\npoint = [0.0, 2.0]\n'
+    summary = solve(text.replace("uy = -1.0", "fy = -0.20485"), tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["under"]["force"][1] == pytest.approx(-0.20485, rel=1e-8)
+    assert summary["probes"]["under"]["displacement"][1] == pytest.approx(-0.2, rel=5e-3)
+
+
 def test_plate_makes_an_even_state(tmp_path: Path) -> None:
     """A smooth plate on a block on a smooth base: even strains, the pressure Cauchy's stress."""
     plate = 'kind = "plane", point = [0.0, 2.0], normal = [0.0, -3.0]'

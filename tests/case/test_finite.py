@@ -71,7 +71,6 @@ WARM = '[[load]]\nname = "warm"\nbody = "block"\nkind = "temperature"\ntemperatu
 OBSTACLE = '[contact.obstacle]\nkind = "plane"\npoint = [-0.1, 0.0]\nnormal = [1.0, 0.0]\n'
 CONTACT = '[[contact]]\nname = "c"\nslave = "block.left"\n'
 EXACT = '[contact.regularization]\nlaw = "exact"\n'
-PUSH = '[[load]]\nname = "push"\nkind = "obstacle"\nobstacle = "c"\nfx = 1.0\n'
 SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
 
 
@@ -88,7 +87,6 @@ SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
         (f"{CONTACT}gap = 0.1\n{OBSTACLE}{EXACT}", "contact.c.gap", "gap"),
         (f"{CONTACT}reach = 0.1\n{OBSTACLE}{EXACT}", "contact.c.reach", "any node"),
         (f'{CONTACT}master = "block.right"\n{EXACT}', "contact.c.master", "with itself"),
-        (f"{CONTACT}{OBSTACLE}{EXACT}{PUSH}", "load.push", "force"),
     ],
 )
 def test_parts_that_are_not_there_yet_are_refused_by_name(more: str, key: str, word: str) -> None:

@@ -45,7 +45,7 @@ def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
                 )
             state = walk.state(reached, walk.now)
             judge(scene, reached, walk.now.displacement)
-            judge_overlaps(scene, reached, state.factors, state.displacement)
+            judge_overlaps(scene, reached, state.whole, state.displacement)
             _resist(reached, walk.now.stability)
             done = walk.told(state, reached - position, (state,) if reached in wanted else ())
             position = reached
@@ -71,13 +71,13 @@ class _Walk:
         still = np.zeros(scene.unknowns)
         none = np.zeros(len(scene.contacts) and sum(one.slave.count for one in scene.contacts))
         count = sum(side.count for one in scene.contacts for side in one.sides)
-        acting = scene.acting(scene.stages[0], np.zeros(2 * count))
+        acting = scene.acting(np.append(scene.stages[0], np.zeros(scene.free)), np.zeros(2 * count))
         parts = scene.parts(still)
         self._projectors = {name: scene.projector(name, parts[name], acting[name]) for name in scene.bodies}
         self._length = self._typical()
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
-        self.now = unpressed(scene.unknowns, scene.contacts)
+        self.now = unpressed(scene.unknowns, scene.contacts, scene.free)
         self._slip, self._work = none, none
         self._settled = False
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
@@ -87,7 +87,8 @@ class _Walk:
         scene, found = self._scene, [1e-3 * self._scene.size]
         for contact in scene.contacts:
             if isinstance(contact, RigidContact):
-                found += [float(np.abs(contact.motion @ factors).max()) for factors in scene.stages]
+                given = contact.motion[:, : scene.stages.shape[1]]
+                found += [float(np.abs(given @ factors).max()) for factors in scene.stages]
         for name, body in scene.bodies.items():
             projector, still = self._projectors[name], np.zeros(body.unknowns)
             count = body.loads.count - scene.stages.shape[1]
@@ -147,7 +148,9 @@ class _Walk:
 
     def _solved(self, position: float) -> Pressed | None:
         factors = factors_at(self._scene.stages, position)
-        pressing = Pressing(self._projectors, self._scene.contacts, self._length, self._stiffness)
+        scene = self._scene
+        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven)
+        pressing = Pressing(self._projectors, *args)
         tolerance = self._scene.case.solver.tolerance
         before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):
@@ -169,7 +172,7 @@ class _Walk:
 
     def told(self, state: FiniteState, length: float, saved: tuple[FiniteState, ...]) -> FiniteStep:
         """The step that ends in a state, with what it cost; the equations are renewed if they are far."""
-        acting = self._scene.acting(state.factors, state.traction)
+        acting = self._scene.acting(state.whole, state.traction)
         renewed = False
         for name, own in self._scene.parts(state.displacement).items():
             station = self._projectors[name].station

@@ -93,9 +93,9 @@ class SceneForces:
     @classmethod
     def of(cls, scene: FiniteScene, state: FiniteState) -> SceneForces:
         """In a state."""
-        acting, parts = scene.acting(state.factors, state.traction), scene.parts(state.displacement)
+        acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
         bodies = {name: Forces.of(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
-        found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved))
+        found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.free)
         for contact in scene.contacts:
             forces = []
             for side in contact.sides:
@@ -225,6 +225,6 @@ def extremes(scene: FiniteScene, state: FiniteState) -> Mapping[str, float]:
 def unloaded(scene: FiniteScene) -> FiniteState:
     """The state before loading."""
     still = np.zeros(scene.unknowns)
-    pressed = unpressed(scene.unknowns, scene.contacts) if scene.contacts else None
+    pressed = unpressed(scene.unknowns, scene.contacts, scene.free) if scene.contacts else None
     none = np.zeros(sum(one.slave.count for one in scene.contacts))
     return FiniteState(0.0, scene.stages[0], still, 0.0, pressed, none, none)

@@ -51,6 +51,11 @@ class FiniteState:
         return np.inf if self.pressed is None else self.pressed.stability
 
     @property
+    def whole(self) -> FloatArray:
+        """Load factors and free motions (L + d,)."""
+        return self.factors if self.pressed is None else np.append(self.factors, self.pressed.free)
+
+    @property
     def traction(self) -> FloatArray:
         """Nominal tractions (2s,) at the nodes of all sides in contact."""
         return np.zeros(0) if self.pressed is None else self.pressed.traction

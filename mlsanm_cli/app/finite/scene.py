@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -16,9 +17,10 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.finite.exact import AnyContact
+from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.finite.sides import Side, with_sides
+from mlsanm_cli.contact.finite.sides import Side, with_more, with_sides
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
@@ -29,6 +31,7 @@ from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import Loads, Pressing
 from mlsanm_cli.mechanics.finite.projector import Projector, Weights
 from mlsanm_cli.mechanics.probes import Probe
+from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.values import dataclass
 
@@ -36,7 +39,8 @@ from mlsanm_cli.values import dataclass
 @dataclass(frozen=True)
 class FiniteScene:
     """All ``bodies`` by name with their loads, which move from stage to stage: ``stages`` (T + 1, L). The
-    bodies' last loads, beyond these, are unit tractions x, y at the nodes of their sides in ``contacts``.
+    bodies' loads beyond these are the motions of ``loose`` bodies and ``driven`` obstacles (d,), then unit
+    tractions x, y at the nodes of their sides in ``contacts``.
 
     ``supports`` names the bodies and surfaces of every support and of every load that holds a displacement.
     """
@@ -48,6 +52,13 @@ class FiniteScene:
     probes: tuple[Probe, ...]
     solver: DirectSolver
     contacts: tuple[AnyContact, ...] = ()
+    loose: tuple[LooseMotions, ...] = ()
+    driven: tuple[DrivenObstacle, ...] = ()
+
+    @property
+    def free(self) -> int:
+        """Unknown motions (d): load factors behind those of the case."""
+        return sum(one.count for one in self.loose) + len(self.driven)
 
     @property
     def alone(self) -> tuple[str, FiniteBody]:
@@ -71,8 +82,8 @@ class FiniteScene:
         return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
 
     def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
-        """By body, the factors of all its loads: the case's ``factors`` (L,), then its own of the tractions
-        (2s,) at the nodes of all sides in contact."""
+        """By body, the factors of all its loads: the case's and free motions, ``factors`` (L + d,), then its
+        own of the tractions (2s,) at the nodes of all sides in contact."""
         found, first = {name: [factors] for name in self.bodies}, 0
         for contact in self.contacts:
             for side in contact.sides:
@@ -91,13 +102,8 @@ class FiniteScene:
 
 
 def refuse_unsupported(prepared: Prepared) -> None:
-    """Raise CaseError for what clouds and pairs show that finite strain cannot do yet: bodies that can move
-    freely, sides in contact of several pieces."""
-    for mover in prepared.movers:
-        if isinstance(mover, mechanics.LooseBody):
-            message = f"body {mover.body} can move freely, which finite strain does not support yet"
-            problem = CaseProblem(f"body.{mover.body}", message, hint="hold it with a [[support]]")
-            raise CaseError((problem,))
+    """Raise CaseError for what pairs show that finite strain cannot do yet: sides in contact of several
+    pieces."""
     for pairing in prepared.pairings:
         for key, side in (("slave", pairing.slave), ("master", pairing.master)):
             if side is not None and side.parts:
@@ -109,19 +115,79 @@ def refuse_unsupported(prepared: Prepared) -> None:
 def finite_scene(case: Case, prepared: Prepared) -> FiniteScene:
     """Take over clouds, conditions and loads of a scene that :func:`refuse_unsupported` has let pass."""
     solver = direct_solver(case)
-    contacts = tuple(_contact(case, prepared, one) for one in prepared.pairings)
-    bodies = {}
+    loose, driven = _free(case, prepared)
+    free = sum(one.count for one in loose) + len(driven)
+    contacts = tuple(_contact(case, prepared, one, free) for one in prepared.pairings)
+    contacts = tuple(_driving(one, number, driven, len(case.moved)) for number, one in enumerate(contacts))
+    bodies, first = {}, len(case.moved)
     for name, model in prepared.models.items():
-        elastic = assemble(model, prepared.held[name], prepared.held_nodes[name], solver)
+        pinned, moves = _pins(prepared, name, loose)
+        held_nodes = (*prepared.held_nodes[name], *pinned)
+        elastic = assemble(model, prepared.held[name], held_nodes, solver)
         sides = [side for contact in contacts for side in contact.sides if side.body == name]
-        loads = with_sides(_loads(case, prepared, name, elastic), elastic, sides)
-        bodies[name] = FiniteBody(elastic, law_of(case, name), loads)
-    stages, supports = stage_factors(case), _supports(case)
-    return FiniteScene(case, bodies, stages, supports, prepared.probes, solver, contacts)
+        loads = with_more(_loads(case, prepared, name, elastic), free)
+        if moves.shape[1]:
+            # The last rows of single nodes are the pins'.
+            last = elastic.rows - 3 * elastic.pieces.count
+            loads.sources[last - len(pinned) : last, first : first + moves.shape[1]] = moves
+            first += moves.shape[1]
+        bodies[name] = FiniteBody(elastic, law_of(case, name), with_sides(loads, elastic, sides))
+    supports = _supports(case)
+    args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)
+    return FiniteScene(case, bodies, *args)
 
 
-def _contact(case: Case, prepared: Prepared, pairing: Pairing) -> AnyContact:
-    """A side of a body against another's, or against a rigid obstacle."""
+def _free(case: Case, prepared: Prepared) -> tuple[tuple[LooseMotions, ...], tuple[DrivenObstacle, ...]]:
+    """What moves as it likes: loose bodies in the order of all bodies, then obstacles."""
+    found = {one.body: one for one in prepared.movers if isinstance(one, mechanics.LooseBody)}
+    loose = []
+    for name, model in prepared.models.items():
+        if name in found:
+            unknown = tuple(one.component for one in found[name].motions if one.prescribed is None)
+            loose.append(LooseMotions(name, unknown, float(np.ptp(model.nodes, axis=0).max())))
+    number = sum(one.count for one in loose)
+    names = [pairing.name for pairing in prepared.pairings]
+    driven: list[DrivenObstacle] = []
+    for mover in prepared.movers:
+        if isinstance(mover, mechanics.Obstacle):
+            for one in mover.motions:
+                if one.prescribed is None:
+                    place = names.index(mover.contact)
+                    driven.append(DrivenObstacle(place, one.component, number + len(driven), one.force))
+    return tuple(loose), tuple(driven)
+
+
+def _pins(
+    prepared: Prepared, name: str, loose: Sequence[LooseMotions]
+) -> tuple[list[tuple[int, int]], FloatArray]:
+    """Where a loose body is pinned, and by how much its free motions move the pins."""
+    own = next((one for one in loose if one.body == name), None)
+    if own is None:
+        return [], np.zeros((0, 0))
+    cloud = prepared.models[name].cloud
+    free = free_motions(cloud, prepared.held[name], prepared.held_nodes[name], {})
+    pinned = pins(cloud.points, free)
+    places = [2 * node + component for node, component in pinned]
+    patterns = free.patterns(cloud.points)[places]
+    scale = np.array([own.size if one == ROTATION else 1.0 for one in free.components])
+    known = [free.components.index(component) for component in own.components]
+    return pinned, (patterns / scale)[:, known]
+
+
+def _driving(contact: AnyContact, number: int, driven: Sequence[DrivenObstacle], loads: int) -> AnyContact:
+    """The contact with the free motions of its obstacle."""
+    if isinstance(contact, BodyContact):
+        return contact
+    motion = contact.motion.copy()
+    for one in driven:
+        if one.contact == number:
+            motion[one.component, loads + one.number] = 1.0
+    return replace(contact, motion=motion)
+
+
+def _contact(case: Case, prepared: Prepared, pairing: Pairing, free: int) -> AnyContact:
+    """A side of a body against another's, or against a rigid obstacle, in a scene of so many ``free``
+    motions."""
     found = next(one for one in case.contact if one.name == pairing.name)
     points = {name: model.cloud.points for name, model in prepared.models.items()}
     slave = Side.of(pairing.slave_body, points[pairing.slave_body], pairing.slave)
@@ -130,12 +196,13 @@ def _contact(case: Case, prepared: Prepared, pairing: Pairing) -> AnyContact:
         master = Side.of(pairing.master_body, points[pairing.master_body], pairing.master)
         return BodyContact(pairing.name, slave, master, pairing.friction)
     assert found.obstacle is not None
-    motion = np.zeros((2, len(case.moved)))
+    count = len(case.moved)
+    motion = np.zeros((2, count + free))
     for mover in prepared.movers:
         if isinstance(mover, mechanics.Obstacle) and mover.contact == pairing.name:
             for one in mover.motions:
-                assert one.prescribed is not None
-                motion[one.component] += one.prescribed
+                if one.prescribed is not None:
+                    motion[one.component, :count] += one.prescribed
     return RigidContact(pairing.name, slave, shape_of(found.obstacle), motion, pairing.friction)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -25,7 +26,7 @@ from mlsanm_cli.contact.sets import OPEN, SLIP, STICK
 from mlsanm_cli.contact.stability import relative_resistance
 from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
-from mlsanm_cli.mechanics.finite.tangent import load_columns
+from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
 from mlsanm_cli.values import dataclass
 
 AnyContact: TypeAlias = RigidContact | BodyContact
@@ -33,15 +34,20 @@ LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
 BESIDE = 3
 """So many nodes beside those that touch may come to touch within an iteration."""
+REACH = 0.1
+"""With free motions also nodes with gaps up to this part of the typical displacement may."""
+DAMPED = 1e-5
+"""Free motions are held back by this part of the stiffness within an iteration: something has to where
+nothing touches yet, and steps that are 0 in the end change nothing."""
 
 
 @dataclass(frozen=True)
 class Pressed:
     """A state in contact: ``displacement`` (2N,) of all bodies in turn; at the slaves' nodes of all contacts
     nominal ``pressure`` and ``shear`` of friction (c,), ``gap``, ``place`` and ``slip`` (c,), ``normal``
-    (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn. ``residual`` is the last
-    update over the typical displacement, ``stability`` the least resistance of a contact to pressures that
-    change from node to node."""
+    (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn; the ``free`` motions
+    (d,). ``residual`` is the last update over the typical displacement, ``stability`` the least resistance of
+    a contact to pressures that change from node to node."""
 
     displacement: FloatArray
     pressure: FloatArray
@@ -52,6 +58,7 @@ class Pressed:
     normal: FloatArray
     sets: NodeSets
     traction: FloatArray
+    free: FloatArray
     residual: float
     iterations: int
     factorizations: int
@@ -63,12 +70,20 @@ class Pressed:
 class Pressing:
     """Contacts of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of every
     node of their sides in turn, in the order of the contacts. ``length`` is the typical displacement;
-    ``stiffness`` turns gaps into pressures, to guess what touches."""
+    ``stiffness`` turns gaps into pressures, to guess what touches. The motions of ``loose`` bodies and of
+    ``driven`` obstacles (d,) are load factors behind those of the case."""
 
     projectors: Mapping[str, Projector]
     contacts: Sequence[AnyContact]
     length: float
     stiffness: float
+    loose: Sequence[LooseMotions] = ()
+    driven: Sequence[DrivenObstacle] = ()
+
+    @property
+    def free(self) -> int:
+        """Number of unknown motions (d)."""
+        return sum(one.count for one in self.loose) + len(self.driven)
 
     @cached_property
     def firsts(self) -> dict[str, int]:
@@ -127,24 +142,27 @@ class Pressing:
         """The state at load ``factors`` (L,), searched from ``start``; slips are from the places ``before``
         (c,). None where ``most`` iterations do not settle. Raises LinAlgError or NumericalError for singular
         derivatives."""
-        step = _Iteration(self, factors, before)
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
+        free, given = start.free, factors
         settled = False
         for count in range(1, most + 1):
+            factors = np.concatenate([given, free])
             met = self.meet(u, factors, before)
-            done = step.taken(u, p, q, sets, met, first=count == 1)
+            done = _Iteration(self, factors, before).taken(u, p, q, sets, met, first=count == 1)
             solves += done.solves
             part = 1.0
             while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
                 part *= 0.5
             u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
+            free = free + part * done.free
             settled, sets = count > 1 and done.settled and done.sets.same(sets), done.sets
             last = float(np.abs(done.du).max()) / self.length
             if not np.isfinite(last):
                 return None
             if part == 1.0 and settled and last <= tolerance:
                 spent = count * len(self.projectors)
-                return self._state(u, p, q, sets, factors, before, (last, count, spent, solves), done)
+                args = (given, free, before, (last, count, spent, solves), done)
+                return self._state(u, p, q, sets, *args)
         return None
 
     def _volume(self, u: FloatArray) -> float:
@@ -160,12 +178,13 @@ class Pressing:
         p: FloatArray,
         q: FloatArray,
         sets: NodeSets,
-        factors: FloatArray,
+        given: FloatArray,
+        free: FloatArray,
         before: FloatArray | None,
         counts: tuple[float, int, int, int],
         done: _Done,
     ) -> Pressed:
-        met = self.meet(u, factors, before)
+        met = self.meet(u, np.concatenate([given, free]), before)
         p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
         gap, place, slip = (
             np.concatenate([*(getattr(one, name) for one in met), np.zeros(0)])
@@ -174,7 +193,7 @@ class Pressing:
         normal = np.concatenate([*(one.normal for one in met), np.zeros((0, 2))])
         traction = self.tractions(met, p, q)
         stable = done.stability(self, met)
-        return Pressed(u, p, q, gap, place, slip, normal, sets, traction, *counts, stable)
+        return Pressed(u, p, q, gap, place, slip, normal, sets, traction, free, *counts, stable)
 
     def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
         """Tractions (2s,) at the nodes of all sides by the slaves' pressures and friction (c,)."""
@@ -193,16 +212,19 @@ class Pressing:
 
 @dataclass(frozen=True)
 class _Done:
-    """What an iteration found: updates, ``sets`` of all nodes, the ``chosen`` ones (c,) that might touch and
-    their ``compliance`` (k, k), gaps by pressures that do not turn: what a body's equations resist pressures
-    with, whatever loads that turn with their surfaces do to its balance."""
+    """What an iteration found: updates, also of the ``free`` motions, ``sets`` of all nodes, the ``chosen``
+    ones (c,) that might touch and their ``compliance`` (k, k), gaps by pressures that do not turn: what a
+    body's equations resist pressures with, whatever loads that turn with their surfaces do to its balance.
+    Pressures with something ``unbalanced`` (d, k) on loose bodies have no say."""
 
     du: FloatArray
     dp: FloatArray
     dq: FloatArray
+    free: FloatArray
     sets: NodeSets
     chosen: IntArray
     compliance: FloatArray
+    unbalanced: FloatArray
     solves: int
     settled: bool
 
@@ -222,7 +244,8 @@ class _Done:
             place = number[here][some]
             part = self.compliance[np.ix_(place, place)]
             weight = contact.slave.weight[some]
-            least = min(least, relative_resistance(weight, 1.0 / np.asarray(soft), part))
+            held = self.unbalanced[:, place]
+            least = min(least, relative_resistance(weight, 1.0 / np.asarray(soft), part, held))
         return least
 
 
@@ -256,11 +279,13 @@ class _Iteration:
             z[here] = -factorised[name].solve(projector.scaled(series.rows(0)))
         free = [one.gap + one.d_gap @ z[number] for one, number in zip(met, self._numbers(), strict=True)]
         chosen, touched = self._chosen(np.concatenate([*free, np.zeros(0)]), p, met)
-        if not len(chosen):
-            none = NodeSets(np.zeros(len(p), dtype=np.int8), np.zeros(len(p)))
-            return _Done(z, -p, -q, none, chosen, np.zeros((0, 0)), len(factorised), True)
+        if not len(chosen) and not pressing.free:
+            none, nothing = np.zeros(len(p)), np.zeros((0, 0))
+            sets = NodeSets(none.astype(np.int8), none)
+            return _Done(z, -p, -q, np.zeros(0), sets, chosen, nothing, nothing, len(factorised), True)
         answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
-        return self._settled(p, q, sets, met, z, chosen, touched, answers, first)
+        lack = self._balanced(u, applied, touched, answers, z)
+        return self._settled(p, q, sets, met, z, chosen, touched, answers, lack, first)
 
     def _here(self, name: str) -> slice:
         first = self.pressing.firsts[name]
@@ -276,7 +301,8 @@ class _Iteration:
         chosen, touched, first, node = [], [], 0, 0
         for contact, one in zip(self.pressing.contacts, met, strict=True):
             here = slice(first, first + contact.slave.count)
-            near = one.facing & ((free[here] <= 0.0) | (p[here] > 0.0))
+            reach = REACH * self.pressing.length if self.pressing.free else 0.0
+            near = one.facing & ((free[here] <= reach) | (p[here] > 0.0))
             for _ in range(BESIDE):
                 beside = near.copy()
                 beside[1:] |= near[:-1]
@@ -296,17 +322,75 @@ class _Iteration:
             np.concatenate([*touched, np.zeros(0, dtype=np.int64)]),
         )
 
-    def _answers(
-        self, u: FloatArray, name: str, factorised: Factorised, touched: IntArray
-    ) -> tuple[IntArray, FloatArray]:
-        """Which of the ``touched`` tractions are a body's, and its displacements (2n, k) by these."""
+    def _answers(self, u: FloatArray, name: str, factorised: Factorised, touched: IntArray) -> _Answers:
+        """A body's displacements by the ``touched`` tractions and by its free motions."""
         pressing, projector = self.pressing, self.pressing.projectors[name]
         place = np.searchsorted(pressing.columns[name], touched)
         place = np.minimum(place, max(len(pressing.columns[name]) - 1, 0))
         own = np.flatnonzero(np.isin(touched, pressing.columns[name]))
-        columns = load_columns(projector.body, u[self._here(name)], slice(len(self.factors), None))
-        some = columns[:, place[own]]
-        return own, -factorised.roughly(projector.scaled_columns(sparse.csr_array(some)))
+        moves = self._moves(name)
+        known = len(self.factors) - pressing.free
+        columns = load_columns(projector.body, u[self._here(name)], slice(known, None))
+        some = sparse.csr_array(columns[:, np.concatenate([pressing.free + place[own], moves])])
+        found = -factorised.roughly(projector.scaled_columns(some))
+        pieces = sparse.csr_array(some[some.shape[0] - 3 * projector.body.count :])
+        return _Answers(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
+
+    def _moves(self, name: str) -> IntArray:
+        """Which free motions are a body's."""
+        first = 0
+        for one in self.pressing.loose:
+            if one.body == name:
+                return first + np.arange(one.count)
+            first += one.count
+        return np.zeros(0, dtype=np.int64)
+
+    def _balanced(
+        self,
+        u: FloatArray,
+        applied: FloatArray,
+        touched: IntArray,
+        answers: Mapping[str, _Answers],
+        z: FloatArray,
+    ) -> _Lack:
+        """What is out of balance (d,) after the displacements ``z`` (2N,), and how that changes by touched
+        tractions and by free motions."""
+        pressing = self.pressing
+        shape = (pressing.free, len(touched))
+        lack = _Lack(np.zeros(pressing.free), np.zeros(shape), np.zeros((pressing.free,) * 2))
+        for one in (some for some in pressing.loose if some.count):
+            here, answer = self._here(one.body), answers[one.body]
+            body = pressing.projectors[one.body].body
+            whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
+            series = BodySeries(body, 0)
+            series.put(0, u[here], whole)
+            sums, rows = one.sums(body, series), answer.moves
+            moved = sums @ derivative_pieces(body, u[here], whole)
+            lack.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
+            by_pieces = (sums @ answer.pieces).toarray()
+            lack.by_traction[np.ix_(rows, answer.own)] = (
+                by_pieces[:, : len(answer.own)] + moved @ answer.by_traction
+            )
+            lack.by_motion[np.ix_(rows, rows)] = moved @ answer.by_motion + DAMPED * (
+                body.elastic.model.material.modulus * np.eye(one.count)
+            )
+        for driven in pressing.driven:
+            number, contact = driven.number, pressing.contacts[driven.contact]
+            weight = np.zeros(len(applied))
+            weight[self._driven(driven)] = contact.slave.weight
+            force = driven.force @ self.factors[: len(driven.force)]
+            lack.now[number] = weight @ applied - force
+            lack.by_traction[number] = weight[touched]
+            modulus = pressing.projectors[contact.slave.body].body.elastic.model.material.modulus
+            lack.by_motion[number, number] = DAMPED * modulus
+        return lack
+
+    def _driven(self, driven: DrivenObstacle) -> IntArray:
+        """Which tractions of all sides press an obstacle along its motion."""
+        pressing = self.pressing
+        before = pressing.contacts[: driven.contact]
+        first = 2 * sum(side.count for contact in before for side in contact.sides)
+        return first + 2 * np.arange(pressing.contacts[driven.contact].slave.count) + driven.component
 
     def _settled(
         self,
@@ -317,16 +401,20 @@ class _Iteration:
         z: FloatArray,
         chosen: IntArray,
         touched: IntArray,
-        answers: Mapping[str, tuple[IntArray, FloatArray]],
+        answers: Mapping[str, _Answers],
+        lack: _Lack,
         first: bool,
     ) -> _Done:
         pressing = self.pressing
         mu, numbers = pressing.friction[chosen], pressing.numbers
         # Displacements of all sides by the touched tractions.
-        seen = np.zeros((len(numbers), len(touched)))
-        for name, (own, answer) in answers.items():
+        seen, shifted = np.zeros((len(numbers), len(touched))), np.zeros((len(numbers), pressing.free))
+        for name, answer in answers.items():
             here, rows = self._here(name), pressing.columns[name]
-            seen[np.ix_(rows, own)] = answer[numbers[rows] - here.start]
+            seen[np.ix_(rows, answer.own)] = answer.by_traction[numbers[rows] - here.start]
+            shifted[np.ix_(rows, answer.moves)] = answer.by_motion[numbers[rows] - here.start]
+        for driven in pressing.driven:
+            shifted[self._driven(driven), driven.number] -= 1.0
         turning = _diagonal(
             [one.turning(p[at], q[at]) for one, at in zip(met, pressing.places, strict=True)]
         )[touched]
@@ -336,20 +424,25 @@ class _Iteration:
         d_slip = _diagonal([one.d_slip for one in met])[chosen]
         surface = z[numbers]
         inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
-        loads = inverse @ np.hstack([push, drag])
+        loads = inverse @ np.hstack([push, drag, turning @ shifted])
         follow = inverse @ (turning @ surface)
         moved = surface + seen @ follow
         gap = np.concatenate([one.gap for one in met])[chosen]
         slip = np.concatenate([one.slip for one in met])[chosen]
-        by_both = seen @ loads
+        by_all = seen @ loads
+        by_all[:, 2 * len(chosen) :] += shifted
+        by_balance = lack.by_traction @ loads
+        by_balance[:, 2 * len(chosen) :] += lack.by_motion
         linear = Linearised(
             mu,
             p[chosen],
             q[chosen],
             gap + d_gap @ moved,
             slip + d_slip @ moved,
-            d_gap @ by_both,
-            d_slip @ by_both,
+            d_gap @ by_all,
+            d_slip @ by_all,
+            lack.now + lack.by_traction @ follow,
+            by_balance,
         )
         guess = NodeSets(sets.status[chosen], sets.sense[chosen])
         if first:
@@ -357,30 +450,58 @@ class _Iteration:
             held = np.where(mu > 0.0, STICK, SLIP)
             status = np.where(closed, np.where(guess.closed, guess.status, held), OPEN).astype(np.int8)
             guess = NodeSets(status, np.where(status == SLIP, guess.sense, 0.0))
-        dp, dq, found, settled = linear.settled(guess)
-        tractions = follow + loads @ np.concatenate([dp, dq])
+        change, found, settled = linear.settled(guess)
+        dp, dq, free = np.split(change, [len(chosen), 2 * len(chosen)])
+        tractions = follow + loads @ change
         du = z.copy()
-        for name, (own, answer) in answers.items():
-            du[self._here(name)] += answer @ tractions[own]
+        for name, answer in answers.items():
+            du[self._here(name)] += (
+                answer.by_traction @ tractions[answer.own] + answer.by_motion @ free[answer.moves]
+            )
         whole_p, whole_q = -p, -q
         whole_p[chosen], whole_q[chosen] = dp, dq
         status, sense = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
         status[chosen], sense[chosen] = found.status, found.sense
         solves = len(answers) + len(touched)
         compliance = d_gap @ (seen @ push)
-        return _Done(du, whole_p, whole_q, NodeSets(status, sense), chosen, compliance, solves, settled)
+        unbalanced = lack.by_traction[: pressing.free - len(pressing.driven)] @ push
+        sets = NodeSets(status, sense)
+        args = (chosen, compliance, unbalanced, solves, settled)
+        return _Done(du, whole_p, whole_q, free, sets, *args)
+
+
+@dataclass(frozen=True)
+class _Answers:
+    """Displacements of a body by its ``own`` (k,) of the touched tractions, (2n, k), and by its free
+    ``moves`` (d,), (2n, d); and what ``pieces`` (3k, k + d) lack by both directly."""
+
+    own: IntArray
+    by_traction: FloatArray
+    moves: IntArray
+    by_motion: FloatArray
+    pieces: sparse.csr_array
+
+
+@dataclass(frozen=True)
+class _Lack:
+    """What is out of balance ``now`` (d,), by touched tractions (d, t) and by free motions (d, d)."""
+
+    now: FloatArray
+    by_traction: FloatArray
+    by_motion: FloatArray
 
 
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:
     return sparse.csr_array(sparse.block_diag(blocks, format="csr"))
 
 
-def unpressed(unknowns: int, contacts: Sequence[AnyContact]) -> Pressed:
-    """The state before loading of bodies with so many ``unknowns``."""
+def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> Pressed:
+    """The state before loading of bodies with so many ``unknowns`` and ``free`` motions."""
     count = sum(one.slave.count for one in contacts)
     sides = sum(side.count for one in contacts for side in one.sides)
     none = np.zeros(count)
     sets = NodeSets(np.zeros(count, dtype=np.int8), none)
     still = np.zeros(unknowns)
     zero = np.zeros(2 * sides)
-    return Pressed(still, none, none, none, none, none, np.zeros((count, 2)), sets, zero, 0.0, 0, 0, 0)
+    args = (sets, zero, np.zeros(free), 0.0, 0, 0, 0)
+    return Pressed(still, none, none, none, none, none, np.zeros((count, 2)), *args)

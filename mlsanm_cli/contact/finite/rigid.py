@@ -24,7 +24,7 @@ SMALL = 1e-3
 @dataclass(frozen=True)
 class RigidContact:
     """The contact ``name`` of a ``slave`` with an obstacle, whose ``shape`` moves by ``motion`` (2, L) times
-    the load factors; ``friction`` is Coulomb's coefficient."""
+    the load factors, free motions among them; ``friction`` is Coulomb's coefficient."""
 
     name: str
     slave: Side
@@ -39,7 +39,7 @@ class RigidContact:
 
     def start(self, factors: FloatArray) -> FloatArray:
         """Where the obstacle's normals (c, 2) are before anything is deformed."""
-        at = self.slave.places - self.motion @ factors
+        at = self.slave.places - self.motion[:, : len(factors)] @ factors
         return self.shape.closest(at, self.slave.outward)[1]
 
     def meet(self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None) -> Meeting:

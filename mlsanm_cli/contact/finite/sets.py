@@ -6,6 +6,8 @@ slipping ones bear q = d mu p against it, d = +-1.
 
 from __future__ import annotations
 
+from dataclasses import field
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,8 +39,9 @@ class NodeSets:
 
 @dataclass(frozen=True)
 class Linearised:
-    """Gaps and slips (c,) of nodes with ``friction`` coefficients (c,), by changes of ``pressure`` and of the
-    traction of friction ``shear`` (c,): ``gap`` + ``by_gap`` (c, 2c) times both, and so for slips."""
+    """Gaps and slips (c,) of nodes with ``friction`` coefficients (c,), by changes of ``pressure``, of the
+    traction of friction ``shear`` (c,) and of d free motions: ``gap`` + ``by_gap`` (c, 2c + d) times all
+    these, and so for slips, and for what is out of ``balance`` (d,), which has to vanish."""
 
     friction: FloatArray
     pressure: FloatArray
@@ -47,10 +50,12 @@ class Linearised:
     slip: FloatArray
     by_gap: FloatArray
     by_slip: FloatArray
+    balance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    by_balance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
-    def settled(self, sets: NodeSets) -> tuple[FloatArray, FloatArray, NodeSets, bool]:
-        """Changes of pressure and shear (c,) with which every node does what it may, from a first guess, what
-        they do, and whether such were found.
+    def settled(self, sets: NodeSets) -> tuple[FloatArray, NodeSets, bool]:
+        """Changes (2c + d,) with which every node does what it may, from a first guess, what they do, and
+        whether such were found.
 
         A semismooth Newton method: nodes do what their pressure less its gap, and their shear less its slip,
         over their compliance, say (Alart and Curnier 1991). Where that goes round, one node at a time, the
@@ -65,7 +70,7 @@ class Linearised:
             better, turned = self._better(change)
             chosen = wrong == wrong.max() if number >= TOGETHER else np.ones(count, dtype=bool)
             status, sense = np.where(chosen, better, status), np.where(chosen, turned, sense)
-        return change[:count], change[count:], NodeSets(status, sense), not wrong.any()
+        return change, NodeSets(status, sense), not wrong.any()
 
     @property
     def _stiffness(self) -> float:
@@ -76,7 +81,7 @@ class Linearised:
     def _better(self, change: FloatArray) -> tuple[NDArray[np.int8], FloatArray]:
         """What nodes (c,) do rather, and in which sense."""
         count, mu = len(self.pressure), self.friction
-        p, q = self.pressure + change[:count], self.shear + change[count:]
+        p, q = self.pressure + change[:count], self.shear + change[count : 2 * count]
         push = p - self._stiffness * (self.gap + self.by_gap @ change)
         pull = q - self._stiffness * (self.slip + self.by_slip @ change)
         closed, holds = push > 0.0, (mu > 0.0) & (np.abs(pull) <= mu * push)
@@ -84,10 +89,11 @@ class Linearised:
         return status, np.where((status == SLIP) & (mu > 0.0), np.sign(pull), 0.0)
 
     def _tried(self, status: NDArray[np.int8], sense: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Changes (2c,), and by how much each node (c,) does what it may not."""
+        """Changes (2c + d,), and by how much each node (c,) does what it may not."""
         count, mu = len(status), self.friction
         number = np.arange(count)
-        matrix, rhs = np.zeros((2 * count, 2 * count)), np.zeros(2 * count)
+        total = 2 * count + len(self.balance)
+        matrix, rhs = np.zeros((total, total)), np.zeros(total)
         opened, stuck = status == OPEN, status == STICK
         slides = status == SLIP
         here = number[opened]
@@ -107,9 +113,11 @@ class Linearised:
         matrix[count + here, count + here] = 1.0
         matrix[count + here, here] = -pull
         rhs[count + here] = pull * self.pressure[here] - self.shear[here]
+        if len(self.balance):
+            matrix[2 * count :], rhs[2 * count :] = self.by_balance, -self.balance
         size = np.abs(matrix).max(axis=1, keepdims=True)
         change: FloatArray = np.linalg.solve(matrix / size, rhs / size[:, 0])
-        p, q = self.pressure + change[:count], self.shear + change[count:]
+        p, q = self.pressure + change[:count], self.shear + change[count : 2 * count]
         gap, slip = self.gap + self.by_gap @ change, self.slip + self.by_slip @ change
         wrong = np.where(opened, -self._stiffness * gap, -p)
         wrong = np.where(stuck & (mu > 0.0), np.maximum(wrong, np.abs(q) - mu * p), wrong)

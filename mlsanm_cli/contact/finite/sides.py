@@ -50,13 +50,11 @@ def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[Side]) -> Loads:
     more = 2 * sum(one.count for one in sides)
     if not more:
         return loads
-    sources = np.hstack([loads.sources, np.zeros((len(loads.sources), more))])
-    tractions = {name: _wider(given, more) for name, given in loads.tractions.items()}
-    force = None if loads.force is None else _wider(loads.force, more)
-    first = loads.count
+    first, loads = loads.count, with_more(loads, more)
+    sources, tractions = loads.sources, dict(loads.tractions)
     for side in sides:
         halves = Halves.of(body.model.cloud.surfaces[side.surface], FINE)
-        shape = (len(halves.arc), 2, loads.count + more)
+        shape = (len(halves.arc), 2, loads.count)
         hats, every = tractions.setdefault(side.surface, np.zeros(shape)), np.arange(len(halves.arc))
         for component in (0, 1):
             columns = first + 2 * np.arange(side.count) + component
@@ -64,6 +62,14 @@ def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[Side]) -> Loads:
             hats[every, component, columns[halves.own]] += halves.share
             hats[every, component, columns[halves.other]] += 1.0 - halves.share
         first += 2 * side.count
+    return replace(loads, tractions=tractions)
+
+
+def with_more(loads: Loads, more: int) -> Loads:
+    """The ``loads`` and, behind them, so many ``more`` that do nothing yet."""
+    sources = np.hstack([loads.sources, np.zeros((len(loads.sources), more))])
+    tractions = {name: _wider(given, more) for name, given in loads.tractions.items()}
+    force = None if loads.force is None else _wider(loads.force, more)
     return replace(loads, count=loads.count + more, sources=sources, tractions=tractions, force=force)
 
 
