@@ -14,11 +14,13 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.finite.fields import (
     FiniteFields,
+    SceneForces,
     contact_records,
     fields_of,
     platen_displacements,
     probe_records,
     resultants,
+    unloaded,
 )
 from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.scene import FiniteScene
@@ -31,7 +33,6 @@ from mlsanm_cli.io.records import StepRecord
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.summary import EventLog, toml_text, write_json_atomic, write_toml
 from mlsanm_cli.io.vtu import BodyState, StateWriter, write_single
-from mlsanm_cli.mechanics.finite.forces import Forces
 
 
 class FiniteRecorder:
@@ -74,22 +75,22 @@ class FiniteRecorder:
 
     def start(self, scene: FiniteScene) -> None:
         """Store the body, and begin the path."""
-        cloud = scene.body.elastic.model.cloud
-        surfaces = cloud.surfaces.values()
         with self._clock.phase("output"):
-            self._file.write_body(
-                scene.name,
-                cloud.points,
-                np.concatenate([surface.index for surface in surfaces]),
-                np.concatenate([surface.normal for surface in surfaces]),
-                [surface.name for surface in surfaces for _ in surface.index],
-            )
+            for name, body in scene.bodies.items():
+                cloud = body.elastic.model.cloud
+                surfaces = cloud.surfaces.values()
+                self._file.write_body(
+                    name,
+                    cloud.points,
+                    np.concatenate([surface.index for surface in surfaces]),
+                    np.concatenate([surface.normal for surface in surfaces]),
+                    [surface.name for surface in surfaces for _ in surface.index],
+                )
             nothing = scene.stages[0]
             for contact in scene.contacts:
-                shape = contact.shape.closest(contact.places, contact.outward)[1]
-                self._file.write_contact(contact.name, contact.places, shape, contact.arc, contact.weight)
-            unloaded = np.zeros(scene.body.loads.count)
-            forces = Forces.of(scene.body, np.zeros(scene.body.unknowns), unloaded)
+                slave, normal = contact.slave, contact.start(nothing)
+                self._file.write_contact(contact.name, slave.places, normal, slave.arc, slave.weight)
+            forces = SceneForces.of(scene, unloaded(scene))
             moved = tuple(platen_displacements(scene, nothing))
             probes = tuple(probe.name for probe in scene.probes)
             self._file.start_path(scene.case.moved, tuple(resultants(scene, forces)), moved, probes)
@@ -107,11 +108,11 @@ class FiniteRecorder:
                 for row in rows:
                     self._file.append_step(row)
                 for one, found in fields:
-                    self._file.write_fields(one.position, {scene.name: _stored(scene, found)})
+                    self._file.write_fields(one.position, _stored(scene, found))
                 self._file.commit()
             for one, found in fields:
                 if scene.case.output.vtu:
-                    self._states.write(one.position, {scene.name: _shown(scene, found)})
+                    self._states.write(one.position, _shown(scene, found))
             self._events.write_once(
                 "step",
                 index=self.steps + bool(self.last),
@@ -125,7 +126,7 @@ class FiniteRecorder:
         self._console.step(self.steps, state.position, state.residual, text)
 
     def _row(self, scene: FiniteScene, state: FiniteState, step: FiniteStep) -> StepRecord:
-        forces = Forces.of(scene.body, state.displacement, state.acting)
+        forces = SceneForces.of(scene, state)
         return StepRecord(
             position=state.position,
             step_length=step.length,
@@ -151,7 +152,7 @@ class FiniteRecorder:
         self.turns += step.turns
         self.stability = min(self.stability, step.state.stability)
         self.residual = max(self.residual, step.state.residual, *(one.residual for one in step.saved), 0.0)
-        forces = Forces.of(scene.body, step.state.displacement, step.state.acting)
+        forces = SceneForces.of(scene, step.state)
         self._largest = max(self._largest, forces.size)
         self.balance = forces.rest / self._largest if self._largest else 0.0
 
@@ -166,7 +167,7 @@ class FiniteRecorder:
         with self._clock.phase("output"):
             if self.last is not None:
                 shown = _shown(scene, fields_of(scene, self.last))
-                write_single(self.directory / run_dir.FAILURE_FILE, {scene.name: shown})
+                write_single(self.directory / run_dir.FAILURE_FILE, shown)
             self._events.write("failure", reason=error.message, hint=error.hint)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
@@ -193,17 +194,21 @@ class FiniteRecorder:
         self.close()
 
 
-def _stored(scene: FiniteScene, fields: FiniteFields) -> dict[str, Any]:
+def _stored(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, dict[str, Any]]:
     """The fields asked for, as run.h5 takes them; with stresses the stretches and ratios of volumes."""
     wanted: list[str] = list(scene.case.output.fields)
     if "stress" in wanted:
         wanted += ["stretch", "volume_ratio"]
-    return {name: getattr(fields, name) for name in wanted}
+    return {body: {name: getattr(found, name) for name in wanted} for body, found in fields.items()}
 
 
-def _shown(scene: FiniteScene, fields: FiniteFields) -> BodyState:
+def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, BodyState]:
     """The same as VTU files take them."""
-    wanted, cloud = scene.case.output.fields, scene.body.elastic.model.cloud
+    return {name: _body_shown(scene, name, found) for name, found in fields.items()}
+
+
+def _body_shown(scene: FiniteScene, name: str, fields: FiniteFields) -> BodyState:
+    wanted, cloud = scene.case.output.fields, scene.bodies[name].elastic.model.cloud
     more = {
         "stretch_1": fields.stretch[:, 0],
         "stretch_2": fields.stretch[:, 1],
