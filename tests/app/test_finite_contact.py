@@ -78,6 +78,16 @@ def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
         )
 
 
+def test_cylinder_pressed_by_a_force(tmp_path: Path) -> None:
+    """Under the force that it takes to press it in by a fifth of its radius, it goes there."""
+    text = BLOCK.format(left=0.0, depth=-1.0, refine=FINE, **CLAMPED) + SIDE
+    text += '[[probe]]\nname = "under"\nbody = "block"\npoint = [0.0, 2.0]\n'
+    summary = solve(text.replace("uy = -1.0", "fy = -0.20485"), tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["under"]["force"][1] == pytest.approx(-0.20485, rel=1e-8)
+    assert summary["probes"]["under"]["displacement"][1] == pytest.approx(-0.2, rel=5e-3)
+
+
 def test_plate_makes_an_even_state(tmp_path: Path) -> None:
     """A smooth plate on a block on a smooth base: even strains, the pressure Cauchy's stress."""
     plate = 'kind = "plane", point = [0.0, 2.0], normal = [0.0, -3.0]'
@@ -117,3 +127,100 @@ def test_dragging_without_friction_takes_no_force(tmp_path: Path) -> None:
     # The block has given way, yet the cylinder touches where it is now.
     assert loaded.min() > 0.0
     assert loaded.max() < 0.8
+
+
+def test_friction_dissipates_what_dragging_takes(tmp_path: Path) -> None:
+    """A cylinder dragged with friction: once all slips, the work of its force is what friction dissipates."""
+    top = '{along = "top", spacing = 0.06, radius = 0.05, growth = 0.2}'
+    text = BLOCK.format(left=-2.0, depth=-0.1, refine=top, **CLAMPED).replace("[0.0, 3.0]", "[-0.5, 3.0]")
+    text += '[[load]]\nname = "drag"\nkind = "obstacle"\nobstacle = "under"\nux = 1.0\n'
+    text += "[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n[output]\nat = [1.0, 1.3, 2.0]\n"
+    directory = tmp_path / "run"
+    summary = solve(text.replace('slave = "block.top"', 'slave = "block.top"\nfriction = 0.3'), directory)
+    assert summary["status"] == "done"
+    assert summary["iterations"] <= 90
+    run = read_run(directory)
+    position, force = run.path.position, run.path.resultants["contact under"][:, 0]
+    slips = position >= 1.3
+    work = float(np.trapezoid(force[slips], position[slips]))
+    lost = run.contacts["under"].dissipated_work
+    assert lost is not None
+    assert work == pytest.approx(lost[-1] - lost[slips][0], rel=0.01)
+    under = summary["contacts"]["under"]
+    assert under["stick_nodes"] == 0
+    assert under["max_cone_ratio"] == pytest.approx(1.0)
+    # Normals lean a little towards where the cylinder comes from.
+    assert 0.25 <= -under["force"][0] / under["force"][1] <= 0.31
+    # Pressed only, nodes stick in the middle.
+    assert (run.contacts["under"].status[position == 1.0] == 1).any()
+
+
+def test_a_profile_of_points_is_as_good_as_the_disk_it_is_of(tmp_path: Path) -> None:
+    """Dragged with friction too; and corners of a profile are pressed in."""
+    angle = np.linspace(-1.2, 1.2, 49)
+    points = np.stack([np.sin(angle) - 0.3, 3.0 - np.cos(angle)], axis=1).tolist()
+    top = '{along = "top", spacing = 0.1, radius = 0.05, growth = 0.3}'
+    moved = '[[load]]\nname = "drag"\nkind = "obstacle"\nobstacle = "under"\nux = 0.3\n'
+    moved += "[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n"
+    found = []
+    for obstacle in (DISK.replace("0.0, 3.0", "-0.3, 3.0"), f'kind = "polyline", points = {points}'):
+        text = BLOCK.format(left=-2.0, depth=-0.1, refine=top, bottom="ux = 0.0\n", obstacle=obstacle)
+        text = text.replace('slave = "block.top"', 'slave = "block.top"\nfriction = 0.3') + moved
+        summary = solve(text, tmp_path / str(len(found)))
+        assert summary["status"] == "done"
+        found.append(summary["contacts"]["under"])
+    disk, profile = found
+    np.testing.assert_allclose(profile["force"], disk["force"], rtol=1e-5)
+    assert profile["dissipated_work"] == pytest.approx(disk["dissipated_work"], rel=1e-3)
+    punch = 'kind = "polyline", points = [[-1.0, 2.8], [-0.4, 2.0], [0.4, 2.0], [1.0, 2.8]]'
+    text = BLOCK.format(left=0.0, depth=-0.2, refine=FINE, bottom="ux = 0.0\n", obstacle=punch) + SIDE
+    summary = solve(text, tmp_path / "punch")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["under"]["min_gap"] >= -1e-9
+    assert summary["force_balance"] <= 1e-6
+
+
+RING = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.rubber]
+E = 2.6
+nu = 0.3
+law = "neo-hookean"
+[[body]]
+name = "ring"
+material = "rubber"
+spacing = 0.025
+shape = { kind = "sector", center = [0.0, 0.0], radii = [0.95, 1.05], angles = [0.0, 90.0] }
+[[support]]
+boundary = "ring.start"
+uy = 0.0
+[[support]]
+boundary = "ring.end"
+ux = 0.0
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "plate"
+uy = -0.525
+[[contact]]
+name = "plate"
+slave = "ring.outer"
+obstacle = { kind = "plane", point = [0.0, 1.05], normal = [0.0, -1.0] }
+[contact.regularization]
+law = "exact"
+[output]
+at = [0.2, 0.6, 1.0]
+"""
+
+
+def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:
+    """A quarter of it; forces against nine-node finite elements, 60 x 3."""
+    summary = solve(RING, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["nodes"] <= 300
+    forces = [-row["fy"] for row in probe_force(tmp_path / "run", [0.2, 0.6, 1.0], "plate")]
+    np.testing.assert_allclose(forces, [1.4426e-4, 3.6199e-4, 7.4609e-4], rtol=0.01)
+    assert read_run(tmp_path / "run").contacts["plate"].gap[-1].min() >= -1e-9

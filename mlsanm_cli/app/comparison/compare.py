@@ -77,7 +77,7 @@ def compare(
     if loaded.case.model.strain == "finite":
         from mlsanm_cli.app.finite.compare import compare_finite, refuse
 
-        refuse(bool(loaded.case.contact), wishes.methods, wishes.analytic)
+        refuse(bool(loaded.case.contact) or len(loaded.case.body) > 1, wishes.methods, wishes.analytic)
         return compare_finite(
             loaded,
             case_path,

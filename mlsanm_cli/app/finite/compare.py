@@ -84,7 +84,7 @@ def compare_finite(
         "overrides": list(overrides),
         "levels": sorted(rows[0].states),
         "limits": {"displacement": limit},
-        "nodes": len(scene.points),
+        "nodes": scene.unknowns // 2,
         "contact_unknowns": 0,
         "methods": table,
         "seconds": clock.seconds,
@@ -99,7 +99,9 @@ def compare_finite(
 def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
     """Raise RunError for methods that finite strain does not have, and where there is but one."""
     if contact:
-        raise RunError("contact at finite strain has one method only: there is nothing to compare")
+        raise RunError(
+            "contact, or several bodies, at finite strain has one method only: there is nothing to compare"
+        )
     for name in methods:
         if name != "newton":
             raise RunError(f"--{name}: finite strain knows power series and Newton's method only", "--newton")

@@ -1,4 +1,4 @@
-"""The path of a body pressed by rigid obstacles: increments of Newton's method with exact contact."""
+"""The path of bodies in contact: increments of Newton's method with exact contact and friction."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mlsanm_cli.app.finite.overlaps import check_overlaps
 from mlsanm_cli.app.finite.path import RENEW, FiniteState, FiniteStep, most_stretched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.verdict import judge
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.exact import Pressed, Pressing
+from mlsanm_cli.contact.finite.exact import Pressed, Pressing, unpressed
+from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError, UnstableError
-from mlsanm_cli.mechanics.finite.projector import Projector
+from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.load_factors import factors_at
 
@@ -21,6 +23,8 @@ FIRST = 0.25
 MOST = 14
 """Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
 SHORTEST = 1e-5
+FARTHEST = 0.2
+"""With friction nodes slide by no more than this part of the contact's width in an increment."""
 
 
 def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
@@ -41,6 +45,7 @@ def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
                 )
             state = walk.state(reached, walk.now)
             judge(scene, reached, walk.now.displacement)
+            check_overlaps(scene, reached, state.whole, state.displacement)
             _resist(reached, walk.now.stability)
             done = walk.told(state, reached - position, (state,) if reached in wanted else ())
             position = reached
@@ -63,22 +68,45 @@ class _Walk:
 
     def __init__(self, scene: FiniteScene) -> None:
         self._scene = scene
-        count = sum(one.count for one in scene.contacts)
-        still = np.zeros(scene.body.unknowns)
-        self._projector = scene.projector(still, np.zeros(scene.body.loads.count))
-        moved = [
-            float(np.abs(one.motion @ factors).max()) for one in scene.contacts for factors in scene.stages
-        ]
-        size = float(np.ptp(scene.body.elastic.model.nodes, axis=0).max())
-        self._length = min(max([*moved, 1e-3 * size]), size)
-        modulus = scene.body.elastic.model.material.modulus
-        self._stiffness = modulus / size
-        self.now = Pressed(still, np.zeros(count), np.zeros(count), np.zeros((count, 2)), 0.0, 0, 0)
-        self.spent, self._iterations, self._solves = 1, 0, 0
+        still = np.zeros(scene.unknowns)
+        none = np.zeros(len(scene.contacts) and sum(one.slave.count for one in scene.contacts))
+        count = sum(side.count for one in scene.contacts for side in one.sides)
+        acting = scene.acting(np.append(scene.stages[0], np.zeros(scene.free)), np.zeros(2 * count))
+        parts = scene.parts(still)
+        self._projectors = {name: scene.projector(name, parts[name], acting[name]) for name in scene.bodies}
+        self._length = self._typical()
+        modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
+        self._stiffness = modulus / scene.size
+        self.now = unpressed(scene.unknowns, scene.contacts, scene.free)
+        self._slip, self._work = none, none
+        self._settled = False
+        self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
+
+    def _typical(self) -> float:
+        """The typical displacement: what obstacles and sides are moved by, or the bodies' own answers."""
+        scene, found = self._scene, [1e-3 * self._scene.size]
+        for contact in scene.contacts:
+            if isinstance(contact, RigidContact):
+                given = contact.motion[:, : scene.stages.shape[1]]
+                found += [float(np.abs(given @ factors).max()) for factors in scene.stages]
+        for name, body in scene.bodies.items():
+            projector, still = self._projectors[name], np.zeros(body.unknowns)
+            count = body.loads.count - scene.stages.shape[1]
+            for factors in scene.stages[1:]:
+                if factors.any():
+                    series = BodySeries(body, 0)
+                    series.put(0, still, np.append(factors, np.zeros(count)))
+                    found.append(float(np.abs(projector.displaced(series.rows(0))).max()))
+        return min(max(found), scene.size)
 
     def start(self) -> Pressed:
         """The state before loading; NumericalError where it does not settle."""
-        return self._solved(0.0) or self._failed(0.0)
+        found = self._solved(0.0)
+        if found is None:
+            self._failed(0.0)
+        assert found is not None
+        self._settled = True
+        return found
 
     def forward(self, position: float, end: float, size: float) -> tuple[float, float]:
         """Go on toward ``end`` by an increment of about ``size``; where that led, and the next one's size."""
@@ -87,60 +115,78 @@ class _Walk:
             reached = end if position + 1.001 * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
-            if found is not None:
+            far = 0.0 if found is None else self._slid(found)
+            if found is not None and far <= 1.0:
+                self._rub(found)
                 self.now = found
-                return reached, 1.6 * size if 3 * found.iterations <= MOST else size
-            size *= 0.5
+                longer = 1.6 if 3 * found.iterations <= MOST else 1.0
+                return reached, size * min(longer, 0.9 / far if far else longer)
+            size = 0.5 * (reached - position)
             if size < SHORTEST:
                 self._failed(position)
 
+    def _slid(self, found: Pressed) -> float:
+        """How far nodes with friction have slid in an increment, over what they may: a part of the width of
+        their contact, so that friction is known all along."""
+        largest, first = 0.0, 0
+        for contact in self._scene.contacts:
+            here = slice(first, first + contact.slave.count)
+            first = here.stop
+            closed = found.sets.closed[here] | self.now.sets.closed[here]
+            if contact.friction and closed.any():
+                width = float(contact.slave.weight[closed].sum())
+                slid = float(np.abs(found.slip[here][closed]).max())
+                largest = max(largest, slid / (FARTHEST * width))
+        return largest
+
+    def _rub(self, found: Pressed) -> None:
+        """Add to the slips, and to what friction has dissipated: its mean over the increment counts."""
+        closed = found.sets.closed | self.now.sets.closed
+        self._slip = self._slip + np.where(closed, found.slip, 0.0)
+        mean = 0.5 * (found.shear + self.now.shear)
+        self._work = self._work - np.where(closed, mean * found.slip, 0.0)
+
     def _solved(self, position: float) -> Pressed | None:
         factors = factors_at(self._scene.stages, position)
-        pressing = Pressing(self._projector, self._scene.contacts, self._length, self._stiffness)
+        scene = self._scene
+        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven)
+        pressing = Pressing(self._projectors, *args)
         tolerance = self._scene.case.solver.tolerance
+        before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):
             try:
-                found = pressing.solved(self.now.displacement, self.now.pressure, factors, tolerance, MOST)
+                found = pressing.solved(self.now, factors, tolerance, MOST, before)
             except (np.linalg.LinAlgError, NumericalError):
                 found = None
         tried = MOST if found is None else found.iterations
-        self.spent += tried
+        self.spent += tried * len(self._projectors)
         self._iterations += tried
         self._solves += 0 if found is None else found.solves
         return found
 
-    def _failed(self, position: float) -> Pressed:
+    def _failed(self, position: float) -> None:
         raise NumericalError(
             f"the path stopped at position {position:.6g}: no increment of contact settles",
-            "use finer nodes under the obstacle, smaller loads, or raise solver.tolerance",
+            "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance",
         )
 
     def told(self, state: FiniteState, length: float, saved: tuple[FiniteState, ...]) -> FiniteStep:
         """The step that ends in a state, with what it cost; the equations are renewed if they are far."""
-        station = self._projector.station
-        renewed = most_stretched(self._scene.body, state.displacement, station) > RENEW
-        if renewed:
-            self._projector = self._renewed(state)
-            self.spent += 1
+        acting = self._scene.acting(state.whole, state.traction)
+        renewed = False
+        for name, own in self._scene.parts(state.displacement).items():
+            station = self._projectors[name].station
+            if most_stretched(self._scene.bodies[name], own, station) > RENEW:
+                self._projectors[name] = self._scene.projector(name, own, acting[name])
+                self.spent += 1
+                renewed = True
         step = FiniteStep(state, saved, length, 0, self._iterations, self.spent, self._solves, (), renewed)
         self.spent = self._iterations = self._solves = 0
         return step
-
-    def _renewed(self, state: FiniteState) -> Projector:
-        whole = np.concatenate([state.factors, (self.now.pressure[:, None] * self.now.normal).ravel()])
-        return self._scene.projector(state.displacement, whole)
 
     def state(self, position: float, found: Pressed) -> FiniteState:
         """As the path tells it."""
         factors: FloatArray = factors_at(self._scene.stages, position)
         self.now = found
-        return FiniteState(
-            position,
-            factors,
-            found.displacement,
-            found.residual,
-            found.pressure,
-            found.gap,
-            found.normal,
-            found.stability,
-        )
+        args = (found.residual, found, self._slip, self._work)
+        return FiniteState(position, factors, found.displacement, *args)

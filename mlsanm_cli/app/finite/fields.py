@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,10 @@ from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
+from mlsanm_cli.contact.finite.exact import unpressed
+from mlsanm_cli.contact.finite.meeting import NOWHERE
 from mlsanm_cli.contact.geometry.profile import half_width
-from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
+from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
@@ -46,17 +48,21 @@ class FiniteFields:
         return cls(displacement, stress, across, mises, stretches(gradient).T, volume)
 
 
-def fields_of(scene: FiniteScene, state: FiniteState) -> FiniteFields:
-    """The fields at the nodes."""
-    gradient = scene.body.gradient(state.displacement)
-    return FiniteFields.of(scene.body.law, state.displacement.reshape(-1, 2), gradient)
+def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]:
+    """The fields at the nodes of every body."""
+    found = {}
+    for name, own in scene.parts(state.displacement).items():
+        body = scene.bodies[name]
+        found[name] = FiniteFields.of(body.law, own.reshape(-1, 2), body.gradient(own))
+    return found
 
 
-def fields_at(scene: FiniteScene, state: FiniteState, points: FloatArray) -> FiniteFields:
-    """The fields at ``points`` (e, 2) of the body as it is before loading."""
-    model = scene.body.elastic.model
+def fields_at(scene: FiniteScene, state: FiniteState, name: str, points: FloatArray) -> FiniteFields:
+    """The fields at ``points`` (e, 2) of a body as it is before loading."""
+    body, own = scene.bodies[name], scene.parts(state.displacement)[name]
+    model = body.elastic.model
     stencils = build_stencils(model.nodes, model.tree, points, 1, model.settings, model.cloud.sight)
-    return fields_by(scene.body.law, stencils.derivatives(state.displacement.reshape(-1, 2)))
+    return fields_by(body.law, stencils.derivatives(own.reshape(-1, 2)))
 
 
 def fields_by(law: Law, derivatives: FloatArray) -> FiniteFields:
@@ -71,67 +77,124 @@ def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeReco
     """What the case's probes see."""
     records = {}
     for probe in scene.probes:
-        seen = fields_at(scene, state, probe.point)
+        seen = fields_at(scene, state, probe.body, probe.point)
         records[probe.name] = ProbeRecord(seen.displacement[0], seen.stress[0], float(seen.von_mises[0]))
     return records
 
 
-def resultants(scene: FiniteScene, forces: Forces) -> dict[str, FloatArray]:
-    """The force (2,) of every load and support on the body."""
-    held = {name: forces.held(surfaces) for name, surfaces in scene.supports.items()}
-    pressed = contact_forces(scene, forces)
+@dataclass(frozen=True)
+class SceneForces:
+    """``bodies``' forces in a state by name, and those of every contact (2,) on its slave and on its
+    master."""
+
+    bodies: Mapping[str, Forces]
+    contacts: Mapping[str, tuple[FloatArray, ...]]
+
+    @classmethod
+    def of(cls, scene: FiniteScene, state: FiniteState) -> SceneForces:
+        """In a state."""
+        acting, parts = scene.acting(state.whole, state.traction), scene.parts(state.displacement)
+        bodies = {name: Forces.of(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
+        found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.free)
+        for contact in scene.contacts:
+            forces = []
+            for side in contact.sides:
+                begin = first[side.body]
+                first[side.body] += 2 * side.count
+                forces.append(bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
+            found[contact.name] = tuple(forces)
+        return cls(bodies, found)
+
+    @property
+    def size(self) -> float:
+        """The largest of what the forces on a body add up to without their directions."""
+        return max(one.size for one in self.bodies.values())
+
+    @property
+    def rest(self) -> float:
+        """What all forces on a body together leave, on that which they leave most on."""
+        return max(one.rest for one in self.bodies.values())
+
+    def of_load(self, number: int) -> FloatArray:
+        """The force (2,) of a load."""
+        return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
+
+    def of_held(self, places: Iterable[tuple[str, str]]) -> FloatArray:
+        """The force (2,) on some held surfaces of bodies together."""
+        return np.asarray(sum((self.bodies[body].held([name]) for body, name in places), np.zeros(2)))
+
+    @property
+    def apart(self) -> float:
+        """By how much the forces of a contact on its sides differ at most, over the largest of all."""
+        found = [float(np.abs(sum(forces)).max()) for forces in self.contacts.values() if len(forces) == 2]
+        return max(found, default=0.0) / self.size if self.size else 0.0
+
+
+def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
+    """The force (2,) of every load and support on its body, and of every contact on its slave."""
+    held = {name: forces.of_held(places) for name, places in scene.supports.items()}
+    pressed = {name: found[0] for name, found in forces.contacts.items()}
     loads = {
-        load.name: pressed[load.obstacle] if isinstance(load, ObstacleMotion) else forces.loads[number]
+        load.name: pressed[load.obstacle] if isinstance(load, ObstacleMotion) else forces.of_load(number)
         for number, load in enumerate(scene.case.load)
         if not isinstance(load, Displacement | Platen)
     }
     return loads | held | {f"{CONTACT}{name}": force for name, force in pressed.items()}
 
 
-def contact_forces(scene: FiniteScene, forces: Forces) -> dict[str, FloatArray]:
-    """The force (2,) of every obstacle on the body."""
-    found, first = {}, len(scene.case.moved)
-    for contact in scene.contacts:
-        found[contact.name] = forces.loads[first : first + 2 * contact.count].sum(axis=0)
-        first += 2 * contact.count
-    return found
-
-
 def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, ContactRecord]:
-    """Pressures per current length, and gaps, of every contact."""
+    """Pressures and tractions per current length, gaps and slips of every contact."""
     records, first = {}, 0
-    gradient = scene.body.gradient(state.displacement) if scene.contacts else np.zeros((4, 0))
+    parts = scene.parts(state.displacement)
     for contact in scene.contacts:
-        here = slice(first, first + contact.count)
+        slave = contact.slave
+        here = slice(first, first + slave.count)
         first = here.stop
-        xx, xy, yx, yy = gradient[:, contact.nodes]
-        x, y = -contact.outward[:, 1], contact.outward[:, 0]
+        xx, xy, yx, yy = scene.bodies[slave.body].gradient(parts[slave.body])[:, slave.nodes]
+        x, y = -slave.outward[:, 1], slave.outward[:, 0]
         stretch = np.hypot((1.0 + xx) * x + xy * y, yx * x + (1.0 + yy) * y)
-        pressure, none = state.pressure[here], np.zeros(contact.count)
-        status = np.where(pressure > 0.0, SLIP, OPEN).astype(np.int8)
-        unknown = np.full(contact.count, np.nan)
-        records[contact.name] = ContactRecord(pressure / stretch, none, state.gap[here], unknown, status)
+        pressed = state.pressed
+        assert pressed is not None
+        gap = np.where(pressed.gap[here] < NOWHERE, pressed.gap[here], np.nan)
+        slip = state.slip[here] if contact.friction else np.full(slave.count, np.nan)
+        records[contact.name] = ContactRecord(
+            pressed.pressure[here] / stretch,
+            pressed.shear[here] / stretch,
+            gap,
+            slip,
+            pressed.sets.status[here],
+            float(slave.weight @ state.work[here]),
+        )
     return records
 
 
-def contact_summary(scene: FiniteScene, state: FiniteState, forces: Forces) -> dict[str, dict[str, Any]]:
+def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces) -> dict[str, dict[str, Any]]:
     """The engineer's figures of every contact; the half-width is along the side before loading."""
-    pressed = contact_forces(scene, forces)
     records = contact_records(scene, state)
-    return {
-        contact.name: {
-            "peak_pressure": float(records[contact.name].pressure.max(initial=0.0)),
-            "half_width": half_width(contact.arc, records[contact.name].pressure),
-            "force": pressed[contact.name].tolist(),
-            "closed_nodes": int((records[contact.name].status != OPEN).sum()),
-            "stick_nodes": 0,
-            "slip_nodes": int((records[contact.name].status != OPEN).sum()),
-            "min_gap": float(records[contact.name].gap.min()),
-            "dissipated_work": 0.0,
-            "max_cone_ratio": None,
+    found = {}
+    for contact in scene.contacts:
+        record, pressed = records[contact.name], forces.contacts[contact.name]
+        found[contact.name] = {
+            "peak_pressure": float(record.pressure.max(initial=0.0)),
+            "half_width": half_width(contact.slave.arc, record.pressure),
+            "force": pressed[0].tolist(),
+            "closed_nodes": int((record.status != OPEN).sum()),
+            "stick_nodes": int((record.status == STICK).sum()),
+            "slip_nodes": int((record.status == SLIP).sum()),
+            "min_gap": float(np.nanmin(record.gap)),
+            "dissipated_work": record.dissipated_work,
+            "max_cone_ratio": _cone(record, contact.friction) if contact.friction else None,
         }
-        for contact in scene.contacts
-    }
+        if len(pressed) == 2:
+            found[contact.name]["force_master"] = pressed[1].tolist()
+    return found
+
+
+def _cone(record: ContactRecord, friction: float) -> float:
+    """The largest |q| / (mu p) of closed nodes."""
+    closed = record.pressure > 0.0
+    ratio = np.abs(record.traction[closed]) / (friction * record.pressure[closed])
+    return float(ratio.max(initial=0.0))
 
 
 def platen_displacements(scene: FiniteScene, factors: FloatArray) -> dict[str, FloatArray]:
@@ -146,11 +209,22 @@ def platen_displacements(scene: FiniteScene, factors: FloatArray) -> dict[str, F
 
 def extremes(scene: FiniteScene, state: FiniteState) -> Mapping[str, float]:
     """How far a state is from where it would have no sense."""
-    gradient = scene.body.gradient(state.displacement)
-    fields = fields_of(scene, state)
+    every = list(fields_of(scene, state).values())
+    waves = [
+        float(scene.bodies[name].law.ellipticity(scene.bodies[name].gradient(own)).min())
+        for name, own in scene.parts(state.displacement).items()
+    ]
     return {
-        "least_stretch": float(fields.stretch.min()),
-        "largest_stretch": float(fields.stretch.max()),
-        "least_volume_ratio": float(fields.volume_ratio.min()),
-        "ellipticity": float(scene.body.law.ellipticity(gradient).min()),
+        "least_stretch": min(float(one.stretch.min()) for one in every),
+        "largest_stretch": max(float(one.stretch.max()) for one in every),
+        "least_volume_ratio": min(float(one.volume_ratio.min()) for one in every),
+        "ellipticity": min(waves),
     }
+
+
+def unloaded(scene: FiniteScene) -> FiniteState:
+    """The state before loading."""
+    still = np.zeros(scene.unknowns)
+    pressed = unpressed(scene.unknowns, scene.contacts, scene.free) if scene.contacts else None
+    none = np.zeros(sum(one.slave.count for one in scene.contacts))
+    return FiniteState(0.0, scene.stages[0], still, 0.0, pressed, none, none)

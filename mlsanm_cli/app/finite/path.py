@@ -1,4 +1,5 @@
-"""The path of a body at finite strain: stage by stage, its equations renewed as it deforms."""
+"""The path of one body without contact at finite strain: stage by stage, its equations renewed as it
+deforms."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import numpy as np
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.verdict import judge, told_why
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, follow
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import FiniteBody
@@ -31,23 +33,32 @@ SAMPLES = 65
 
 @dataclass(frozen=True)
 class FiniteState:
-    """One state of the path: position, load factors (L,), nodal displacement (2N,), residual; in contact also
-    nominal pressures, gaps (c,) and obstacles' normals (c, 2) at the nodes of all contacts, and how stable
-    these are."""
+    """One state of the path: position, load factors (L,), nodal displacement (2N,) of all bodies in turn,
+    residual; in contact also ``pressed``, what Newton's method found there, and of friction the slips (c,) so
+    far and the work (c,) per length of the slave that it has dissipated."""
 
     position: float
     factors: FloatArray
     displacement: FloatArray
     residual: float
-    pressure: FloatArray = field(default_factory=lambda: np.zeros(0))
-    gap: FloatArray = field(default_factory=lambda: np.zeros(0))
-    normal: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
-    stability: float = np.inf
+    pressed: Pressed | None = None
+    slip: FloatArray = field(default_factory=lambda: np.zeros(0))
+    work: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
-    def acting(self) -> FloatArray:
-        """The factors of all loads on the body: the case's, then tractions x, y of every node in contact."""
-        return np.concatenate([self.factors, (self.pressure[:, None] * self.normal).ravel()])
+    def stability(self) -> float:
+        """How well the contacts resist pressures that change from node to node."""
+        return np.inf if self.pressed is None else self.pressed.stability
+
+    @property
+    def whole(self) -> FloatArray:
+        """Load factors and free motions (L + d,)."""
+        return self.factors if self.pressed is None else np.append(self.factors, self.pressed.free)
+
+    @property
+    def traction(self) -> FloatArray:
+        """Nominal tractions (2s,) at the nodes of all sides in contact."""
+        return np.zeros(0) if self.pressed is None else self.pressed.traction
 
 
 @dataclass(frozen=True)
@@ -82,7 +93,7 @@ def finite_path(scene: FiniteScene) -> Iterator[FiniteStep]:
     sense: det F <= 0, or a law that has lost ellipticity."""
     stages, case = scene.stages, scene.case
     wanted = sorted(set(case.output.at)) or [float(len(stages) - 1)]
-    x = np.zeros(scene.body.unknowns)
+    x = np.zeros(scene.unknowns)
     first = FiniteState(0.0, stages[0], x, 0.0)
     yield FiniteStep(first, (first,) if 0.0 in wanted else ())
     problem = _first_problem(scene)
@@ -102,11 +113,11 @@ def finite_path(scene: FiniteScene) -> Iterator[FiniteStep]:
 
 def _first_problem(scene: FiniteScene) -> FiniteProblem:
     """The equations of the reference state, scaled by what the linear body would do."""
-    body, stages = scene.body, scene.stages
+    (name, body), stages = scene.alone, scene.stages
     still = np.zeros(body.unknowns)
-    projector = scene.projector(still, stages[0])
+    projector = scene.projector(name, still, stages[0])
     problem = FiniteProblem(body, projector, stages[0], stages[0], 1.0)
-    size = float(np.ptp(body.elastic.model.nodes, axis=0).max())
+    size = scene.size
     moved = [
         float(np.abs(replace(problem, end=factors).load_derivative(still, 0.0)).max())
         for factors in stages[1:]
@@ -139,9 +150,8 @@ class _Stage:
                 judge(self._scene, self._stage + step.lam, step.x)
                 told = self._told(step)
                 self.x, self._lam, previous = step.x, step.lam, step.branch
-                stretched = (
-                    step.lam != 1.0 and most_stretched(self._scene.body, step.x, self._station) > RENEW
-                )
+                body = self.problem.body
+                stretched = step.lam != 1.0 and most_stretched(body, step.x, self._station) > RENEW
                 if stretched:
                     follower.stop()
                     told = replace(told, renewed=True, factorizations=told.factorizations + 1)
@@ -159,7 +169,8 @@ class _Stage:
         """Take the equations of the present state, and the state to them."""
         factors = self.problem.factors(self._lam)
         self._station = self.x
-        problem = replace(self.problem, projector=self._scene.projector(self.x, factors))
+        name = self._scene.alone[0]
+        problem = replace(self.problem, projector=self._scene.projector(name, self.x, factors))
         x, lack = self.x, problem.residual(self.x, self._lam)
         goal = 0.01 * self._scene.case.solver.tolerance
         for _ in range(MENDS):

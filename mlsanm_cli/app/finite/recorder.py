@@ -11,6 +11,7 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.finite.fields import (
     FiniteFields,
+    SceneForces,
     contact_records,
     fields_of,
     platen_displacements,
@@ -27,7 +28,6 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place, row
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import BodyState, write_single
-from mlsanm_cli.mechanics.finite.forces import Forces
 
 
 class FiniteRecorder(RunWriter):
@@ -52,15 +52,18 @@ class FiniteRecorder(RunWriter):
         self.turns: list[Turn] = []
 
     def start(self, scene: FiniteScene) -> None:
-        """Store the body and its contacts."""
+        """Store the bodies and their contacts."""
         with self._clock.phase("output"):
-            datasets = body_datasets(scene.name, scene.body.elastic.model.cloud)
+            datasets: dict[str, Value] = {}
+            for name, body in scene.bodies.items():
+                datasets |= body_datasets(name, body.elastic.model.cloud)
             for contact in scene.contacts:
+                slave = contact.slave
                 geometry = {
-                    "points": contact.places,
-                    "normal": contact.shape.closest(contact.places, contact.outward)[1],
-                    "arc_length": contact.arc,
-                    "weight": contact.weight,
+                    "points": slave.places,
+                    "normal": contact.start(scene.stages[0]),
+                    "arc_length": slave.arc,
+                    "weight": slave.weight,
                 }
                 datasets |= {place("contacts", contact.name, key): array for key, array in geometry.items()}
             self._file.add(datasets=datasets)
@@ -83,7 +86,7 @@ class FiniteRecorder(RunWriter):
             self._file.save_if_due()
             for one, found in fields:
                 if scene.case.output.vtu:
-                    self._states.write(one.position, {scene.name: _shown(scene, found)})
+                    self._states.write(one.position, _shown(scene, found))
             self._events.write(
                 "step",
                 index=self.steps + bool(self.last),
@@ -97,7 +100,7 @@ class FiniteRecorder(RunWriter):
         self._console.step(self.steps, state.position, state.residual, text)
 
     def _row(self, scene: FiniteScene, state: FiniteState, step: FiniteStep) -> dict[str, Any]:
-        forces = Forces.of(scene.body, state.displacement, state.acting)
+        forces = SceneForces.of(scene, state)
         return row(
             path={
                 "position": state.position,
@@ -125,7 +128,7 @@ class FiniteRecorder(RunWriter):
         self.turns += step.turns
         self.stability = min(self.stability, step.state.stability)
         self.residual = max(self.residual, step.state.residual, *(one.residual for one in step.saved), 0.0)
-        forces = Forces.of(scene.body, step.state.displacement, step.state.acting)
+        forces = SceneForces.of(scene, step.state)
         self._largest = max(self._largest, forces.size)
         self.balance = forces.rest / self._largest if self._largest else 0.0
 
@@ -134,7 +137,7 @@ class FiniteRecorder(RunWriter):
         with self._clock.phase("output"):
             if self.last is not None:
                 shown = _shown(scene, fields_of(scene, self.last))
-                write_single(self.directory / run_dir.FAILURE_FILE, {scene.name: shown})
+                write_single(self.directory / run_dir.FAILURE_FILE, shown)
             self._events.write("failure", reason=error.message, hint=error.hint)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
@@ -144,18 +147,26 @@ class FiniteRecorder(RunWriter):
         super().finish(summary)
 
 
-def _stored(scene: FiniteScene, fields: FiniteFields, number: int) -> dict[str, Value]:
+def _stored(scene: FiniteScene, fields: Mapping[str, FiniteFields], number: int) -> dict[str, Value]:
     """The fields asked for, as the saved state of a number; with stresses the stretches and ratios of
     volumes."""
     wanted: list[str] = list(scene.case.output.fields)
     if "stress" in wanted:
         wanted += ["stretch", "volume_ratio"]
-    return {place("fields", str(number), scene.name, name): getattr(fields, name) for name in wanted}
+    return {
+        place("fields", str(number), body, name): getattr(found, name)
+        for body, found in fields.items()
+        for name in wanted
+    }
 
 
-def _shown(scene: FiniteScene, fields: FiniteFields) -> BodyState:
+def _shown(scene: FiniteScene, fields: Mapping[str, FiniteFields]) -> dict[str, BodyState]:
     """The same as VTU files take them."""
-    wanted, cloud = scene.case.output.fields, scene.body.elastic.model.cloud
+    return {name: _body_shown(scene, name, found) for name, found in fields.items()}
+
+
+def _body_shown(scene: FiniteScene, name: str, fields: FiniteFields) -> BodyState:
+    wanted, cloud = scene.case.output.fields, scene.bodies[name].elastic.model.cloud
     more = {
         "stretch_1": fields.stretch[:, 0],
         "stretch_2": fields.stretch[:, 1],

@@ -13,7 +13,7 @@ from mlsanm_cli.app.assessment.quality import Quality, assess, case_warnings
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.fields import contact_summary, extremes, probe_records, resultants
+from mlsanm_cli.app.finite.fields import SceneForces, contact_summary, extremes, probe_records, resultants
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
@@ -23,7 +23,6 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.system import peak_memory_mb
 
@@ -60,7 +59,8 @@ def _followed(
     try:
         recorder.start(scene)
         stopper.gentle = True
-        steps = contact_path(scene) if scene.contacts else finite_path(scene)
+        several = bool(scene.contacts) or len(scene.bodies) > 1
+        steps = contact_path(scene) if several else finite_path(scene)
         while True:
             stopper.check()
             with clock.phase("continuation"):
@@ -87,9 +87,10 @@ def _judge(scene: FiniteScene, recorder: FiniteRecorder) -> None:
             f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
         )
     # What single nodes hold a body with is not told by its stress.
-    if recorder.balance > BALANCE_LIMIT and not scene.body.elastic.held_nodes:
+    single = any(body.elastic.held_nodes for body in scene.bodies.values())
+    if recorder.balance > BALANCE_LIMIT and not single:
         raise NumericalError(
-            f"the forces on body {scene.name} balance to {100 * recorder.balance:.2g} % only",
+            f"the forces on a body balance to {100 * recorder.balance:.2g} % only",
             "make the spacing smaller",
         )
 
@@ -98,7 +99,7 @@ def _summary(
     scene: FiniteScene, recorder: FiniteRecorder, ending: Ending, quality: Quality, clock: Clock
 ) -> dict[str, Any]:
     """The content of summary.json, as far as the run came."""
-    state, nodes = recorder.last, len(scene.points)
+    state, nodes = recorder.last, scene.unknowns // 2
     summary: dict[str, Any] = {
         "status": ending.status,
         "stop_reason": ending.reason,
@@ -113,8 +114,9 @@ def _summary(
     summary |= {"nodes": nodes, "unknowns": 2 * nodes, "contact_unknowns": 0, "contacts": {}}
     summary |= {"residual": recorder.residual}
     if state is not None:
-        summary["contact_unknowns"] = len(state.pressure)
-        forces = Forces.of(scene.body, state.displacement, state.acting)
+        forces = SceneForces.of(scene, state)
+        if state.pressed is not None:
+            summary["contact_unknowns"] = len(state.pressed.pressure)
         summary["contacts"] = contact_summary(scene, state, forces)
         summary["forces"] = {name: force.tolist() for name, force in resultants(scene, forces).items()}
         if scene.probes:
@@ -130,7 +132,7 @@ def _summary(
         if np.isfinite(recorder.stability):
             summary["stability"] = recorder.stability
         summary["finite_strain"] = {
-            "law": scene.body.law.kind,
+            "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),
             **extremes(scene, state),
             "equations_renewed": recorder.renewed,
             "limit_points": [

@@ -1,7 +1,9 @@
-"""From a case and its clouds to a body at finite strain with its loads."""
+"""From a case and its clouds to bodies at finite strain with their loads and contacts."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -11,10 +13,13 @@ from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.direct_solver import direct_solver
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, Platen, Pressure
+from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
-from mlsanm_cli.contact.finite.loads import with_contacts
+from mlsanm_cli.contact.finite.exact import AnyContact
+from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
+from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.sides import Side, with_more, with_sides
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
@@ -24,6 +29,7 @@ from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import Loads, Pressing
 from mlsanm_cli.mechanics.finite.projector import Projector, Weights
 from mlsanm_cli.mechanics.probes import Probe
+from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.solve.load_factors import stage_factors
 from mlsanm_cli.values import dataclass
@@ -31,63 +37,161 @@ from mlsanm_cli.values import dataclass
 
 @dataclass(frozen=True)
 class FiniteScene:
-    """A ``body`` called ``name`` with its loads, which move from stage to stage: ``stages`` (T + 1, L). The
-    body's last loads, beyond these, are unit tractions x, y at the nodes of the ``contacts`` in turn.
+    """All ``bodies`` by name with their loads, which move from stage to stage: ``stages`` (T + 1, L). The
+    bodies' loads beyond these are the motions of ``loose`` bodies and ``driven`` obstacles (d,), then unit
+    tractions x, y at the nodes of their sides in ``contacts``.
 
-    ``supports`` names the surfaces of every support and of every load that holds a displacement.
+    ``supports`` names the bodies and surfaces of every support and of every load that holds a displacement.
     """
 
     case: Case
-    name: str
-    body: FiniteBody
+    bodies: Mapping[str, FiniteBody]
     stages: FloatArray
-    supports: dict[str, tuple[str, ...]]
+    supports: Mapping[str, tuple[tuple[str, str], ...]]
     probes: tuple[Probe, ...]
     solver: DirectSolver
-    contacts: tuple[RigidContact, ...] = ()
+    contacts: tuple[AnyContact, ...] = ()
+    loose: tuple[LooseMotions, ...] = ()
+    driven: tuple[DrivenObstacle, ...] = ()
 
     @property
-    def points(self) -> FloatArray:
-        """The body's nodes (n, 2) before loading."""
-        return self.body.elastic.model.cloud.points
+    def free(self) -> int:
+        """Unknown motions (d): load factors behind those of the case."""
+        return sum(one.count for one in self.loose) + len(self.driven)
+
+    @property
+    def alone(self) -> tuple[str, FiniteBody]:
+        """The only body, and its name."""
+        ((name, body),) = self.bodies.items()
+        return name, body
+
+    @property
+    def unknowns(self) -> int:
+        """Displacements of all bodies."""
+        return sum(body.unknowns for body in self.bodies.values())
+
+    @property
+    def size(self) -> float:
+        """The largest extent of a body."""
+        return max(float(np.ptp(body.elastic.model.nodes, axis=0).max()) for body in self.bodies.values())
+
+    def parts(self, displacement: FloatArray) -> dict[str, FloatArray]:
+        """By body, its own of the displacements (2N,) of all."""
+        ends = np.cumsum([body.unknowns for body in self.bodies.values()])[:-1]
+        return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
+
+    def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
+        """By body, the factors of all its loads: the case's and free motions, ``factors`` (L + d,), then its
+        own of the tractions (2s,) at the nodes of all sides in contact."""
+        found, first = {name: [factors] for name in self.bodies}, 0
+        for contact in self.contacts:
+            for side in contact.sides:
+                found[side.body].append(traction[first : first + 2 * side.count])
+                first += 2 * side.count
+        return {name: np.concatenate(some) for name, some in found.items()}
 
     @cached_property
-    def weights(self) -> Weights:
-        """The weights of the rows, for the whole path."""
-        return Weights.of(self.body)
+    def weights(self) -> Mapping[str, Weights]:
+        """The weights of the bodies' rows, for the whole path."""
+        return {name: Weights.of(body) for name, body in self.bodies.items()}
 
-    def projector(self, displacement: FloatArray, factors: FloatArray) -> Projector:
-        """The equations by the rows of a state."""
-        return Projector.at(self.body, self.weights, displacement, factors, self.solver)
+    def projector(self, name: str, displacement: FloatArray, factors: FloatArray) -> Projector:
+        """A body's equations by the rows of a state of it."""
+        return Projector.at(self.bodies[name], self.weights[name], displacement, factors, self.solver)
 
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     """Take over clouds, conditions and loads of a scene that :func:`refuse_unsupported` has let pass."""
-    name, model = next(iter(prepared.models.items()))
     solver = direct_solver(case)
-    elastic = assemble(model, prepared.held[name], prepared.held_nodes[name], solver)
-    contacts = tuple(_contact(case, prepared, one) for one in prepared.pairings)
-    loads = with_contacts(_loads(case, prepared, elastic), elastic, contacts)
-    body = FiniteBody(elastic, law_of(case, name), loads)
+    loose, driven = _free(case, prepared)
+    free = sum(one.count for one in loose) + len(driven)
+    contacts = tuple(_contact(case, prepared, one, free) for one in prepared.pairings)
+    contacts = tuple(_driving(one, number, driven, len(case.moved)) for number, one in enumerate(contacts))
+    bodies, first = {}, len(case.moved)
+    for name, model in prepared.models.items():
+        pinned, moves = _pins(prepared, name, loose)
+        held_nodes = (*prepared.held_nodes[name], *pinned)
+        elastic = assemble(model, prepared.held[name], held_nodes, solver)
+        sides = [side for contact in contacts for side in contact.sides if side.body == name]
+        loads = with_more(_loads(case, prepared, name, elastic), free)
+        if moves.shape[1]:
+            # The last rows of single nodes are the pins'.
+            last = elastic.rows - 3 * elastic.pieces.count
+            loads.sources[last - len(pinned) : last, first : first + moves.shape[1]] = moves
+            first += moves.shape[1]
+        bodies[name] = FiniteBody(elastic, law_of(case, name), with_sides(loads, elastic, sides))
     supports = _supports(case)
-    return FiniteScene(case, name, body, stage_factors(case), supports, prepared.probes, solver, contacts)
+    args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)
+    return FiniteScene(case, bodies, *args)
 
 
-def _contact(case: Case, prepared: SceneModel, pairing: Pairing) -> RigidContact:
-    """A side of the body against a rigid obstacle."""
-    slave = pairing.slave
+def _free(case: Case, prepared: SceneModel) -> tuple[tuple[LooseMotions, ...], tuple[DrivenObstacle, ...]]:
+    """What moves as it likes: loose bodies in the order of all bodies, then obstacles."""
+    found = {one.body: one for one in prepared.rigid_constraints if isinstance(one, mechanics.FloatingBody)}
+    loose = []
+    for name, model in prepared.models.items():
+        if name in found:
+            unknown = tuple(one.component for one in found[name].motions if one.prescribed is None)
+            loose.append(LooseMotions(name, unknown, float(np.ptp(model.nodes, axis=0).max())))
+    number = sum(one.count for one in loose)
+    names = [pairing.name for pairing in prepared.pairings]
+    driven: list[DrivenObstacle] = []
+    for mover in prepared.rigid_constraints:
+        if isinstance(mover, mechanics.Obstacle):
+            for one in mover.motions:
+                if one.prescribed is None:
+                    place = names.index(mover.contact)
+                    driven.append(DrivenObstacle(place, one.component, number + len(driven), one.force))
+    return tuple(loose), tuple(driven)
+
+
+def _pins(
+    prepared: SceneModel, name: str, loose: Sequence[LooseMotions]
+) -> tuple[list[tuple[int, int]], FloatArray]:
+    """Where a loose body is pinned, and by how much its free motions move the pins."""
+    own = next((one for one in loose if one.body == name), None)
+    if own is None:
+        return [], np.zeros((0, 0))
+    cloud = prepared.models[name].cloud
+    free = free_motions(cloud, prepared.held[name], prepared.held_nodes[name], {})
+    pinned = pins(cloud.points, free)
+    places = [2 * node + component for node, component in pinned]
+    patterns = free.patterns(cloud.points)[places]
+    scale = np.array([own.size if one == ROTATION else 1.0 for one in free.components])
+    known = [free.components.index(component) for component in own.components]
+    return pinned, (patterns / scale)[:, known]
+
+
+def _driving(contact: AnyContact, number: int, driven: Sequence[DrivenObstacle], loads: int) -> AnyContact:
+    """The contact with the free motions of its obstacle."""
+    if isinstance(contact, BodyContact):
+        return contact
+    motion = contact.motion.copy()
+    for one in driven:
+        if one.contact == number:
+            motion[one.component, loads + one.number] = 1.0
+    return replace(contact, motion=motion)
+
+
+def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> AnyContact:
+    """A side of a body against another's, or against a rigid obstacle, in a scene of so many ``free``
+    motions."""
     found = next(one for one in case.contact if one.name == pairing.name)
+    points = {name: model.cloud.points for name, model in prepared.models.items()}
+    slave = Side.of(pairing.slave_body, points[pairing.slave_body], pairing.slave)
+    if pairing.master is not None:
+        assert pairing.master_body is not None
+        master = Side.of(pairing.master_body, points[pairing.master_body], pairing.master)
+        return BodyContact(pairing.name, slave, master, pairing.friction)
     assert found.obstacle is not None
-    motion = np.zeros((2, len(case.moved)))
+    count = len(case.moved)
+    motion = np.zeros((2, count + free))
     for mover in prepared.rigid_constraints:
         if isinstance(mover, mechanics.Obstacle) and mover.contact == pairing.name:
             for one in mover.motions:
-                assert one.prescribed is not None
-                motion[one.component] += one.prescribed
-    places = prepared.models[pairing.slave_body].cloud.points[slave.index]
-    shape = shape_of(found.obstacle)
-    args = (slave.index, places, slave.normal, slave.weight, slave.arc_length)
-    return RigidContact(pairing.name, slave.name, *args, shape, motion)
+                if one.prescribed is not None:
+                    motion[one.component, :count] += one.prescribed
+    return RigidContact(pairing.name, slave, shape_of(found.obstacle), motion, pairing.friction)
 
 
 def law_of(case: Case, body: str) -> Law:
@@ -99,20 +203,28 @@ def law_of(case: Case, body: str) -> Law:
     return Law.isotropic(material.law, material.E, material.nu, case.model.plane)
 
 
-def _supports(case: Case) -> dict[str, tuple[str, ...]]:
-    """Surfaces by the label of a support, or by the name of a load that holds displacements."""
-    found = {s.place.label: surfaces_at(case, s.place) for s in case.support if s.place is not None}
-    held = [load for load in case.load if isinstance(load, Displacement | Platen)]
-    return found | {load.name: surfaces_at(case, load.place) for load in held}
+def _supports(case: Case) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Bodies and surfaces by the label of a support, or by the name of a load that holds displacements."""
+    found: dict[str, tuple[Place, ...]] = {
+        s.place.label: (s.place,) for s in case.support if s.place is not None
+    }
+    found |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
+    found |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
+    return {
+        label: tuple((place.body, name) for place in places for name in surfaces_at(case, place))
+        for label, places in found.items()
+    }
 
 
-def _loads(case: Case, prepared: SceneModel, body: ElasticBody) -> Loads:
-    """All that acts, by load number."""
+def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Loads:
+    """All that acts on a body, by load number."""
     count = len(case.moved)
     sources = np.zeros((body.rows, count))
     tractions: dict[str, FloatArray] = {}
     pressing: list[Pressing] = []
     for load in prepared.acting.surface_loads:
+        if load.body != name:
+            continue
         given, surface = case.load[load.number], body.model.cloud.surfaces[load.surface]
         if isinstance(given, Pressure) and given.follows:
             assert load.between is not None
@@ -127,28 +239,29 @@ def _loads(case: Case, prepared: SceneModel, body: ElasticBody) -> Loads:
             tractions.setdefault(load.surface, np.zeros(shape))[:, :, load.number] += load.between
     for mover in prepared.rigid_constraints:
         if isinstance(mover, mechanics.Platen):
-            _move(mover, body, sources)
-    force = _force(prepared, len(body.model.cloud.points), count)
+            _move(mover, name, body, sources)
+    force = _force(prepared, name, len(body.model.cloud.points), count)
     if force is not None:
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)
     return Loads(count, sources, tractions, force, tuple(pressing))
 
 
-def _move(platen: mechanics.Platen, body: ElasticBody, sources: FloatArray) -> None:
-    """Add what a platen prescribes to the right-hand sides ``sources`` (r, L)."""
+def _move(platen: mechanics.Platen, name: str, body: ElasticBody, sources: FloatArray) -> None:
+    """Add what a platen prescribes to the right-hand sides ``sources`` (r, L) of a body."""
     points = body.model.cloud.points
     for motion in platen.motions:
         assert motion.prescribed is not None
-        for name in platen.surfaces:
-            pattern = platen.pattern(body.model.cloud.surfaces[name], points, motion.component)
-            sources += np.outer(body.source(name, pattern, held=True), motion.prescribed)
+        for surface in platen.surfaces_of(name):
+            pattern = platen.pattern(body.model.cloud.surfaces[surface], points, motion.component)
+            sources += np.outer(body.source(surface, pattern, held=True), motion.prescribed)
 
 
-def _force(prepared: SceneModel, nodes: int, count: int) -> FloatArray | None:
-    """The body force (n, 2, L), if there is any."""
-    if not prepared.acting.body_forces:
+def _force(prepared: SceneModel, name: str, nodes: int, count: int) -> FloatArray | None:
+    """The force (n, 2, L) per volume of a body, if there is any."""
+    own = [load for load in prepared.acting.body_forces if load.body == name]
+    if not own:
         return None
     force = np.zeros((nodes, 2, count))
-    for load in prepared.acting.body_forces:
+    for load in own:
         force[:, :, load.number] += load.values
     return force

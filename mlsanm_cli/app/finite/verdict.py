@@ -16,21 +16,28 @@ _LAWS = 'law = "neo-hookean" bears any compression; or smaller loads'
 
 
 def judge(scene: FiniteScene, position: float, displacement: FloatArray) -> None:
-    """Raise NumericalError, with body and node, where det F <= 0 or the law has lost ellipticity."""
-    gradient = scene.body.gradient(displacement)
+    """Raise NumericalError, with body and node, where det F <= 0 or the law has lost ellipticity in a state
+    of the ``displacement`` (2N,) of all bodies."""
+    for name, own in scene.parts(displacement).items():
+        _judge(scene, name, position, own)
+
+
+def _judge(scene: FiniteScene, name: str, position: float, displacement: FloatArray) -> None:
+    body = scene.bodies[name]
+    gradient = body.gradient(displacement)
     volume = 1.0 + determinant(gradient)
     node = int(np.argmin(volume))
     if not volume[node] > 0.0:
         raise NumericalError(
-            f"{_place(scene, node)} is turned inside out at position {position:.6g}: "
+            f"{_place(scene, name, node)} is turned inside out at position {position:.6g}: "
             f"det F = {volume[node]:.3g}",
             "use smaller loads, or finer nodes there",
         )
-    waves = scene.body.law.ellipticity(gradient)
+    waves = body.law.ellipticity(gradient)
     node = int(np.argmin(waves))
     if waves[node] <= 0.0:
         raise NumericalError(
-            f"{_place(scene, node)}: {scene.body.law.kind} has lost ellipticity at position {position:.6g} "
+            f"{_place(scene, name, node)}: {body.law.kind} has lost ellipticity at position {position:.6g} "
             f"(acoustic tensor {waves[node]:.3g} of the shear modulus): the state is not unique",
             _LAWS,
         )
@@ -39,18 +46,20 @@ def judge(scene: FiniteScene, position: float, displacement: FloatArray) -> None
 def told_why(
     scene: FiniteScene, position: float, displacement: FloatArray, outcome: Outcome
 ) -> NumericalError:
-    """What to say of a path that broke off behind its last state."""
-    gradient = scene.body.gradient(displacement)
-    volume, waves = 1.0 + determinant(gradient), scene.body.law.ellipticity(gradient)
+    """What to say of a path of one body that broke off behind its last state."""
+    name, body = scene.alone
+    gradient = body.gradient(displacement)
+    volume, waves = 1.0 + determinant(gradient), body.law.ellipticity(gradient)
     node, soft = int(np.argmin(volume)), int(np.argmin(waves))
     where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
     if waves[soft] < FEW_WAVES:
-        close = f"{_place(scene, soft)} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
+        place = _place(scene, name, soft)
+        close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
         return NumericalError(f"{where}; {close}", _LAWS)
-    least = f"the least det F is {volume[node]:.3g}, at {_place(scene, node)}"
+    least = f"the least det F is {volume[node]:.3g}, at {_place(scene, name, node)}"
     return NumericalError(f"{where}; {least}", "use smaller loads, finer nodes, or raise solver.tolerance")
 
 
-def _place(scene: FiniteScene, node: int) -> str:
-    x, y = scene.points[node]
-    return f"body {scene.name}, node {node} at ({x:.6g}, {y:.6g})"
+def _place(scene: FiniteScene, name: str, node: int) -> str:
+    x, y = scene.bodies[name].elastic.model.cloud.points[node]
+    return f"body {name}, node {node} at ({x:.6g}, {y:.6g})"

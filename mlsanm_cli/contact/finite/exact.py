@@ -1,178 +1,509 @@
-"""Exact contact at finite strain, p >= 0, h >= 0, p h = 0, by Newton's method on body and contact together.
+"""Exact contact at finite strain, p >= 0, h >= 0, p h = 0, with Coulomb friction, by Newton's method on
+bodies and contacts together.
 
-Every iteration factorises the body's derivative, with what turns the tractions, condenses it on the
-pressures, and solves the linear complementarity problem there by an active set: du = z + Z dp,
-h = h_0 + n . du.
+Every iteration factorises the bodies' derivatives and condenses them on the tractions T at the nodes that
+may touch: U = U_0 + z + C dT. Tractions go with pressures and friction and turn with the displacements,
+dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K z); an active set finds dp and dq.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
+from mlsanm_cli.contact.finite.meeting import Meeting
+from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
+from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.contact.response.coercivity import relative_resistance
 from mlsanm_cli.mechanics.finite.body import BodySeries
-from mlsanm_cli.mechanics.finite.projector import Projector
-from mlsanm_cli.mechanics.finite.tangent import load_columns
+from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
+from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
 from mlsanm_cli.values import dataclass
 
-PASSES = 60
-"""Passes of the active set within an iteration."""
+AnyContact: TypeAlias = RigidContact | BodyContact
 LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
+BESIDE = 3
+"""So many nodes beside those that touch may come to touch within an iteration."""
+REACH = 0.1
+"""With free motions also nodes with gaps up to this part of the typical displacement may."""
+DAMPED = 1e-5
+"""Free motions are held back by this part of the stiffness within an iteration: something has to where
+nothing touches yet, and steps that are 0 in the end change nothing."""
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """A state in contact: ``displacement`` (2N,); over the nodes of all contacts nominal ``pressure`` (c,),
-    ``gap`` (c,), ``normal`` (c, 2); ``residual`` is the last update over the typical displacement,
-    ``stability`` the least resistance of a contact to pressures that change from node to node."""
+    """A state in contact: ``displacement`` (2N,) of all bodies in turn; at the slaves' nodes of all contacts
+    nominal ``pressure`` and ``shear`` of friction (c,), ``gap``, ``place`` and ``slip`` (c,), ``normal``
+    (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn; the ``free`` motions
+    (d,). ``residual`` is the last update over the typical displacement, ``stability`` the least resistance of
+    a contact to pressures that change from node to node."""
 
     displacement: FloatArray
     pressure: FloatArray
+    shear: FloatArray
     gap: FloatArray
+    place: FloatArray
+    slip: FloatArray
     normal: FloatArray
+    sets: NodeSets
+    traction: FloatArray
+    free: FloatArray
     residual: float
     iterations: int
+    factorizations: int
     solves: int
     stability: float = np.inf
 
 
 @dataclass(frozen=True)
 class Pressing:
-    """Contacts of the body of a ``projector``, whose last 2c loads are unit tractions, x and y of every node
-    in turn. ``length`` is the typical displacement; ``stiffness`` turns gaps into pressures, to guess what
-    touches."""
+    """Contacts of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of every
+    node of their sides in turn, in the order of the contacts. ``length`` is the typical displacement;
+    ``stiffness`` turns gaps into pressures, to guess what touches. The motions of ``loose`` bodies and of
+    ``driven`` obstacles (d,) are load factors behind those of the case."""
 
-    projector: Projector
-    contacts: Sequence[RigidContact]
+    projectors: Mapping[str, Projector]
+    contacts: Sequence[AnyContact]
     length: float
     stiffness: float
+    loose: Sequence[LooseMotions] = ()
+    driven: Sequence[DrivenObstacle] = ()
 
     @property
-    def count(self) -> int:
-        """Nodes of all contacts (c)."""
-        return sum(one.count for one in self.contacts)
+    def free(self) -> int:
+        """Number of unknown motions (d)."""
+        return sum(one.count for one in self.loose) + len(self.driven)
 
-    def geometry(
-        self, displacement: FloatArray, factors: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Gaps (c,), normals (c, 2) and what turns them (c,)."""
-        found = [one.gaps(displacement, factors) for one in self.contacts]
-        bent = [one.bending(displacement, factors) for one in self.contacts]
-        return (
-            np.concatenate([gap for gap, _ in found]),
-            np.concatenate([normal for _, normal in found]),
-            np.concatenate(bent),
-        )
+    @cached_property
+    def firsts(self) -> dict[str, int]:
+        """Where every body's displacements begin."""
+        sizes = [one.body.unknowns for one in self.projectors.values()]
+        return dict(zip(self.projectors, np.cumsum([0, *sizes]).tolist(), strict=False))
+
+    @cached_property
+    def numbers(self) -> IntArray:
+        """Where among the displacements of all bodies those of all sides' nodes (2s,) are."""
+        found = [
+            self.firsts[side.body] + (2 * side.nodes[:, None] + np.arange(2)).ravel()
+            for contact in self.contacts
+            for side in contact.sides
+        ]
+        return np.concatenate([*found, np.zeros(0, dtype=np.int64)])
+
+    @cached_property
+    def columns(self) -> dict[str, IntArray]:
+        """By body, which tractions (2s,) of all sides are its own, in their order."""
+        found: dict[str, list[IntArray]] = {name: [] for name in self.projectors}
+        first = 0
+        for contact in self.contacts:
+            for side in contact.sides:
+                found[side.body].append(first + np.arange(2 * side.count))
+                first += 2 * side.count
+        return {name: np.concatenate([*some, np.zeros(0, dtype=np.int64)]) for name, some in found.items()}
+
+    @cached_property
+    def friction(self) -> FloatArray:
+        """Coulomb's coefficient at the slaves' nodes (c,)."""
+        return np.concatenate([np.full(one.slave.count, one.friction) for one in self.contacts])
+
+    def meet(
+        self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None
+    ) -> tuple[Meeting, ...]:
+        """All contacts in a state; slips are from the places (c,) ``before``, or nothing."""
+        found, first, node = [], 0, 0
+        moved = displacement[self.numbers].reshape(-1, 2)
+        for contact in self.contacts:
+            last = first + contact.slave.count
+            own = moved[node : node + sum(side.count for side in contact.sides)]
+            since = None if before is None else before[first:last]
+            found.append(contact.meet(own, factors, since))
+            first, node = last, node + len(own)
+        return tuple(found)
 
     def solved(
         self,
-        displacement: FloatArray,
-        pressure: FloatArray,
+        start: Pressed,
         factors: FloatArray,
         tolerance: float,
         most: int,
+        before: FloatArray | None = None,
     ) -> Pressed | None:
-        """The state at load ``factors`` (L,), searched from ``displacement`` (2N,) and ``pressure`` (c,);
-        None where ``most`` iterations do not settle. Raises LinAlgError or NumericalError for singular
+        """The state at load ``factors`` (L,), searched from ``start``; slips are from the places ``before``
+        (c,). None where ``most`` iterations do not settle. Raises LinAlgError or NumericalError for singular
         derivatives."""
-        u, p, last = displacement, pressure, np.inf
-        active = None
+        u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
+        free, given = start.free, factors
+        settled = False
         for count in range(1, most + 1):
-            du, dp, found, compliance = self._step(u, p, factors, active)
+            factors = np.concatenate([given, free])
+            met = self.meet(u, factors, before)
+            done = _Iteration(self, factors, before).taken(u, p, q, sets, met, first=count == 1)
+            solves += done.solves
             part = 1.0
-            while part > 1e-3 and not self.projector.body.least_volume(u + part * du) > LEAST:
+            while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
                 part *= 0.5
-            u, p = u + part * du, p + part * dp
-            settled = active is not None and bool((found == active).all())
-            last, active = float(np.abs(du).max()) / self.length, found
+            u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
+            free = free + part * done.free
+            settled, sets = count > 1 and done.settled and done.sets.same(sets), done.sets
+            last = float(np.abs(done.du).max()) / self.length
             if not np.isfinite(last):
                 return None
             if part == 1.0 and settled and last <= tolerance:
-                gap, normal, _ = self.geometry(u, factors)
-                solves = count * (self.count + 2)
-                kept, stable = np.where(active, p, 0.0), self._stability(found, compliance)
-                return Pressed(u, kept, gap, normal, last, count, solves, stable)
+                spent = count * len(self.projectors)
+                args = (given, free, before, (last, count, spent, solves), done)
+                return self._state(u, p, q, sets, *args)
         return None
 
-    def _step(
-        self, u: FloatArray, p: FloatArray, factors: FloatArray, active: BoolArray | None
-    ) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray]:
-        """Updates of displacement and pressure, which nodes touch, and the compliance (c, c)."""
-        gap, normal, bent = self.geometry(u, factors)
-        whole = np.concatenate([factors, (p[:, None] * normal).ravel()])
-        series = BodySeries(self.projector.body, 0)
-        series.put(0, u, whole)
-        columns = load_columns(self.projector.body, u, slice(len(factors), None))
-        factorised = self.projector.factorised(u, whole, columns @ self._turning(p, normal, bent))
-        along = columns @ _directions(normal)
-        z = -factorised.solve(self.projector.scaled(series.rows(0)))
-        many = -factorised.solve_unrefined(self.projector.scaled_columns(along))
-        compliance = self._seen(normal, many)
-        free = gap + self._seen(normal, z[:, None])[:, 0]
-        first = p > self.stiffness * gap if active is None else active
-        dp, found = _complementary(compliance, free, p, np.asarray(first))
-        return z + many @ dp, dp, found, compliance
+    def _volume(self, u: FloatArray) -> float:
+        parts = [
+            one.body.least_volume(u[self.firsts[name] : self.firsts[name] + one.body.unknowns])
+            for name, one in self.projectors.items()
+        ]
+        return min(parts)
 
-    def _stability(self, closed: BoolArray, compliance: FloatArray) -> float:
+    def _state(
+        self,
+        u: FloatArray,
+        p: FloatArray,
+        q: FloatArray,
+        sets: NodeSets,
+        given: FloatArray,
+        free: FloatArray,
+        before: FloatArray | None,
+        counts: tuple[float, int, int, int],
+        done: _Done,
+    ) -> Pressed:
+        met = self.meet(u, np.concatenate([given, free]), before)
+        p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
+        gap, place, slip = (
+            np.concatenate([*(getattr(one, name) for one in met), np.zeros(0)])
+            for name in ("gap", "place", "slip")
+        )
+        normal = np.concatenate([*(one.normal for one in met), np.zeros((0, 2))])
+        traction = self.tractions(met, p, q)
+        stable = done.stability(self, met)
+        return Pressed(u, p, q, gap, place, slip, normal, sets, traction, free, *counts, stable)
+
+    def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
+        """Tractions (2s,) at the nodes of all sides by the slaves' pressures and friction (c,)."""
+        parts = [
+            one.tractions(pressure[here], shear[here]).ravel()
+            for one, here in zip(met, self.places, strict=True)
+        ]
+        return np.concatenate([*parts, np.zeros(0)])
+
+    @cached_property
+    def places(self) -> list[slice]:
+        """Where every contact's slave nodes are among those of all."""
+        ends = np.cumsum([0, *(one.slave.count for one in self.contacts)]).tolist()
+        return [slice(first, last) for first, last in pairwise(ends)]
+
+
+@dataclass(frozen=True)
+class _Done:
+    """What an iteration found: updates, also of the ``free`` motions, ``sets`` of all nodes, the ``chosen``
+    ones (c,) that might touch and their ``compliance`` (k, k), gaps by pressures that do not turn: what a
+    body's equations resist pressures with, whatever loads that turn with their surfaces do to its balance.
+    Pressures with something ``unbalanced`` (d, k) on loose bodies have no say."""
+
+    du: FloatArray
+    dp: FloatArray
+    dq: FloatArray
+    free: FloatArray
+    sets: NodeSets
+    chosen: IntArray
+    compliance: FloatArray
+    unbalanced: FloatArray
+    solves: int
+    settled: bool
+
+    def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
         """The least resistance of a contact with closed nodes, on those between two others."""
-        least, first = np.inf, 0
-        material = self.projector.body.elastic.model.material
-        for one in self.contacts:
-            own = closed[first : first + one.count]
+        least = np.inf
+        number = np.full(len(self.sets.status), -1, dtype=np.int64)
+        number[self.chosen] = np.arange(len(self.chosen))
+        for contact, one, here in zip(pressing.contacts, met, pressing.places, strict=True):
+            own = self.sets.closed[here]
             inner = own[1:-1] & own[:-2] & own[2:]
-            chosen = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
-            modulus = 1.0 / material.contact_compliance(one.outward[chosen])
-            place = first + chosen
-            part = compliance[np.ix_(place, place)]
-            least = min(least, relative_resistance(one.weight[chosen], modulus, part))
-            first += one.count
+            some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
+            soft = sum(
+                pressing.projectors[side.body].body.elastic.model.material.contact_compliance(
+                    one.normal[some]
+                )
+                for side in contact.sides
+            )
+            place = number[here][some]
+            part = self.compliance[np.ix_(place, place)]
+            weight = contact.slave.weight[some]
+            held = self.unbalanced[:, place]
+            least = min(least, relative_resistance(weight, 1.0 / np.asarray(soft), part, held))
         return least
 
-    def _turning(self, p: FloatArray, normal: FloatArray, bent: FloatArray) -> sparse.csr_array:
-        """How the tractions (2c,) turn with the nodes: (2c, 2N)."""
-        across = np.eye(2) - normal[:, :, None] * normal[:, None, :]
-        values = (p * bent)[:, None, None] * across
-        nodes = np.concatenate([one.nodes for one in self.contacts])
-        number = np.arange(len(p))
-        rows = np.repeat(2 * number[:, None] + np.arange(2), 2, axis=1)
-        columns = np.tile(2 * nodes[:, None] + np.arange(2), (1, 2))
-        size = self.projector.body.unknowns
-        entries = (values.reshape(len(p), 4).ravel(), (rows.ravel(), columns.ravel()))
-        return sparse.csr_array(entries, shape=(2 * len(p), size))
 
-    def _seen(self, normal: FloatArray, columns: FloatArray) -> FloatArray:
-        """n . u at the nodes of ``columns`` (2N, s): (c, s)."""
-        nodes = np.concatenate([one.nodes for one in self.contacts])
-        return np.asarray(normal[:, :1] * columns[2 * nodes] + normal[:, 1:] * columns[2 * nodes + 1])
+@dataclass(frozen=True)
+class _Iteration:
+    """Newton's steps at load ``factors`` (L,), with slips from the places ``before`` (c,)."""
+
+    pressing: Pressing
+    factors: FloatArray
+    before: FloatArray | None
+
+    def taken(
+        self,
+        u: FloatArray,
+        p: FloatArray,
+        q: FloatArray,
+        sets: NodeSets,
+        met: Sequence[Meeting],
+        first: bool,
+    ) -> _Done:
+        """One step from displacements (2N,), pressures and friction (c,)."""
+        pressing = self.pressing
+        applied = pressing.tractions(met, p, q)
+        factorised, z = {}, np.zeros(len(u))
+        for name, projector in pressing.projectors.items():
+            here = self._here(name)
+            whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
+            series = BodySeries(projector.body, 0)
+            series.put(0, u[here], whole)
+            factorised[name] = projector.factorised(u[here], whole)
+            z[here] = -factorised[name].solve(projector.scaled(series.rows(0)))
+        free = [one.gap + one.d_gap @ z[number] for one, number in zip(met, self._numbers(), strict=True)]
+        chosen, touched = self._chosen(np.concatenate([*free, np.zeros(0)]), p, met)
+        if not len(chosen) and not pressing.free:
+            none, nothing = np.zeros(len(p)), np.zeros((0, 0))
+            sets = NodeSets(none.astype(np.int8), none)
+            return _Done(z, -p, -q, np.zeros(0), sets, chosen, nothing, nothing, len(factorised), True)
+        answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
+        lack = self._balanced(u, applied, touched, answers, z)
+        return self._settled(p, q, sets, met, z, chosen, touched, answers, lack, first)
+
+    def _here(self, name: str) -> slice:
+        first = self.pressing.firsts[name]
+        return slice(first, first + self.pressing.projectors[name].body.unknowns)
+
+    def _numbers(self) -> list[IntArray]:
+        """The displacements of every contact's sides among those of all bodies."""
+        ends = np.cumsum([0, *(2 * sum(s.count for s in one.sides) for one in self.pressing.contacts)])
+        return [self.pressing.numbers[a:b] for a, b in pairwise(ends)]
+
+    def _chosen(self, free: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
+        """The nodes that may touch, and the tractions (t,) of all sides that these make."""
+        chosen, touched, first, node = [], [], 0, 0
+        for contact, one in zip(self.pressing.contacts, met, strict=True):
+            here = slice(first, first + contact.slave.count)
+            reach = REACH * self.pressing.length if self.pressing.free else 0.0
+            near = one.facing & ((free[here] <= reach) | (p[here] > 0.0))
+            for _ in range(BESIDE):
+                beside = near.copy()
+                beside[1:] |= near[:-1]
+                beside[:-1] |= near[1:]
+                if contact.slave.around is not None:
+                    beside[0] |= near[-1]
+                    beside[-1] |= near[0]
+                near = beside & one.facing
+            own = np.flatnonzero(near)
+            chosen.append(first + own)
+            reached = np.unique(one.carried[:, own].tocoo().coords[0])
+            nodes = np.concatenate([own, contact.slave.count + reached])
+            touched.append(2 * node + (2 * nodes[:, None] + np.arange(2)).ravel())
+            first, node = here.stop, node + sum(side.count for side in contact.sides)
+        return (
+            np.concatenate([*chosen, np.zeros(0, dtype=np.int64)]),
+            np.concatenate([*touched, np.zeros(0, dtype=np.int64)]),
+        )
+
+    def _answers(self, u: FloatArray, name: str, factorised: Factorised, touched: IntArray) -> _Answers:
+        """A body's displacements by the ``touched`` tractions and by its free motions."""
+        pressing, projector = self.pressing, self.pressing.projectors[name]
+        place = np.searchsorted(pressing.columns[name], touched)
+        place = np.minimum(place, max(len(pressing.columns[name]) - 1, 0))
+        own = np.flatnonzero(np.isin(touched, pressing.columns[name]))
+        moves = self._moves(name)
+        known = len(self.factors) - pressing.free
+        columns = load_columns(projector.body, u[self._here(name)], slice(known, None))
+        some = sparse.csr_array(columns[:, np.concatenate([pressing.free + place[own], moves])])
+        found = -factorised.solve_unrefined(projector.scaled_columns(some))
+        pieces = sparse.csr_array(some[some.shape[0] - 3 * projector.body.count :])
+        return _Answers(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
+
+    def _moves(self, name: str) -> IntArray:
+        """Which free motions are a body's."""
+        first = 0
+        for one in self.pressing.loose:
+            if one.body == name:
+                return first + np.arange(one.count)
+            first += one.count
+        return np.zeros(0, dtype=np.int64)
+
+    def _balanced(
+        self,
+        u: FloatArray,
+        applied: FloatArray,
+        touched: IntArray,
+        answers: Mapping[str, _Answers],
+        z: FloatArray,
+    ) -> _Lack:
+        """What is out of balance (d,) after the displacements ``z`` (2N,), and how that changes by touched
+        tractions and by free motions."""
+        pressing = self.pressing
+        shape = (pressing.free, len(touched))
+        lack = _Lack(np.zeros(pressing.free), np.zeros(shape), np.zeros((pressing.free,) * 2))
+        for one in (some for some in pressing.loose if some.count):
+            here, answer = self._here(one.body), answers[one.body]
+            body = pressing.projectors[one.body].body
+            whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
+            series = BodySeries(body, 0)
+            series.put(0, u[here], whole)
+            sums, rows = one.sums(body, series), answer.moves
+            moved = sums @ derivative_pieces(body, u[here], whole)
+            lack.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
+            by_pieces = (sums @ answer.pieces).toarray()
+            lack.by_traction[np.ix_(rows, answer.own)] = (
+                by_pieces[:, : len(answer.own)] + moved @ answer.by_traction
+            )
+            lack.by_motion[np.ix_(rows, rows)] = moved @ answer.by_motion + DAMPED * (
+                body.elastic.model.material.modulus * np.eye(one.count)
+            )
+        for driven in pressing.driven:
+            number, contact = driven.number, pressing.contacts[driven.contact]
+            weight = np.zeros(len(applied))
+            weight[self._driven(driven)] = contact.slave.weight
+            force = driven.force @ self.factors[: len(driven.force)]
+            lack.now[number] = weight @ applied - force
+            lack.by_traction[number] = weight[touched]
+            modulus = pressing.projectors[contact.slave.body].body.elastic.model.material.modulus
+            lack.by_motion[number, number] = DAMPED * modulus
+        return lack
+
+    def _driven(self, driven: DrivenObstacle) -> IntArray:
+        """Which tractions of all sides press an obstacle along its motion."""
+        pressing = self.pressing
+        before = pressing.contacts[: driven.contact]
+        first = 2 * sum(side.count for contact in before for side in contact.sides)
+        return first + 2 * np.arange(pressing.contacts[driven.contact].slave.count) + driven.component
+
+    def _settled(
+        self,
+        p: FloatArray,
+        q: FloatArray,
+        sets: NodeSets,
+        met: Sequence[Meeting],
+        z: FloatArray,
+        chosen: IntArray,
+        touched: IntArray,
+        answers: Mapping[str, _Answers],
+        lack: _Lack,
+        first: bool,
+    ) -> _Done:
+        pressing = self.pressing
+        mu, numbers = pressing.friction[chosen], pressing.numbers
+        # Displacements of all sides by the touched tractions.
+        seen, shifted = np.zeros((len(numbers), len(touched))), np.zeros((len(numbers), pressing.free))
+        for name, answer in answers.items():
+            here, rows = self._here(name), pressing.columns[name]
+            seen[np.ix_(rows, answer.own)] = answer.by_traction[numbers[rows] - here.start]
+            shifted[np.ix_(rows, answer.moves)] = answer.by_motion[numbers[rows] - here.start]
+        for driven in pressing.driven:
+            shifted[self._driven(driven), driven.number] -= 1.0
+        turning = _diagonal(
+            [one.turning(p[at], q[at]) for one, at in zip(met, pressing.places, strict=True)]
+        )[touched]
+        push = _diagonal([one.columns(one.normal) for one in met])[touched][:, chosen].toarray()
+        friction_slope = _diagonal([one.columns(one.tangent) for one in met])[touched][:, chosen].toarray()
+        d_gap = _diagonal([one.d_gap for one in met])[chosen]
+        d_slip = _diagonal([one.d_slip for one in met])[chosen]
+        surface = z[numbers]
+        inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
+        loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
+        follow = inverse @ (turning @ surface)
+        moved = surface + seen @ follow
+        gap = np.concatenate([one.gap for one in met])[chosen]
+        slip = np.concatenate([one.slip for one in met])[chosen]
+        by_all = seen @ loads
+        by_all[:, 2 * len(chosen) :] += shifted
+        by_balance = lack.by_traction @ loads
+        by_balance[:, 2 * len(chosen) :] += lack.by_motion
+        linear = Linearised(
+            mu,
+            p[chosen],
+            q[chosen],
+            gap + d_gap @ moved,
+            slip + d_slip @ moved,
+            d_gap @ by_all,
+            d_slip @ by_all,
+            lack.now + lack.by_traction @ follow,
+            by_balance,
+        )
+        guess = NodeSets(sets.status[chosen], sets.slip_sign[chosen])
+        if first:
+            closed = p[chosen] > pressing.stiffness * gap
+            held = np.where(mu > 0.0, STICK, SLIP)
+            status = np.where(closed, np.where(guess.closed, guess.status, held), OPEN).astype(np.int8)
+            guess = NodeSets(status, np.where(status == SLIP, guess.slip_sign, 0.0))
+        change, found, settled = linear.settled(guess)
+        dp, dq, free = np.split(change, [len(chosen), 2 * len(chosen)])
+        tractions = follow + loads @ change
+        du = z.copy()
+        for name, answer in answers.items():
+            du[self._here(name)] += (
+                answer.by_traction @ tractions[answer.own] + answer.by_motion @ free[answer.moves]
+            )
+        whole_p, whole_q = -p, -q
+        whole_p[chosen], whole_q[chosen] = dp, dq
+        status, slip_sign = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
+        status[chosen], slip_sign[chosen] = found.status, found.slip_sign
+        solves = len(answers) + len(touched)
+        compliance = d_gap @ (seen @ push)
+        unbalanced = lack.by_traction[: pressing.free - len(pressing.driven)] @ push
+        sets = NodeSets(status, slip_sign)
+        args = (chosen, compliance, unbalanced, solves, settled)
+        return _Done(du, whole_p, whole_q, free, sets, *args)
 
 
-def _directions(normal: FloatArray) -> sparse.csr_array:
-    """Tractions (2c, c) of unit pressures along ``normal`` (c, 2)."""
-    count = len(normal)
-    entries = (normal.ravel(), (np.arange(2 * count), np.repeat(np.arange(count), 2)))
-    return sparse.csr_array(entries, shape=(2 * count, count))
+@dataclass(frozen=True)
+class _Answers:
+    """Displacements of a body by its ``own`` (k,) of the touched tractions, (2n, k), and by its free
+    ``moves`` (d,), (2n, d); and what ``pieces`` (3k, k + d) lack by both directly."""
+
+    own: IntArray
+    by_traction: FloatArray
+    moves: IntArray
+    by_motion: FloatArray
+    pieces: sparse.csr_array
 
 
-def _complementary(
-    compliance: FloatArray, free: FloatArray, pressure: FloatArray, active: BoolArray
-) -> tuple[FloatArray, BoolArray]:
-    """Updates dp (c,) with p + dp >= 0, h = ``free`` + A dp >= 0 and one of them 0, from a first guess of
-    which nodes are ``active``, and which are."""
-    for _ in range(PASSES):
-        on, off = np.flatnonzero(active), np.flatnonzero(~active)
-        dp = -pressure.copy()
-        if len(on):
-            known = free[on] + compliance[np.ix_(on, off)] @ dp[off]
-            dp[on] = np.linalg.solve(compliance[np.ix_(on, on)], -known)
-        gap = free + compliance @ dp
-        better = np.where(active, pressure + dp > 0.0, gap < 0.0)
-        if (better == active).all():
-            break
-        active = better
-    return dp, active
+@dataclass(frozen=True)
+class _Lack:
+    """What is out of balance ``now`` (d,), by touched tractions (d, t) and by free motions (d, d)."""
+
+    now: FloatArray
+    by_traction: FloatArray
+    by_motion: FloatArray
+
+
+def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:
+    return sparse.csr_array(sparse.block_diag(blocks, format="csr"))
+
+
+def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> Pressed:
+    """The state before loading of bodies with so many ``unknowns`` and ``free`` motions."""
+    count = sum(one.slave.count for one in contacts)
+    sides = sum(side.count for one in contacts for side in one.sides)
+    none = np.zeros(count)
+    sets = NodeSets(np.zeros(count, dtype=np.int8), none)
+    still = np.zeros(unknowns)
+    zero = np.zeros(2 * sides)
+    args = (sets, zero, np.zeros(free), 0.0, 0, 0, 0)
+    return Pressed(still, none, none, none, none, none, np.zeros((count, 2)), *args)

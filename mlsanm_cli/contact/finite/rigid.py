@@ -8,49 +8,104 @@ its stretch is in the equations, and p_j w_j dg_j is work.
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.geometry.obstacles import Round, Shape
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.finite.meeting import Meeting, by_component
+from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.geometry.near import turned
+from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
 from mlsanm_cli.values import dataclass
+
+SMALL = 1e-3
+"""Differences along chains are over this part of a node's length."""
 
 
 @dataclass(frozen=True)
 class RigidContact:
-    """The contact ``name`` of the ``nodes`` (c,), at ``places`` (c, 2) before loading with outward normals
-    ``outward`` (c, 2), ``weight`` (c,) the length each stands for and ``arc`` (c,) along the slave
-    ``surface``. The obstacle's ``shape`` moves by ``motion`` (2, L) times the load factors."""
+    """The contact ``name`` of a ``slave`` with an obstacle, whose ``shape`` moves by ``motion`` (2, L) times
+    the load factors, free motions among them; ``friction`` is Coulomb's coefficient."""
 
     name: str
-    surface: str
-    nodes: IntArray
-    places: FloatArray
-    outward: FloatArray
-    weight: FloatArray
-    arc: FloatArray
+    slave: Side
     shape: Shape
     motion: FloatArray
+    friction: float = 0.0
 
     @property
-    def count(self) -> int:
-        """Number of nodes (c)."""
-        return len(self.nodes)
+    def sides(self) -> tuple[Side, ...]:
+        """The slave alone."""
+        return (self.slave,)
 
-    def gaps(self, displacement: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gaps (c,) and the obstacle's normals (c, 2) in a state of nodal ``displacement`` (2N,) and load
-        ``factors`` (L,)."""
-        at = self._seen(displacement, factors)
-        partner, normal = self.shape.closest(at, self.outward)
-        return ((at - partner) * normal).sum(axis=1), normal
+    def start(self, factors: FloatArray) -> FloatArray:
+        """Where the obstacle's normals (c, 2) are before anything is deformed."""
+        at = self.slave.places - self.motion[:, : len(factors)] @ factors
+        return self.shape.closest(at, self.slave.outward)[1]
 
-    def bending(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
-        """What multiplies a node's motion along the obstacle to turn its normal (c,): 1 over the distance
-        from the centre, 0 above straight sides."""
+    def meet(self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None) -> Meeting:
+        """The contact in a state of the slave's ``displacement`` (c, 2) and load ``factors`` (L,); slips are
+        from the places (c,) ``before``, or nothing."""
+        at = self.slave.places + displacement - self.motion @ factors
+        partner, normal = self.shape.closest(at, self.slave.outward)
+        tangent = turned(normal)
+        count = self.slave.count
+        bent, place, scale = self._along(at)
+        slip = np.zeros(count) if before is None else self._slip(place - before)
+        own = sparse.eye_array(count, format="csr")
+        none = sparse.csr_array((0, count))
+        along = by_component(own, tangent)
+        return Meeting(
+            np.ones(count, dtype=bool),
+            ((at - partner) * normal).sum(axis=1),
+            normal,
+            tangent,
+            place,
+            slip,
+            by_component(own, normal),
+            sparse.csr_array(sparse.diags_array(scale) @ along),
+            sparse.csr_array(sparse.diags_array(bent) @ along),
+            none,
+            lambda _: sparse.csr_array((0, 2 * count)),
+        )
+
+    def _along(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What multiplies a node's motion along the obstacle to turn its normal (c,), 1 over the distance
+        from the centre and 0 above straight sides; places along the obstacle, and how they move (c,)."""
+        if isinstance(self.shape, Chain):
+            return self._along_chain(self.shape, at)
         if not isinstance(self.shape, Round):
-            return np.zeros(self.count)
-        away = np.hypot(*(self._seen(displacement, factors) - np.array(self.shape.center)).T)
-        return np.asarray((-1.0 if self.shape.inside else 1.0) / away)
+            normal = self.shape.closest(at[:1], self.slave.outward[:1])[1]
+            return np.zeros(len(at)), at @ turned(normal)[0], np.ones(len(at))
+        x, y = (at - np.array(self.shape.center)).T
+        away, sign = np.hypot(x, y), 1.0 if self.shape.inside else -1.0
+        place = sign * self.shape.radius * np.arctan2(y, x)
+        return -sign / away, place, self.shape.radius / away
 
-    def _seen(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
-        """The nodes (c, 2) as the obstacle sees them, which has moved itself."""
-        moved = self.places + displacement.reshape(-1, 2)[self.nodes]
-        return np.asarray(moved - self.motion @ factors)
+    def _along_chain(self, shape: Chain, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The same of a chain by differences over a small part of the nodes' lengths, over which a corner is
+        round; places are counted against the way along the chain, as its tangents go."""
+        tangent = turned(shape.closest(at, self.slave.outward)[1])
+        step = SMALL * self.slave.weight[:, None] * tangent
+        ahead, behind = (shape.closest(at + way, self.slave.outward) for way in (step, -step))
+        twice = 2.0 * SMALL * self.slave.weight
+        bent = ((ahead[1] - behind[1]) * tangent).sum(axis=1) / twice
+        moved = ((ahead[0] - behind[0]) * tangent).sum(axis=1) / twice
+        return bent, -_arc(shape, 0.5 * (ahead[0] + behind[0])), moved
+
+    def _slip(self, moved: FloatArray) -> FloatArray:
+        if not isinstance(self.shape, Round):
+            return moved
+        around = 2.0 * np.pi * self.shape.radius
+        return np.asarray(np.mod(moved + 0.5 * around, around) - 0.5 * around)
+
+
+def _arc(shape: Chain, points: FloatArray) -> FloatArray:
+    """Lengths (n,) along a chain up to ``points`` (n, 2) on it."""
+    start, way = shape.points[:-1], np.diff(shape.points, axis=0)
+    length = np.hypot(*way.T)
+    away = points[:, None] - start[None]
+    part = np.clip((away * way).sum(axis=2) / length**2, 0.0, 1.0)
+    distance = ((away - part[:, :, None] * way) ** 2).sum(axis=2)
+    side = np.argmin(distance, axis=1)
+    before = np.cumsum(length) - length
+    return np.asarray(before[side] + part[np.arange(len(points)), side] * length[side])

@@ -1,0 +1,134 @@
+"""A curve through the nodes of a deformed side: what is met there, and how it moves with the nodes.
+
+Cubic between neighbours, with the slopes of quartics through five nodes: linear in the nodes' places, errors
+of fourth order, and what happens at one node matters to its neighbours only.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.values import dataclass
+
+AROUND, AT_ENDS = 5, 3
+"""Nodes that tell a slope, and near the ends."""
+MOST = 40
+"""Newton steps to the closest point."""
+SMALL = 1e-13
+SLACK = 1e-3
+"""Points beyond an end by so much of the spacing are still opposite to it."""
+
+
+@dataclass(frozen=True)
+class NodeCurve:
+    """Curves over the arc length before loading: nodes at ``arc`` (m,); ``around`` is the length of a closed
+    one."""
+
+    arc: FloatArray
+    around: float | None
+
+    @cached_property
+    def knots(self) -> FloatArray:
+        """Arc lengths of the nodes, of a closed curve with the first one again at its end."""
+        return self.arc if self.around is None else np.append(self.arc, self.arc[0] + self.around)
+
+    @cached_property
+    def slopes(self) -> sparse.csr_array:
+        """Rows (m, m) of the derivatives at the nodes, at both ends of an open curve by fewer nodes: taken
+        from one side the slopes of high degrees answer to every unevenness of the last nodes."""
+        count = len(self.arc)
+        if self.around is not None:
+            return _slopes(self.arc, self.around, np.arange(count), min(AROUND, count))
+        inner = np.arange(AROUND // 2, count - AROUND // 2)
+        outer = np.setdiff1d(np.arange(count), inner)
+        ends = _slopes(self.arc, None, outer, min(AT_ENDS, count))
+        if not len(inner):
+            return ends
+        return sparse.csr_array(ends + _slopes(self.arc, None, inner, AROUND))
+
+    def interval(self, place: FloatArray) -> IntArray:
+        """Between which knots (c,) places (c,) lie, the number of the lower one."""
+        found = np.searchsorted(self.knots, place, side="right") - 1
+        return np.asarray(np.clip(found, 0, len(self.knots) - 2))
+
+    def rows(self, place: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
+        """Rows (c, m) of value, first and second derivative at ``place`` (c,)."""
+        low = self.interval(place)
+        step = self.knots[low + 1] - self.knots[low]
+        t = (place - self.knots[low]) / step
+        values = (
+            (1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2),
+            (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t),
+            (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2),
+        )
+        number, count = np.arange(len(place)), len(self.arc)
+        columns = np.concatenate([low, (low + 1) % count])
+        found = []
+        for order, (one, slope, other, other_slope) in enumerate(values):
+            scale = step**-order
+            shape = (len(place), count)
+            at = (np.tile(number, 2), columns)
+            direct = sparse.csr_array((np.concatenate([one, other]) * np.tile(scale, 2), at), shape=shape)
+            by_slopes = np.concatenate([slope, other_slope]) * np.tile(scale * step, 2)
+            found.append(
+                sparse.csr_array(direct + sparse.csr_array((by_slopes, at), shape=shape) @ self.slopes)
+            )
+        return found[0], found[1], found[2]
+
+    def closest(self, nodes: FloatArray, points: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Places (c,) of the closest points to ``points`` (c, 2) on the curve through ``nodes`` (m, 2), and
+        whether these are none of its ends (c,)."""
+        corners = nodes if self.around is None else np.concatenate([nodes, nodes[:1]])
+        along = np.diff(corners, axis=0)
+        away = points[:, None] - corners[None, :-1]
+        part = np.clip((away * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+        distance = ((away - part[:, :, None] * along) ** 2).sum(axis=2)
+        low = np.argmin(distance, axis=1)
+        steps = np.diff(self.knots)
+        place = self.knots[low] + part[np.arange(len(points)), low] * steps[low]
+        inside = np.zeros(len(points), dtype=bool)
+        for _ in range(MOST):
+            value, first, second = (row @ nodes for row in self.rows(place))
+            apart = points - value
+            bent = (first**2).sum(axis=1) - (apart * second).sum(axis=1)
+            # Beyond the centre of curvature the closest point is elsewhere: go down the slope.
+            bent = np.where(bent > 0.0, bent, (first**2).sum(axis=1))
+            largest = steps[self.interval(place)]
+            step = np.clip((apart * first).sum(axis=1) / bent, -largest, largest)
+            better = self._onto(place + step)
+            moved = np.abs(step)
+            inside = (self.around is not None) | (np.abs(better - place - step) <= SLACK * largest)
+            place = better
+            if (moved[inside] <= SMALL * self.knots[-1]).all():
+                break
+        return place, np.asarray(inside & (moved <= SLACK * largest))
+
+    def _onto(self, place: FloatArray) -> FloatArray:
+        if self.around is None:
+            return np.clip(place, self.knots[0], self.knots[-1])
+        return np.asarray(self.knots[0] + np.mod(place - self.knots[0], self.around))
+
+
+def _slopes(arc: FloatArray, around: float | None, chosen: IntArray, size: int) -> sparse.csr_array:
+    """Rows (m, m) of the derivatives at the ``chosen`` nodes of polynomials through ``size`` nodes; nothing
+    in the others."""
+    count, number = len(arc), np.arange(len(chosen))
+    first = chosen - size // 2
+    if around is None:
+        first = np.clip(first, 0, count - size)
+    turns, nodes = np.divmod(first[:, None] + np.arange(size), count)
+    place = arc[nodes] + turns * (around or 0.0)
+    apart = place[:, :, None] - place[:, None, :] + np.eye(size)
+    share = 1.0 / apart.prod(axis=2)
+    own = chosen - first
+    away = arc[chosen][:, None] - place
+    away[number, own] = 1.0
+    weights = share / share[number, own][:, None] / away
+    weights[number, own] = 0.0
+    weights[number, own] = -weights.sum(axis=1)
+    entries = (weights.ravel(), (np.repeat(chosen, size), nodes.ravel()))
+    return sparse.csr_array(entries, shape=(count, count))

@@ -1,0 +1,158 @@
+"""Two sides of bodies at finite strain that meet: search, gaps and directions that follow any motion.
+
+Slave nodes x meet the curve y(xi) through the master's deformed nodes where (x - y) . y' = 0; n is the
+master's current normal there, h = (x - y) . n the gap. xi is a length of the master before loading, and so a
+place of its material: slips are counted by it, whatever way both bodies go.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.finite.meeting import NOWHERE, Meeting, by_component
+from mlsanm_cli.contact.finite.node_curve import NodeCurve
+from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.finite.transfer import Transfer
+from mlsanm_cli.contact.geometry.near import turned
+from mlsanm_cli.contact.geometry.pairing import OPPOSED
+from mlsanm_cli.values import dataclass
+
+DEEP = 3.0
+"""Nodes deeper inside the master than this many of its spacings meet something else."""
+
+
+@dataclass(frozen=True)
+class BodyContact:
+    """The contact ``name`` of a ``slave`` with a deformable ``master``; ``friction`` is Coulomb's
+    coefficient."""
+
+    name: str
+    slave: Side
+    master: Side
+    friction: float = 0.0
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """Slave and master."""
+        return self.slave, self.master
+
+    @cached_property
+    def curve(self) -> NodeCurve:
+        """The master's, over its arc length before loading."""
+        return NodeCurve(self.master.arc, self.master.around)
+
+    @cached_property
+    def _own(self) -> NodeCurve:
+        return NodeCurve(self.slave.arc, self.slave.around)
+
+    @cached_property
+    def _outward(self) -> tuple[float, float]:
+        """1 or -1, by which a tangent turned by -90 degrees points out of the slave and of the master."""
+        found = []
+        for side, curve in ((self.slave, self._own), (self.master, self.curve)):
+            along = curve.rows(side.arc)[1] @ side.places
+            found.append(float(np.sign((turned(along) * side.outward).sum())))
+        return found[0], found[1]
+
+    def start(self, factors: FloatArray) -> FloatArray:
+        """Where the master's normals (c, 2) are before anything is deformed."""
+        return self.meet(np.zeros((self.slave.count + self.master.count, 2)), factors, None).normal
+
+    def meet(self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None) -> Meeting:
+        """The contact in a state of ``displacement`` (c + m, 2) of the slave's nodes and the master's; slips
+        are from the places (c,) ``before``, or nothing."""
+        slave, master, count = self.slave, self.master, self.slave.count
+        at, nodes = slave.places + displacement[:count], master.places + displacement[count:]
+        place, inside = self.curve.closest(nodes, at)
+        rows = self.curve.rows(place)
+        value, first, second = (row @ nodes for row in rows)
+        apart, length = at - value, np.hypot(*first.T)
+        along, sign = first / length[:, None], self._outward[1]
+        normal = sign * turned(along)
+        gap = (apart * normal).sum(axis=1)
+        own = self._outward[0] * turned(self._own.rows(slave.arc)[1] @ at)
+        faced = (own * normal).sum(axis=1) < OPPOSED * np.hypot(*own.T)
+        deep = gap < -DEEP * self._spacing(place) * length
+        facing = inside & faced & ~deep
+        moves = _Moves(rows, along, normal, apart, first, second)
+        d_place = moves.kept(moves.place, facing)
+        bend = moves.turned_by(normal, d_place)
+        slip, d_slip = np.zeros(count), -sign * (sparse.diags_array(length) @ d_place)
+        if before is not None:
+            past = self._since(place, before)
+            slip = -sign * length * past
+            d_slip = d_slip - sparse.diags_array(sign * past) @ moves.turned_by(along, d_place)
+        transfer = Transfer.of(slave, master, self.curve, place, facing)
+        return Meeting(
+            facing,
+            np.where(facing, gap, NOWHERE),
+            normal,
+            turned(normal),
+            place,
+            np.where(facing, slip, 0.0),
+            moves.kept(moves.apart(normal), facing),
+            moves.kept(sparse.csr_array(d_slip), facing),
+            moves.kept(sparse.csr_array(sparse.diags_array(sign / length) @ bend), facing),
+            transfer.carried,
+            lambda traction: transfer.carried_moved(traction, d_place),
+        )
+
+    def turned_over(self) -> BodyContact:
+        """The same with slave and master exchanged."""
+        return replace(self, slave=self.master, master=self.slave)
+
+    def _spacing(self, place: FloatArray) -> FloatArray:
+        low = self.curve.interval(place)
+        return np.asarray(self.curve.knots[low + 1] - self.curve.knots[low])
+
+    def _since(self, place: FloatArray, before: FloatArray) -> FloatArray:
+        around = self.master.around
+        if around is None:
+            return place - before
+        return np.asarray(np.mod(place - before + 0.5 * around, around) - 0.5 * around)
+
+
+@dataclass(frozen=True)
+class _Moves:
+    """How places and directions move: the curve's ``rows`` of value and derivatives, unit tangents and
+    normals (c, 2), what lies between (c, 2), the ``first`` and ``second`` derivative (c, 2)."""
+
+    rows: tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]
+    along: FloatArray
+    normal: FloatArray
+    between: FloatArray
+    first: FloatArray
+    second: FloatArray
+
+    def apart(self, direction: FloatArray) -> sparse.csr_array:
+        """Rows (c, 2s) of x - y(xi), xi fixed, along ``direction`` (c, 2)."""
+        own = by_component(sparse.eye_array(len(direction), format="csr"), direction)
+        return sparse.csr_array(sparse.hstack([own, -by_component(self.rows[0], direction)], format="csr"))
+
+    def slope(self, direction: FloatArray) -> sparse.csr_array:
+        """Rows (c, 2s) of y'(xi), xi fixed, along ``direction`` (c, 2)."""
+        none = sparse.csr_array((len(direction), 2 * len(direction)))
+        return sparse.csr_array(sparse.hstack([none, by_component(self.rows[1], direction)], format="csr"))
+
+    @cached_property
+    def place(self) -> sparse.csr_array:
+        """Rows (c, 2s) of xi, by which (x - y) . y' stays 0."""
+        bent = (self.first**2).sum(axis=1) - (self.between * self.second).sum(axis=1)
+        tiny = 1e-6 * (self.first**2).sum(axis=1)
+        bent = np.where(np.abs(bent) > tiny, bent, tiny)
+        moved = self.apart(self.first) + self.slope(self.between)
+        return sparse.csr_array(sparse.diags_array(1.0 / bent) @ moved)
+
+    def turned_by(self, direction: FloatArray, d_place: sparse.csr_array) -> sparse.csr_array:
+        """Rows (c, 2s) of y' along ``direction`` (c, 2), with what comes of moving along."""
+        along = sparse.diags_array((self.second * direction).sum(axis=1)) @ d_place
+        return sparse.csr_array(self.slope(direction) + along)
+
+    def kept(self, rows: sparse.csr_array, chosen: BoolArray) -> sparse.csr_array:
+        """The ``rows`` (c, 2s) of the ``chosen`` (c,), nothing for the others."""
+        return sparse.csr_array(sparse.diags_array(chosen.astype(float)) @ rows)

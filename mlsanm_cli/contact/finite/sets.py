@@ -1,0 +1,126 @@
+"""Which nodes are open, stick or slip in one linearised step, and what pressures and friction go with it.
+
+Open nodes carry nothing; closed ones have no gap; of those with friction sticking ones have no slip, and
+slipping ones bear q = d mu p against it, d = +-1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
+from mlsanm_cli.values import dataclass
+
+PASSES, TOGETHER = 80, 30
+"""Passes of the active set, and the first ones, in which all nodes turn together."""
+
+
+@dataclass(frozen=True)
+class NodeSets:
+    """Of all nodes (c,) the ``status``, OPEN, STICK or SLIP, and the ``slip_sign`` in which friction acts on
+    those that slip; nodes without friction that are closed slip in sense 0."""
+
+    status: NDArray[np.int8]
+    slip_sign: FloatArray
+
+    @property
+    def closed(self) -> BoolArray:
+        """Which (c,) are closed."""
+        return np.asarray(self.status != OPEN)
+
+    def same(self, other: NodeSets) -> bool:
+        """Whether both are equal."""
+        return bool((self.status == other.status).all() and (self.slip_sign == other.slip_sign).all())
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Gaps and slips (c,) of nodes with ``friction`` coefficients (c,), by changes of ``pressure``, of the
+    traction of friction ``shear`` (c,) and of d free motions: ``gap`` + ``by_gap`` (c, 2c + d) times all
+    these, and so for slips, and for what is out of ``balance`` (d,), which has to vanish."""
+
+    friction: FloatArray
+    pressure: FloatArray
+    shear: FloatArray
+    gap: FloatArray
+    slip: FloatArray
+    by_gap: FloatArray
+    by_slip: FloatArray
+    balance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    by_balance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def settled(self, sets: NodeSets) -> tuple[FloatArray, NodeSets, bool]:
+        """Changes (2c + d,) with which every node does what it may, from a first guess, what they do, and
+        whether such were found.
+
+        A semismooth Newton method: nodes do what their pressure less its gap, and their shear less its slip,
+        over their compliance, say (Alart and Curnier 1991). Where that goes round, one node at a time, the
+        one that is furthest from what it may, does something else.
+        """
+        status, slip_sign = sets.status.copy(), sets.slip_sign.copy()
+        count = len(status)
+        for number in range(PASSES):
+            change, wrong = self._tried(status, slip_sign)
+            if not wrong.any() or number == PASSES - 1:
+                break
+            better, turned = self._better(change)
+            chosen = wrong == wrong.max() if number >= TOGETHER else np.ones(count, dtype=bool)
+            status, slip_sign = np.where(chosen, better, status), np.where(chosen, turned, slip_sign)
+        return change, NodeSets(status, slip_sign), not wrong.any()
+
+    @property
+    def _stiffness(self) -> float:
+        """Over the largest compliance of a node."""
+        largest = float(np.abs(np.diag(self.by_gap)).max(initial=0.0))
+        return 1.0 / largest if largest else 1.0
+
+    def _better(self, change: FloatArray) -> tuple[NDArray[np.int8], FloatArray]:
+        """What nodes (c,) do rather, and in which sense."""
+        count, mu = len(self.pressure), self.friction
+        p, q = self.pressure + change[:count], self.shear + change[count : 2 * count]
+        push = p - self._stiffness * (self.gap + self.by_gap @ change)
+        pull = q - self._stiffness * (self.slip + self.by_slip @ change)
+        closed, holds = push > 0.0, (mu > 0.0) & (np.abs(pull) <= mu * push)
+        status = np.where(closed, np.where(holds, STICK, SLIP), OPEN).astype(np.int8)
+        return status, np.where((status == SLIP) & (mu > 0.0), np.sign(pull), 0.0)
+
+    def _tried(self, status: NDArray[np.int8], slip_sign: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Changes (2c + d,), and by how much each node (c,) does what it may not."""
+        count, mu = len(status), self.friction
+        number = np.arange(count)
+        total = 2 * count + len(self.balance)
+        matrix, rhs = np.zeros((total, total)), np.zeros(total)
+        opened, stuck = status == OPEN, status == STICK
+        slides = status == SLIP
+        here = number[opened]
+        matrix[here, here] = 1.0
+        rhs[here] = -self.pressure[opened]
+        here = number[~opened]
+        matrix[here] = self.by_gap[here]
+        rhs[here] = -self.gap[here]
+        here = count + number[opened]
+        matrix[here, here] = 1.0
+        rhs[here] = -self.shear[opened]
+        here = number[stuck]
+        matrix[count + here] = self.by_slip[here]
+        rhs[count + here] = -self.slip[here]
+        here = number[slides]
+        pull = (slip_sign * mu)[here]
+        matrix[count + here, count + here] = 1.0
+        matrix[count + here, here] = -pull
+        rhs[count + here] = pull * self.pressure[here] - self.shear[here]
+        if len(self.balance):
+            matrix[2 * count :], rhs[2 * count :] = self.by_balance, -self.balance
+        size = np.abs(matrix).max(axis=1, keepdims=True)
+        change: FloatArray = np.linalg.solve(matrix / size, rhs / size[:, 0])
+        p, q = self.pressure + change[:count], self.shear + change[count : 2 * count]
+        gap, slip = self.gap + self.by_gap @ change, self.slip + self.by_slip @ change
+        wrong = np.where(opened, -self._stiffness * gap, -p)
+        wrong = np.where(stuck & (mu > 0.0), np.maximum(wrong, np.abs(q) - mu * p), wrong)
+        wrong = np.where(slides & (mu > 0.0), np.maximum(wrong, self._stiffness * slip_sign * slip), wrong)
+        tiny = 1e-12 * max(float(np.abs(p).max(initial=0.0)), 1e-300)
+        return change, np.where(wrong > tiny, wrong, 0.0)

@@ -1,0 +1,240 @@
+"""Bodies in contact with each other at finite strain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.results.probe import probe_contact, probe_force
+from mlsanm_cli.io.run_reader import read_run
+from tests.app.scenes import solve
+
+HEAD = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.rubber]
+E = 2.6
+nu = 0.3
+law = "neo-hookean"
+"""
+DISK = (
+    HEAD
+    + """
+[[body]]
+name = "disk"
+material = "rubber"
+spacing = 0.25
+shape = { kind = "half-disk", center = [0.0, 3.0], radius = 1.0, side = "lower" }
+refine = [{at = [0.0, 2.0], spacing = 0.05, radius = 0.5, growth = 0.2}]
+[[body]]
+name = "block"
+material = "rubber"
+spacing = 0.3
+shape = { kind = "rectangle", x = [-2.0, 2.0], y = [0.0, 2.0] }
+refine = [{at = [0.0, 2.0], spacing = 0.05, radius = 0.5, growth = 0.2}]
+[[support]]
+boundary = "block.bottom"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+boundary = "disk.flat"
+kind = "displacement"
+displacement = [0.0, -0.3]
+[[contact]]
+name = "touch"
+slave = "disk.arc"
+master = "block.top"
+[contact.regularization]
+law = "exact"
+[output]
+at = [0.1, 0.333333333333, 0.666666666667, 1.0]
+"""
+)
+
+BLOCKS = (
+    HEAD
+    + """
+[[body]]
+name = "low"
+material = "rubber"
+spacing = 0.25
+shape = { kind = "rectangle", x = [0.0, 1.0], y = [0.0, 1.0] }
+[[body]]
+name = "high"
+material = "rubber"
+spacing = 0.19
+shape = { kind = "rectangle", x = [0.0, 1.0], y = [1.0, 2.0] }
+[[support]]
+boundary = "low.bottom"
+uy = 0.0
+[[support]]
+boundary = "low.left"
+ux = 0.0
+[[support]]
+boundary = "high.left"
+ux = 0.0
+[[load]]
+name = "press"
+boundary = "high.top"
+kind = "displacement"
+uy = -0.3
+[[contact]]
+name = "joint"
+slave = "high.bottom"
+master = "low.top"
+[contact.regularization]
+law = "exact"
+"""
+)
+
+
+def test_half_disk_on_a_block(tmp_path: Path) -> None:
+    """Forces against nine-node finite elements, penalty extrapolated; both bodies feel the same."""
+    directory = tmp_path / "run"
+    summary = solve(DISK, directory)
+    assert summary["status"] == "done"
+    positions = [0.333333333333, 0.666666666667, 1.0]
+    forces = [row["fy"] for row in probe_force(directory, positions, "touch")]
+    np.testing.assert_allclose(forces, [0.0976, 0.2413, 0.4196], rtol=5e-3)
+    touch = summary["contacts"]["touch"]
+    np.testing.assert_allclose(touch["force"], -np.array(touch["force_master"]), atol=1e-9)
+    assert touch["min_gap"] >= -1e-9
+    assert summary["force_balance"] <= 1e-6
+    assert summary["stability"] >= 0.6
+    assert summary["iterations"] <= 30
+    early = probe_contact(directory, [0.1], "touch")[0]
+    modulus = 2.6 / (1.0 - 0.3**2) / 2.0
+    force = probe_force(directory, [0.1], "touch")[0]["fy"]
+    # Hertz's pressure at a depth of 0.03 R, three nodes over the half-width.
+    assert max(early["pressure"]) == pytest.approx(np.sqrt(force * modulus / np.pi), rel=0.08)
+    assert set(read_run(directory).states[-1].bodies) == {"disk", "block"}
+
+
+def test_even_state_through_unlike_clouds(tmp_path: Path) -> None:
+    """Two blocks between smooth plates are stretched as one: constant pressures arrive as they are."""
+    directory = tmp_path / "run"
+    summary = solve(BLOCKS, directory)
+    assert summary["status"] == "done"
+    for body in ("low", "high"):
+        stretch = read_run(directory).states[-1].bodies[body]["stretch"]
+        np.testing.assert_allclose(stretch[:, 1], 0.85, rtol=1e-6)
+        np.testing.assert_allclose(stretch[:, 0], stretch[0, 0], rtol=1e-6)
+
+
+def test_a_body_between_two_others_is_held_by_them(tmp_path: Path) -> None:
+    """The middle one of three is held upwards by its contacts alone; all are stretched as one."""
+    high = BLOCKS[BLOCKS.index('[[body]]\nname = "high"') : BLOCKS.index("[[support]]")]
+    third = high.replace('"high"', '"top"').replace("0.19", "0.22").replace("[1.0, 2.0]", "[2.0, 3.0]")
+    joint = BLOCKS[BLOCKS.index("[[contact]]") :].replace('"joint"', '"over"')
+    joint = joint.replace("high.bottom", "high.top").replace("low.top", "top.bottom")
+    held = '[[support]]\nboundary = "top.left"\nux = 0.0\n'
+    text = BLOCKS.replace("[[support]]", f"{third}{held}[[support]]", 1) + joint
+    text = text.replace('boundary = "high.top"', 'boundary = "top.top"').replace("uy = -0.3", "uy = -0.45")
+    directory = tmp_path / "run"
+    summary = solve(text, directory)
+    assert summary["status"] == "done"
+    for body in ("low", "high", "top"):
+        stretch = read_run(directory).states[-1].bodies[body]["stretch"]
+        np.testing.assert_allclose(stretch[:, 1], 0.85, rtol=1e-6)
+    assert summary["force_balance"] <= 1e-9
+
+
+ROLLER = (
+    HEAD
+    + """
+[[body]]
+name = "roller"
+material = "rubber"
+spacing = 0.3
+shape = { kind = "disk", center = [0.0, 1.0], radius = 1.0 }
+refine = [{along = "arc", spacing = 0.09, radius = 0.05, growth = 0.3}]
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "plate"
+uy = -0.1
+[[load]]
+name = "roll"
+kind = "obstacle"
+obstacle = "plate"
+ux = 2.0
+[[contact]]
+name = "floor"
+slave = "roller.arc"
+friction = 0.5
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+[contact.regularization]
+law = "exact"
+[[contact]]
+name = "plate"
+slave = "roller.arc"
+friction = 0.5
+obstacle = { kind = "plane", point = [0.0, 2.0], normal = [0.0, -1.0] }
+[contact.regularization]
+law = "exact"
+[[stage]]
+press = 1.0
+[[stage]]
+roll = 1.0
+[[probe]]
+name = "middle"
+body = "roller"
+point = [0.0, 1.0]
+"""
+)
+
+
+def test_a_roller_rolls(tmp_path: Path) -> None:
+    """A disk that only a floor and a plate hold: its middle moves half as far as the plate."""
+    summary = solve(ROLLER, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["probes"]["middle"]["displacement"][0] == pytest.approx(1.0, rel=3e-3)
+    floor, plate = summary["contacts"]["floor"], summary["contacts"]["plate"]
+    np.testing.assert_allclose(floor["force"], -np.array(plate["force"]), atol=1e-9)
+    # Rolling takes next to nothing.
+    assert abs(floor["force"][0]) <= 0.02 * floor["force"][1]
+    assert floor["stick_nodes"] >= 3
+
+
+def test_what_no_contact_keeps_out_is_told(tmp_path: Path) -> None:
+    """Without the contact the upper block is pushed into the lower one."""
+    text = BLOCKS[: BLOCKS.index("[[contact]]")]
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "failed"
+    assert "high.bottom lies inside low.top by" in summary["stop_reason"]
+
+
+def test_a_body_is_dragged_along_another(tmp_path: Path) -> None:
+    """Half a disk dragged by 1.5 contact widths along a block, with friction: pairs follow, no force is lost,
+    and the work is what friction dissipates."""
+    at, along = (
+        "{at = [0.0, 2.0], spacing = 0.05, radius = 0.5, growth = 0.2}",
+        '{along = "top", spacing = 0.07, radius = 0.05, growth = 0.25}',
+    )
+    one, _, rest = DISK.replace("[0.0, -0.3]", "[0.0, -0.06]").partition(at)
+    text = one + at.replace("radius = 0.5", "radius = 0.3") + rest.replace(at, along)
+    text = text.replace('name = "touch"\n', 'name = "touch"\nfriction = 0.2\n')
+    text = (
+        text[: text.index("[output]")]
+        + '[[load]]\nname = "drag"\nboundary = "disk.flat"\nkind = "displacement"\n'
+    )
+    text += "displacement = [0.4, 0.0]\n[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n"
+    text += "[output]\nat = [1.0, 1.4, 2.0]\n"
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    touch = summary["contacts"]["touch"]
+    np.testing.assert_allclose(touch["force"], -np.array(touch["force_master"]), atol=1e-9)
+    run = read_run(tmp_path / "run")
+    slips = run.path.position >= 1.4
+    work = -0.4 * float(
+        np.trapezoid(run.path.resultants["contact touch"][slips, 0], run.path.position[slips])
+    )
+    lost = run.contacts["touch"].dissipated_work
+    assert lost is not None
+    assert work == pytest.approx(lost[-1] - lost[slips][0], rel=0.01)
+    assert touch["force"][0] == pytest.approx(-0.2 * touch["force"][1], rel=0.05)

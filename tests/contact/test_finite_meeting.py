@@ -1,0 +1,117 @@
+"""Two deformed sides that meet: gaps, directions, slips and what is handed on, against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.finite.meeting import Meeting
+from mlsanm_cli.contact.finite.node_curve import NodeCurve
+from mlsanm_cli.contact.finite.pair import BodyContact
+from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
+from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.geometry.obstacles import Round
+from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
+
+
+def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) -> Side:
+    steps = np.diff(arc)
+    weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    return Side(body, "side", np.arange(len(arc)), places, outward, weight, arc)
+
+
+def bent_pair() -> tuple[BodyContact, FloatArray]:
+    """A slave above a master of other spacings, with a displacement of both."""
+    rng = np.random.default_rng(0)
+    x = np.array([0.3, 0.45, 0.7, 0.9, 1.2, 1.4])
+    above = side(
+        "s", x[::-1].max() - x[::-1], np.stack([x[::-1], 0.02 + 0 * x], 1), np.tile([0.0, -1.0], (6, 1))
+    )
+    z = np.linspace(0.0, 2.0, 14) + 0.02 * rng.normal(size=14)
+    below = side("m", z[-1] - z[::-1], np.stack([z[::-1], 0 * z], 1), np.tile([0.0, 1.0], (14, 1)))
+    u = np.concatenate([0.01 * rng.normal(size=(6, 2)), np.zeros((14, 2))])
+    u[6:, 1] = 0.15 * np.sin(2.0 * below.places[:, 0])
+    u[6:, 0] = 0.1 * below.places[:, 0] ** 2
+    u[:6] += np.stack([0.1 * x[::-1] ** 2, 0.15 * np.sin(2.0 * x[::-1])], 1)
+    return BodyContact("c", above, below, 0.3), u
+
+
+def test_a_curve_is_exact_for_parabolas_and_closed_ones_go_around() -> None:
+    arc = np.array([0.0, 0.3, 0.5, 1.0, 1.2, 2.0])
+    curve = NodeCurve(arc, None)
+    at = np.linspace(0.0, 2.0, 17)
+    values = np.stack([arc**2 - arc, 1.0 + arc**2], 1)
+    for row, expected in zip(
+        curve.rows(at),
+        (
+            np.stack([at**2 - at, 1 + at**2], 1),
+            np.stack([2 * at - 1, 2 * at], 1),
+            np.stack([2 + 0 * at, 2 + 0 * at], 1),
+        ),
+        strict=True,
+    ):
+        np.testing.assert_allclose(row @ values, expected, atol=1e-12)
+    angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    ring = NodeCurve(angle, 2.0 * np.pi)
+    nodes = np.stack([np.cos(angle), np.sin(angle)], 1)
+    turn = np.array([0.01, 3.0, 6.27])
+    place, inside = ring.closest(nodes, 1.1 * np.stack([np.cos(turn), np.sin(turn)], 1))
+    assert inside.all()
+    np.testing.assert_allclose(place, turn, atol=1e-5)
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_all_moves_as_differences_say(rigid: bool) -> None:
+    pair, u = bent_pair()
+    contact: BodyContact | RigidContact = pair
+    if rigid:
+        u = u[:6]
+        shape = Round((0.8, -1.0), 1.05, False)
+        contact = RigidContact("c", pair.slave, shape, np.zeros((2, 1)), 0.3)
+    factors, rng = np.zeros(1), np.random.default_rng(1)
+    before = contact.meet(0.5 * u, factors, None).place
+    p, q = rng.uniform(0.5, 1.0, 6), rng.normal(size=6)
+    direction = rng.normal(size=u.shape)
+
+    def seen(step: float) -> tuple[Meeting, FloatArray]:
+        met = contact.meet(u + step * direction, factors, before)
+        return met, met.tractions(p, q).ravel()
+
+    step = 1e-6
+    (one, ahead), (other, behind), (here, _) = seen(step), seen(-step), seen(0.0)
+    assert here.facing.all()
+    flat = direction.ravel()
+    for name, rows in (("gap", here.d_gap), ("slip", here.d_slip)):
+        found = (getattr(one, name) - getattr(other, name)) / (2 * step)
+        np.testing.assert_allclose(rows @ flat, found, atol=1e-7)
+    found = ((one.normal - other.normal) * here.tangent).sum(axis=1) / (2 * step)
+    np.testing.assert_allclose(here.d_turn @ flat, found, atol=1e-7)
+    np.testing.assert_allclose(here.turning(p, q) @ flat, (ahead - behind) / (2 * step), atol=1e-6)
+
+
+def test_no_force_is_lost_and_a_constant_traction_arrives() -> None:
+    pair, u = bent_pair()
+    met = pair.meet(u, np.zeros(1), None)
+    on_slave, on_master = np.split(met.tractions(np.arange(1.0, 7.0), np.ones(6)), [6])
+    np.testing.assert_allclose(pair.slave.weight @ on_slave, -pair.master.weight @ on_master, atol=1e-13)
+    flat = pair.meet(0.0 * u, np.zeros(1), None).tractions(np.ones(6), np.zeros(6))[6:]
+    x = pair.master.places[:, 0]
+    inner = (x > 0.5) & (x < 1.2)
+    np.testing.assert_allclose(flat[inner], np.tile([0.0, -1.0], (inner.sum(), 1)), atol=1e-12)
+
+
+def test_sets_settle_by_what_nodes_may_do() -> None:
+    """Three nodes pressed by known gaps: one opens, one sticks, one slips; as if each stood alone."""
+    count = 3
+    by_gap, by_slip = np.hstack([np.eye(3), np.zeros((3, 3))]), np.hstack([np.zeros((3, 3)), np.eye(3)])
+    gap, slip = np.array([0.5, -1.0, -1.0]), np.array([0.0, -0.1, 2.0])
+    none = np.zeros(count)
+    linear = Linearised(np.full(count, 0.3), none, none, gap, slip, by_gap, by_slip)
+    start = NodeSets(np.full(count, STICK, dtype=np.int8), none)
+    change, sets, settled = linear.settled(start)
+    assert settled
+    assert sets.status.tolist() == [OPEN, STICK, SLIP]
+    np.testing.assert_allclose(change[:3], [0.0, 1.0, 1.0])
+    np.testing.assert_allclose(change[3:], [0.0, 0.1, -0.3])
