@@ -13,7 +13,7 @@ comes from the case.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,6 @@ from mlsanm_cli.contact.profile import half_width
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -36,7 +37,6 @@ from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo, digest
-from mlsanm_cli.values import dataclass
 
 MANY = 50_000
 """Scenes of more nodes are announced: they take a while, and may be a typing error."""

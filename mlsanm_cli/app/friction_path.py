@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from mlsanm_cli.app.build import Built
 from mlsanm_cli.app.states import PathStep, State, stops, wanted_positions
@@ -11,7 +12,6 @@ from mlsanm_cli.contact.coulomb import CoulombState, residual
 from mlsanm_cli.contact.history import Event, follow, start
 from mlsanm_cli.contact.sliding import SlidingError
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.values import dataclass
 
 ROWS = 40
 """Of the events of a stage with friction so many are stored as steps, evenly along it."""

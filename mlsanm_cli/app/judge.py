@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from mlsanm_cli.app.states import Polish, State
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.pairing import spacing_ratio
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.values import dataclass
 
 BALANCE_LIMIT = 0.1
 """Largest lack of force balance of a body, relative to the forces on it, that passes.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -22,7 +22,6 @@ from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.corner import Corner, Mirror
 from mlsanm_cli.mechanics.near_field import ComplexArray, Isotropic, as_complex, as_real
 from mlsanm_cli.mechanics.wedge import Wedge
-from mlsanm_cli.values import dataclass
 
 CLEAR = 4.0
 """Pressures keep so many spacings off the ends of their surfaces: what is left of their fields then changes

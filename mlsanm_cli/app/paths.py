@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.contact.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.sets import OPEN, SLIP
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

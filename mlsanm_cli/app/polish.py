@@ -10,7 +10,7 @@ event.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ from mlsanm_cli.contact.coulomb import increment, unloaded
 from mlsanm_cli.contact.sets import STICK, Sets
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.packing import packed
-from mlsanm_cli.values import dataclass
 
 Polisher = Callable[[State], PathStep]
 """The exact state at a smooth one's position as a row of its own, with what it cost."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
@@ -10,7 +12,6 @@ from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.contact.set_search import Watch, find_sets
 from mlsanm_cli.contact.sets import Sets, Values
 from mlsanm_cli.continuation import Branch
-from mlsanm_cli.values import dataclass
 
 SAMPLES = 17
 """A piece of path is looked at in so many places."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ from mlsanm_cli.case import Stop
 from mlsanm_cli.contact.linear_map import LinearMap
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.packing import packed
-from mlsanm_cli.values import dataclass
 
 CLOSE = 1e-12
 """Positions are known to this, per stage."""

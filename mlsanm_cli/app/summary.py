@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from mlsanm_cli.app import recording
@@ -25,7 +26,6 @@ from mlsanm_cli.app.references import reference_profile
 from mlsanm_cli.app.states import Polish, State
 from mlsanm_cli.case import Case
 from mlsanm_cli.system import peak_memory_mb
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

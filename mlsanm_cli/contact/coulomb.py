@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -9,7 +11,6 @@ from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.set_search import FloatingError, Watch, find_sets, moving
 from mlsanm_cli.contact.sets import Sets, SetSystem, Values
 from mlsanm_cli.contact.violation import violation
-from mlsanm_cli.values import dataclass
 
 NOTHING = 1e-10
 """Pressures below this part of those that would move the surfaces as far as bodies went are none."""

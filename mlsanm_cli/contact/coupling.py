@@ -8,7 +8,7 @@ adds what it has node by node, :class:`Local`, and gets a factorised tangent of 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +18,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.regularization import Regularization
 from mlsanm_cli.parts import dgetrf, dgetrs
-from mlsanm_cli.values import dataclass
 
 Rows = FloatArray | sparse.csr_array
 

@@ -8,6 +8,7 @@ and tractions there. Drivers are counted like the unknowns, forces x with pressu
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +16,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.pairing import Pairing
-from mlsanm_cli.values import dataclass
 
 
 def spans(names: Iterable[str], counts: Sequence[int]) -> dict[str, slice]:
