@@ -15,7 +15,7 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.values import dataclass
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)

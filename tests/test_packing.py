@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.packing import packed, unpacked
 from mlsanm_cli.solve.checkpoint import Start
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,10 +22,11 @@ Source: B. Cochelin, A path-following technique via an asymptotic-numerical meth
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
-from mlsanm_cli.values import dataclass
 
 
 class Metric:

@@ -17,12 +17,12 @@ import struct
 import threading
 import zlib
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import h5py
 
 from mlsanm_cli.system import STOPPING, open_regular, read_at, reserve, write_at
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -6,6 +6,7 @@ Works on a finished run, on one that was killed and on one that is still being w
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,7 +18,6 @@ from mlsanm_cli.io.journal import opened
 from mlsanm_cli.io.path_table import path_table
 from mlsanm_cli.io.records import CONTACT_COLUMNS, CONTACT_TOTALS, FORMAT, PATH_COLUMNS, PROBE_COLUMNS
 from mlsanm_cli.io.run_dir import RUN_FILE
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

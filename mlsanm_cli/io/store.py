@@ -15,12 +15,11 @@ import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from mlsanm_cli.values import dataclass
 
 MAGIC = b"mlsanm operators 1\n"
 SUFFIX = ".mlsanm"

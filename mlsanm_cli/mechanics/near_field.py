@@ -12,6 +12,7 @@ arrays, components first, stresses xx, yy and xy as (..., 3, 2).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -20,7 +21,6 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.values import dataclass
 
 ComplexArray = NDArray[np.complex128]
 

@@ -13,6 +13,7 @@ are Hetenyi's images (Hetenyi 1960, doi:10.1115/1.3643978).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,7 +22,6 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, traction
-from mlsanm_cli.values import dataclass
 
 STEP, COUNT = 0.02, 4096
 """The grid of ln(x / x')."""

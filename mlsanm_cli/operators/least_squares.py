@@ -18,7 +18,7 @@ semi-normal step, and bodies that are almost incompressible get there in a few m
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -40,7 +40,6 @@ from mlsanm_cli.operators.refinement import (
     relative,
 )
 from mlsanm_cli.operators.system import Equations
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ keeps of its path, and what the path is taken up from, to the same bits.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TypeVar
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.packing import unpacked
-from mlsanm_cli.values import dataclass
 
 Mark = TypeVar("Mark")
 

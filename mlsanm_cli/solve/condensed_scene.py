@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 
 from mlsanm_cli.app.output.fine_views import View, fine_views
@@ -12,7 +13,6 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
@@ -11,7 +12,6 @@ from mlsanm_cli.contact.laws.sliding import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import PathStep, State, stops, wanted_positions
-from mlsanm_cli.values import dataclass
 
 ROWS = 40
 """Of the events of a stage with friction so many are stored as steps, evenly along it."""

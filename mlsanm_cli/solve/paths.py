@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from mlsanm_cli.solve.checkpoint import BEGINNING, Start
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.load_factors import factors_at
 from mlsanm_cli.solve.state import PathStep, State, stops, wanted_positions
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

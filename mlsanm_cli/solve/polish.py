@@ -10,7 +10,7 @@ event.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.event_driven import coulomb_state, friction_path
 from mlsanm_cli.solve.paths import exact_step, path_of, unloaded_state
 from mlsanm_cli.solve.state import PathStep, Polish, State
-from mlsanm_cli.values import dataclass
 
 Polisher = Callable[[State], PathStep]
 """The exact state at a smooth one's position as a row of its own, with what it cost."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.solve.checkpoint import Start
 from mlsanm_cli.solve.state import Polish, State
-from mlsanm_cli.values import dataclass
 
 PATH, CLOUDS = "path", "clouds"
 """Names of what a run goes on from, in run.h5."""

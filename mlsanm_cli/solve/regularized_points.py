@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from mlsanm_cli.continuation import Branch
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.series import coupling_of, regularization, series_arrays, smooth_status
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.values import dataclass
 
 RETURNS = 3
 """Behind an event so many updates are made at most; tractions past their limits are put back as often."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ from mlsanm_cli.solve.checkpoint import BEGINNING, Start
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record
 from mlsanm_cli.solve.state import PathStep, State, wanted_positions
-from mlsanm_cli.values import dataclass
 
 CLOSE = 1e-12
 """Positions are known to this, per stage."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +27,6 @@ from mlsanm_cli.mechanics.finite.projector import Projector, Weights
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.solve.load_factors import stage_factors
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

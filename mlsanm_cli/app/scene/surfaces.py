@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate, pairwise
 
@@ -28,7 +29,6 @@ from mlsanm_cli.cloud.joined import chain_of, cut, joined, part_of
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.values import dataclass
 
 FAR = 0.1
 """The ends of a part of a boundary are within this part of its length of it."""

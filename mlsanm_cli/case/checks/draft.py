@@ -7,7 +7,7 @@ the checks work on what is left, and know which names belong to parts that are b
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -22,7 +22,6 @@ from mlsanm_cli.case.model.shapes import AnyShape, Shape
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.values import dataclass
 
 _PARTS: Mapping[str, Any] = {
     "shape": Shape,

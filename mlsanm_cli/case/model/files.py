@@ -7,6 +7,7 @@ tells what the checks of the case want to know of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Literal, Protocol
 
 from pydantic import Field
@@ -14,7 +15,6 @@ from pydantic import Field
 from mlsanm_cli.case.model.base import ANGLE, Section
 from mlsanm_cli.case.model.chains import Point
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.values import dataclass
 
 Degrees = Annotated[float, Field(gt=0.0, lt=180.0)]
 

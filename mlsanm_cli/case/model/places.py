@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import Field, PlainValidator, WithJsonSchema
@@ -9,7 +10,6 @@ from pydantic_core import PydanticCustomError
 
 from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, LENGTH, Section, Vector, split_boundary
 from mlsanm_cli.case.model.chains import Point
-from mlsanm_cli.values import dataclass
 
 _NAME = {"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}
 

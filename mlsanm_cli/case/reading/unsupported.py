@@ -6,10 +6,10 @@ Whoever brings a feature deletes its line from `PLANNED`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.values import dataclass
 
 Applies = Callable[[Any], bool]
 

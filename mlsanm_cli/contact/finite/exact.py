@@ -8,6 +8,7 @@ h = h_0 + n . du.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -18,7 +19,6 @@ from mlsanm_cli.contact.response.coercivity import relative_resistance
 from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
-from mlsanm_cli.values import dataclass
 
 PASSES = 60
 """Passes of the active set within an iteration."""

@@ -7,11 +7,12 @@ its stretch is in the equations, and p_j w_j dg_j is work.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.obstacles import Round, Shape
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

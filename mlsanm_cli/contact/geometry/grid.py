@@ -7,6 +7,7 @@ positive whatever the grid (Galerkin's method for the half-plane's logarithm).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -15,7 +16,6 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
-from mlsanm_cli.values import dataclass
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
 Kernels: TypeAlias = tuple[FloatArray, FloatArray]

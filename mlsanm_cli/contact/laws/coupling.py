@@ -8,7 +8,7 @@ law adds what it has node by node, :class:`Local`, and gets a factorised tangent
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +18,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.parts import dgetrf, dgetrs
-from mlsanm_cli.values import dataclass
 
 Rows = FloatArray | sparse.csr_array
 

@@ -13,6 +13,7 @@ displacement that would mend it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +28,6 @@ from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)
