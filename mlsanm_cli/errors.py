@@ -17,8 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-from mlsanm_cli.values import dataclass
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import difflib
 import json
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -15,7 +15,6 @@ from mlsanm_cli.case.report import SYNONYMS
 from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, walk
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.values import dataclass
 
 _BOUNDS = {
     "exclusiveMinimum": "above",

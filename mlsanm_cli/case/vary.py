@@ -6,12 +6,12 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 from mlsanm_cli.case.reading.overrides import is_word
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.values import dataclass
 
 MOST = 100_000
 """Largest number of points of a sweep."""

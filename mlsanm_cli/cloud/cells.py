@@ -8,6 +8,7 @@ Cells thus fill the body, and a flux integrated over all faces of a cell is what
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -15,7 +16,6 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.values import dataclass
 
 Rule: TypeAlias = tuple[tuple[float, float], ...]
 """Places on a face, from 0 to 1, and weights of a quadrature."""

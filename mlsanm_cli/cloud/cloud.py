@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -24,7 +25,6 @@ from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 CANDIDATES = 15
 STRIPS = 512

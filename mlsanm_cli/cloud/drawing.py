@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,6 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.polygon import inside_polygon, signed_area
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.errors import Fault, OutlineError
-from mlsanm_cli.values import dataclass
 
 Point = tuple[float, float]
 Named = tuple[str, Curve]

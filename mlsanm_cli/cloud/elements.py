@@ -6,6 +6,7 @@ Elements are rings of nodes: corners and mid-side nodes around each, in either d
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -15,7 +16,6 @@ from mlsanm_cli.cloud.loops import Loop
 from mlsanm_cli.cloud.polygon import signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 SMALL = 1e-9
 """Nodes nearer than this part of the extent are one; elements flatter than this part of a square are none."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 
@@ -12,7 +13,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.splines import SplinePart
-from mlsanm_cli.values import dataclass
 
 SMOOTH = math.radians(1.0)
 """Curves that meet under a smaller angle go on smoothly: what a kink does to stresses goes with its angle."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +22,6 @@ from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.values import dataclass
 
 ALIGNED = 0.9
 STRAIGHT = 1e-8

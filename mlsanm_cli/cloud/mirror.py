@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 SAME = 1e-9
 """What is nearer to an image than this part of the spacing is the image."""

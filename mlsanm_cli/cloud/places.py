@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.mirror import SAME, Line
 from mlsanm_cli.cloud.spacing import APART, Spacing
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

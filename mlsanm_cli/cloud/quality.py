@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 TOGETHER = 256
 """Triangles that are looked at together, from the largest on."""

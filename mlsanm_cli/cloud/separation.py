@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.search import nearest as nearest_nodes
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 NEIGHBORS = 6
 

@@ -6,6 +6,7 @@ to the other. A chord over a hollow of the outline or past a re-entrant corner d
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +15,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 DETOUR = 3.0
 """A void is a slit where the way along the outline from face to face is so many times its width.

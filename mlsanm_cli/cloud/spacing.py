@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +14,6 @@ from mlsanm_cli.cloud.mirror import SAME, Line
 from mlsanm_cli.cloud.search import PIECE, in_pieces
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
-from mlsanm_cli.values import dataclass
 
 MOST_STEPS = 2_000_000
 """Most nodes along one curve; with those behind them they would be more than fit into any memory."""

@@ -6,6 +6,7 @@ h^4 and normals by h^3, where chords are off by h^2 and h.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

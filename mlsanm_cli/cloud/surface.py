@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +12,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import joined
 from mlsanm_cli.memo import digest
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

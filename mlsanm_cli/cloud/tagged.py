@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from mlsanm_cli.cloud.loops import Loop, turns
 from mlsanm_cli.cloud.polygon import inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 LEAP = 4.0
 """A step so many times longer than those beside it is no step along one boundary."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, station
 from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.values import dataclass
 
 # Halvings of a damped update before it counts as failed: 2^-40 of a Newton step is no progress.
 _HALVINGS = 40

@@ -24,10 +24,11 @@ Equation (15) of docs/method.md.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
-from mlsanm_cli.values import dataclass
 
 
 class Metric:

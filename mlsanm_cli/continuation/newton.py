@@ -14,7 +14,7 @@ procedure that handles snap-through, Computers & Structures 13 (1981) 55-62.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from mlsanm_cli.continuation.path import Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.continuation.walker import PathFollower, PathRequest, Stopped
-from mlsanm_cli.values import dataclass
 
 # A step that fails is tried again with half its length; one is shrunk by no more for taking many iterations.
 _HALF = 0.5

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
-
-from mlsanm_cli.values import dataclass
 
 # A correction aims at this part of the tolerance, so that the series that follows has the rest.
 _CORRECTED = 0.01

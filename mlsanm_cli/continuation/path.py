@@ -11,12 +11,12 @@ A follower is used once::
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
 from mlsanm_cli.continuation.problem import FloatArray
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.values import dataclass
 
 
 class StopReason(StrEnum):

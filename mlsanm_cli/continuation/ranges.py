@@ -10,6 +10,8 @@ Computers & Structures 53 (1994) 1181-1192.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import residual_norm
@@ -18,7 +20,6 @@ from mlsanm_cli.continuation.options import AnmOptions
 from mlsanm_cli.continuation.pade import denominator, nearest_pole
 from mlsanm_cli.continuation.problem import FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.values import dataclass
 
 # A length is settled when the residual there lies between these parts of the tolerance (its power of about
 # N + 1 in the length makes the steps some 3 % shorter than the longest ones), or between close bounds.

@@ -15,12 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mlsanm_cli.continuation.problem import FloatArray
-from mlsanm_cli.values import dataclass
 
 # lam(a) is searched for a level between this many samples: a series of order 30 cannot bend more often.
 _SAMPLES = 65

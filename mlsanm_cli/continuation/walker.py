@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.path import Outcome, Step, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.values import dataclass
 
 
 class Stopped(Exception):

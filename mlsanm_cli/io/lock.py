@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import os
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write
 from mlsanm_cli.system import host, open_regular, try_lock
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

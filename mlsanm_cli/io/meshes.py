@@ -10,6 +10,7 @@ import io
 import re
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,6 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.io.self_contained import bounded_unpacking, check_self_contained
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     import meshio

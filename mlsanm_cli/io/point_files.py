@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.io.self_contained import check_hdf5
-from mlsanm_cli.values import dataclass
 
 FloatArray = NDArray[np.float64]
 

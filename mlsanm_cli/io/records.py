@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -5,7 +5,7 @@ Works on a finished run, on one that was killed and on one that is still being w
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,7 +18,6 @@ from mlsanm_cli.io.path_table import path_table
 from mlsanm_cli.io.records import ContactRecord
 from mlsanm_cli.io.run_dir import RUN_FILE
 from mlsanm_cli.io.run_file import FORMAT
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import write_text
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, fields_name
 from mlsanm_cli.io.vtk_xml import escape, surface, vertices, write_grid
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from mlsanm_cli.io.run_dir import LINES_FILE, lines_name
 from mlsanm_cli.io.vtk_xml import LINE, surface, write_grid
 from mlsanm_cli.io.vtu import listed, vectors, write_collection
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -9,10 +9,10 @@ from __future__ import annotations
 import ctypes
 import importlib
 import re
+from dataclasses import dataclass
 from typing import Any
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ import os
 import pkgutil
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -30,7 +31,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels import kept
 from mlsanm_cli.kernels.machine import Code, Machine, UnloadableError
 from mlsanm_cli.kernels.signature import Signature
-from mlsanm_cli.values import dataclass
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

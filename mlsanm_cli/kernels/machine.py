@@ -14,6 +14,7 @@ import os
 import pickle
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
@@ -21,7 +22,6 @@ import numpy as np
 
 from mlsanm_cli.kernels.blas import EXTERNALS
 from mlsanm_cli.kernels.signature import Signature, Value
-from mlsanm_cli.values import dataclass
 
 WORDS = {"p": ctypes.c_void_p, "i": ctypes.c_int64, "d": ctypes.c_double}
 DONE = (0, -2)

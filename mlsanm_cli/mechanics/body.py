@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,7 +45,6 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils, look_around
 from mlsanm_cli.operators.system import LinearSystem
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 MORE_NEIGHBORS = 1.3
 """Nearly incompressible materials get larger stencils: with the usual ones errors scattered by a factor of 13

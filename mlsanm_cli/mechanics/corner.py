@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -11,7 +12,6 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, traction
 from mlsanm_cli.mechanics.wedge import Wedge, cubic, interpolated
-from mlsanm_cli.values import dataclass
 
 STEP = 0.1
 """Forces along the faces stand so far apart in the logarithm of their distance from the tip."""

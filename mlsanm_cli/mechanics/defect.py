@@ -9,7 +9,7 @@ Equation (18) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,7 +23,6 @@ from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 DEGREES = (2, 3, 4)
 """Degrees whose errors were measured to be told. At degree 1 the estimate was up to 300 times too large, from

@@ -10,6 +10,7 @@ Scales: equilibrium h^2/E, traction h/E, displacement 1.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -17,7 +18,6 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import NO_SPRING, Springs
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

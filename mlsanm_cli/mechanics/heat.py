@@ -7,6 +7,7 @@ through the faces of a piece flows C a T n beyond what acts on the piece from ou
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,7 +17,6 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.pieces import reaction_of
 from mlsanm_cli.mechanics.probes import stress_of_expansion
-from mlsanm_cli.values import dataclass
 
 
 class Field(Protocol):

@@ -7,13 +7,13 @@ such tells nothing of the stress across the plane, which then is nan in plane st
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.half_plane import surface_compliance
-from mlsanm_cli.values import dataclass
 
 LOCKING = 8.0
 """Ratio of Lame's constants, lambda over mu, above which equilibrium is written for nearly incompressible

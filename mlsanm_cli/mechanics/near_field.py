@@ -14,6 +14,7 @@ Equation (5) of docs/method.md.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -22,7 +23,6 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.values import dataclass
 
 ComplexArray = NDArray[np.complex128]
 

@@ -20,6 +20,7 @@ Equation (3) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -34,7 +35,6 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.corners import REACH, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, Held
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from mlsanm_cli.mechanics.body import BodyModel

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
@@ -9,7 +11,6 @@ from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows, value_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
-from mlsanm_cli.values import dataclass
 
 ROWS = 5
 """Two displacements and three stresses."""

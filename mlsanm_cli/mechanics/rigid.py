@@ -11,6 +11,7 @@ was pinned at.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -21,7 +22,6 @@ from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.refinement import PRECISE
 from mlsanm_cli.operators.system import Equations, LinearSystem
 from mlsanm_cli.parts import dgeqp3
-from mlsanm_cli.values import dataclass
 
 ROTATION = 2
 HELD = 1e-9

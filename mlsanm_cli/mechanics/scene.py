@@ -6,6 +6,7 @@ Load factors are collected in one vector f (L,), in the order the case names the
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

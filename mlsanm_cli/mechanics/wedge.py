@@ -15,6 +15,7 @@ Equation (9) of docs/method.md.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +24,6 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, traction
-from mlsanm_cli.values import dataclass
 
 STEP, COUNT = 0.02, 4096
 """The grid of ln(x / x')."""

@@ -12,11 +12,12 @@ as C Y = 1 to round-off, whatever Y is worth, so are the conditions met.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.values import dataclass
 
 NOTHING = 1e-9
 """Conditions whose terms cancel to this part say nothing, nor do those that follow from others as well."""

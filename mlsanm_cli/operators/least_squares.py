@@ -20,7 +20,7 @@ Equation (4) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -42,7 +42,6 @@ from mlsanm_cli.operators.refinement import (
     relative,
 )
 from mlsanm_cli.operators.system import Equations
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

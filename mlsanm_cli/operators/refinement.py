@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.values import dataclass
 
 PRECISE = 1e-11
 """Refinement ends when the next update is foreseen to change no solution by more, relatively."""

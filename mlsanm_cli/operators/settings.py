@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
-
-from mlsanm_cli.values import dataclass
 
 Scheme = Literal["least-squares", "collocation", "ghost"]
 

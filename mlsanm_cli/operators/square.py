@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -21,7 +22,6 @@ from mlsanm_cli.operators.refinement import (
     relative,
 )
 from mlsanm_cli.operators.system import Equations
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Equation (1) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 GROWTH = 1.3
 LARGEST = 3.0

@@ -6,11 +6,10 @@ All forces are per unit thickness; x runs along the surface from the middle of t
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from mlsanm_cli.values import dataclass
 
 FloatArray = NDArray[np.float64]
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-
-from mlsanm_cli.values import dataclass
 
 FloatArray = NDArray[np.float64]
 

@@ -13,13 +13,13 @@ y = tan(θ/2), and E* = E in plane stress, E/(1-ν²) in plane strain.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.parts import brentq
-from mlsanm_cli.values import dataclass
 
 FloatArray = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ doi:10.1017/CBO9781139171731
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from mlsanm_cli.values import dataclass
 
 FloatArray = NDArray[np.float64]
 

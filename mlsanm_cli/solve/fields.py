@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -13,7 +14,6 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.values import dataclass
 
 TOGETHER = 4
 """States solved for together: twice the work of one; more would only take more memory."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
@@ -10,7 +12,6 @@ from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, primal_dual_active_set
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.continuation import Branch
-from mlsanm_cli.values import dataclass
 
 SAMPLES = 17
 """A piece of path is looked at in so many places."""

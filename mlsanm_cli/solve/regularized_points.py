@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from mlsanm_cli.solve.series import (
     unknowns_of,
 )
 from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, State
-from mlsanm_cli.values import dataclass
 
 RETURNS = 3
 """Behind an event so many updates are made at most; tractions past their limits are put back as often."""

@@ -6,7 +6,7 @@ Positions count stages: 1.25 is a quarter of the way through the second stage.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ Measured against over-refined runs and closed formulas, see the method's page; n
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,6 @@ from mlsanm_cli.mechanics.defect import Corrected, Defect, correct
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.contact_grids import grid_errors
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-9
 """Estimates below this tell of round-off only."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turns
 from mlsanm_cli.solve.stage_ends import reach_error
 from mlsanm_cli.solve.state import Polish, State
-from mlsanm_cli.values import dataclass
 
 BALANCE_LIMIT = 0.1
 """Largest lack of force balance of a body, relative to the forces on it, that passes.

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.values import dataclass
 
 BEND = 0.02
 """Chords of curves turn by this angle at most."""

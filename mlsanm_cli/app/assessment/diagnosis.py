@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import slave_points
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.values import dataclass
 
 WORST = 10
 

@@ -9,6 +9,7 @@ of a surface in contact, which slides along the other surface a little.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
@@ -23,7 +24,6 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Obstacle
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.values import dataclass
 
 SHARP = 0.1
 """Surfaces that meet under a larger angle (radian) do so in a corner."""

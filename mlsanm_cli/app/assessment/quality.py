@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -18,7 +18,6 @@ from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.corners import inward_corners
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo
-from mlsanm_cli.values import dataclass
 
 CLOSEST = 0.5
 """Nodes closer than this part of the local spacing make stencils ill-conditioned."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from mlsanm_cli.reference.hertz import HertzLine
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import slave_points
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.values import dataclass
 
 SAMPLES = 4001
 

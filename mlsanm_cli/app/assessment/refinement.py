@@ -13,7 +13,7 @@ comes from the case.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,6 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ The rules that make it fair are in docs/methods-compared.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.values import dataclass
 
 SHARED = ("cloud", "operators")
 CONDENSED = ("factorization", "condensation")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.values import dataclass
 
 AMPLIFIED = 10.0
 """Methods with one law may differ by so many times ``solver.tolerance``; published cases do by 4.4."""

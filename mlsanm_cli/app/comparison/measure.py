@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from statistics import median
 
 from mlsanm_cli.app.assessment.checks import check_state
@@ -14,7 +14,6 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 from mlsanm_cli.case import Case
-from mlsanm_cli.values import dataclass
 
 ANM, NEWTON, ACTIVE_SET, POLISHED = "anm", "newton", "active-set", "anm polished"
 MONOLITHIC = " monolithic"

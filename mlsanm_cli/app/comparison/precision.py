@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.plots.precision import WorkCurve, plot_precision
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.values import dataclass
 
 FACTORS = (100.0, 10.0)
 """The smooth methods are measured with eta so many times the case's too, for curves."""

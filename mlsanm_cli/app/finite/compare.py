@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,6 @@ from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
-from mlsanm_cli.values import dataclass
 
 METHODS = ("anm", "newton")
 SAME = 1e-2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,6 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, stretches
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.values import dataclass
 
 CONTACT = "contact "
 """Before the name of a contact, among the resultants of a run: the force of its obstacle."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
@@ -14,7 +15,6 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.values import dataclass
 
 DEEP = 0.5
 """Nodes may lie inside something by this part of their spacing: between its nodes a surface is not known

@@ -4,7 +4,7 @@ deforms."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 from mlsanm_cli.solve.load_factors import factors_at
-from mlsanm_cli.values import dataclass
 
 RENEW = 1.25
 """The equations are renewed behind a step at whose end some node is stretched by more than this, or by less

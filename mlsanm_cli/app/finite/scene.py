@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,7 +32,6 @@ from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.solve.load_factors import stage_factors
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

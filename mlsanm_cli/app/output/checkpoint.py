@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,7 +15,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.run_reader import RunOrigin
 from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, State
-from mlsanm_cli.values import dataclass
 
 REFINEMENT = "checkpoint/refinement"
 

@@ -7,6 +7,7 @@ part of the contact's width below the surface, where the cloud may have no node 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +24,6 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.probes import probe_rows
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.values import dataclass
 
 ACROSS = 12.0
 """Points over the half-width of a patch of contact."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from mlsanm_cli.app.assessment.checks import (
@@ -26,7 +27,6 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import plates_turned, probe_record
 from mlsanm_cli.solve.state import Polish, State
 from mlsanm_cli.system import peak_memory_mb
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -9,7 +11,6 @@ from mlsanm_cli.continuation import Branch
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData
 from mlsanm_cli.io.series_reader import read_series
-from mlsanm_cli.values import dataclass
 
 STORED, SERIES, LINEAR = "stored", "series", "linear"
 SAME = 1e-12

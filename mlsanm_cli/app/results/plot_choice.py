@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,6 @@ from mlsanm_cli.app.results.path_lookup import level_at
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData
-from mlsanm_cli.values import dataclass
 
 KINDS = ("pressure", "traction", "loop", "hysteresis", "force", "peak", "bodies", "line")
 """Kinds of pictures; hysteresis and line only come when they are asked for."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -36,7 +36,6 @@ from mlsanm_cli.mechanics.springs import gripped, stiffest_soft
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import DirectSolver
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.values import dataclass
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 

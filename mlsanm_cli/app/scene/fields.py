@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import ExpressionError, value_at
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ nothing, and several bodies may have one in common.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint
 from mlsanm_cli.solve.load_factors import stage_factors
-from mlsanm_cli.values import dataclass
 
 BALANCED = 1e-3
 """Forces that cancel but for this part of themselves do so but for the surfaces' quadrature."""

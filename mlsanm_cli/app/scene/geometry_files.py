@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -20,7 +21,6 @@ from mlsanm_cli.errors import GeometryError, RunError
 from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.io.meshes import read_mesh
 from mlsanm_cli.io.point_files import read_points
-from mlsanm_cli.values import dataclass
 
 LARGEST = 256 * MB
 """Largest file of a body, in bytes: a million nodes or more."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,7 +26,6 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.heat import Heating
-from mlsanm_cli.values import dataclass
 
 COVERED = 1e-6
 """Part of a boundary's length by which a table may fall short of its end."""

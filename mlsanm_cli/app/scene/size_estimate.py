@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from mlsanm_cli.app.scene.assemble import mls_settings
 from mlsanm_cli.app.scene.clouds import spacing_of
@@ -16,7 +16,6 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.operators.linear.scratch import LARGE
 from mlsanm_cli.system import physical_memory_mb
-from mlsanm_cli.values import dataclass
 
 COUNT_LIMIT = 2e8
 PROCESS_MB = 150.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
@@ -37,7 +38,6 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline, annulus, disk, half_dis
 from mlsanm_cli.cloud.joined import SMOOTH, chain_of, cut, joined, part_of
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from mlsanm_cli.app.scene.geometry_files import Foreign

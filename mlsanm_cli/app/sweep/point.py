@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,6 @@ from typing import Any
 from mlsanm_cli.app.run import run
 from mlsanm_cli.errors import MlsanmError
 from mlsanm_cli.memo import Memo
-from mlsanm_cli.values import dataclass
 
 _ONE_AT_A_TIME = threading.Lock()
 """Workers of a cluster may have several threads; CPU times and signals belong to the process."""

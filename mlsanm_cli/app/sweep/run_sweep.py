@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,6 @@ from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.memo import digest
-from mlsanm_cli.values import dataclass
 
 TABLE_FILE = "sweep.csv"
 RESULTS_PER_BODY = 6

@@ -4,6 +4,7 @@ is not fixed."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Literal
 
 from mlsanm_cli.case.checks.sound import Sound
@@ -20,7 +21,6 @@ from mlsanm_cli.case.model.loads import (
     Traction,
 )
 from mlsanm_cli.case.report import Report
-from mlsanm_cli.values import dataclass
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
 

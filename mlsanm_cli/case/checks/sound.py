@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +17,6 @@ from mlsanm_cli.case.model.shapes import edge_names
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.report import Report
 from mlsanm_cli.case.schema_errors import UNKNOWN, findings, report_findings
-from mlsanm_cli.values import dataclass
 
 LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
 REMOVABLE = ("name", "material", "spacing", "seed", "refine")

@@ -6,13 +6,13 @@ The case layer does no geometry and reads no such file: whoever loads a case pas
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
 from mlsanm_cli.case.model.base import ANGLE, Point, Section
 from mlsanm_cli.errors import Fault
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from mlsanm_cli.case.model.case import Case

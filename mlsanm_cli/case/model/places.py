@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, LENGTH, Point, Section, Vector, split_boundary
-from mlsanm_cli.values import dataclass
 
 _NAME = {"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}
 

@@ -8,6 +8,7 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,6 @@ from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
 from mlsanm_cli.case.report import Report, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.inputs import MB, is_text, read_input
-from mlsanm_cli.values import dataclass
 
 MOST_CASES = 1000
 """Largest number of case files in a directory that are searched for a similar name."""

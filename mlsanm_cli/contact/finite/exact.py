@@ -9,6 +9,7 @@ dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K z); an active 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeAlias
@@ -27,7 +28,6 @@ from mlsanm_cli.contact.response.coercivity import relative_resistance
 from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
-from mlsanm_cli.values import dataclass
 
 AnyContact: TypeAlias = RigidContact | BodyContact
 LEAST = 0.05

@@ -8,12 +8,13 @@ force.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

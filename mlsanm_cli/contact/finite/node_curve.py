@@ -6,13 +6,13 @@ of fourth order, and what happens at one node matters to its neighbours only.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.values import dataclass
 
 AROUND, AT_ENDS = 5, 3
 """Nodes that tell a slope, and near the ends."""

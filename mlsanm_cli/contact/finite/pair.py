@@ -7,7 +7,7 @@ place of its material: slips are counted by it, whatever way both bodies go.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,6 @@ from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.contact.finite.transfer import Transfer
 from mlsanm_cli.contact.geometry.near import turned
 from mlsanm_cli.contact.geometry.pairing import OPPOSED
-from mlsanm_cli.values import dataclass
 
 DEEP = 3.0
 """Nodes deeper inside the master than this many of its spacings meet something else."""

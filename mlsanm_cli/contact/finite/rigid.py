@@ -7,6 +7,8 @@ its stretch is in the equations, and p_j w_j dg_j is work.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sparse
 
@@ -15,7 +17,6 @@ from mlsanm_cli.contact.finite.meeting import Meeting, by_component
 from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.contact.geometry.near import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
-from mlsanm_cli.values import dataclass
 
 SMALL = 1e-3
 """Differences along chains are over this part of a node's length."""

@@ -6,14 +6,13 @@ slipping ones bear q = d mu p against it, d = +-1.
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
-from mlsanm_cli.values import dataclass
 
 PASSES, TOGETHER = 80, 30
 """Passes of the active set, and the first ones, in which all nodes turn together."""

@@ -10,13 +10,14 @@ integral is exact: between the nodes of either side the integrand is a parabola.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.finite.sides import Side
-from mlsanm_cli.values import dataclass
 
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +10,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.near import Facing
 from mlsanm_cli.mechanics.corner import Corner
-from mlsanm_cli.values import dataclass
 
 SIGHTS = 2000
 """Places at which a range is looked at for summits of its profile."""

@@ -9,6 +9,7 @@ Equations (7) and (8) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -17,7 +18,6 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
-from mlsanm_cli.values import dataclass
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
 Kernels: TypeAlias = tuple[FloatArray, FloatArray]

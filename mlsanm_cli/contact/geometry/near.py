@@ -11,6 +11,7 @@ of the contact's range, from which any number of pressures and gaps between have
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
@@ -30,7 +31,6 @@ from mlsanm_cli.mechanics.near_field import (
     as_real,
     by_component,
 )
-from mlsanm_cli.values import dataclass
 
 STEP = 1e-4
 """Difference quotients along a contact are taken over this part of its range."""

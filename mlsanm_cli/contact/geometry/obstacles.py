@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
@@ -13,7 +14,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.parts import cKDTree
-from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-9
 SHARP = np.deg2rad(15.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -14,7 +14,6 @@ from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.near import Near, turned
 from mlsanm_cli.contact.geometry.obstacles import Shape
-from mlsanm_cli.values import dataclass
 
 OPPOSED = -0.2
 """Surfaces face each other where their outward normals' product is below this."""

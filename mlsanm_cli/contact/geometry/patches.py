@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

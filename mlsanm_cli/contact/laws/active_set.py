@@ -8,6 +8,8 @@ sym(W A) is positive definite.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
@@ -15,7 +17,6 @@ from mlsanm_cli.contact.laws.kkt import kkt_residual
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError, smallest_solution
-from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-11
 

@@ -6,13 +6,14 @@ s = anchor; slipping ones carry t = d mu p with the sense d = +-1.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import ScaledFactor
-from mlsanm_cli.values import dataclass
 
 OPEN, STICK, SLIP = 0, 1, 2
 

@@ -5,6 +5,8 @@ Equation (13) of docs/method.md.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -17,7 +19,6 @@ from mlsanm_cli.contact.laws.set_search import (
     primal_dual_active_set,
 )
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.values import dataclass
 
 NOTHING = 1e-10
 """Pressures below this part of those that would move the surfaces as far as bodies went are none."""

@@ -10,7 +10,7 @@ Equation (12) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +20,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.parts import dgetrf, dgetrs
-from mlsanm_cli.values import dataclass
 
 Rows = FloatArray | sparse.csr_array
 

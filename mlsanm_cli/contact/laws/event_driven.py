@@ -9,7 +9,7 @@ rates would move with friction come to rest. Nothing depends on the size of incr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, NoStateError, 
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.values import dataclass
 
 NEAR = 1e-9
 """A condition is at its limit where it is this close to it, relative to peak pressure and elastic gap."""

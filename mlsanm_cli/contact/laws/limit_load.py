@@ -7,11 +7,12 @@ multipliers are the motion in which the bodies give way. Deformation only matter
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.values import dataclass
 
 ALL = 1.0 - 1e-9
 """Parts of a stage from here on are the whole stage."""

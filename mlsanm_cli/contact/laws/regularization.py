@@ -5,12 +5,11 @@ Equation (12) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ at once at first, one by one should a set come back.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -17,7 +18,6 @@ from mlsanm_cli.contact.laws.sliding import slides_freely
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.values import dataclass
 
 ROUND_OFF = 1e-10
 ALL, WORST, ONE = range(3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -14,7 +14,6 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.linear.interface import Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order, factor_unsymmetric
 from mlsanm_cli.operators.system import Equations
-from mlsanm_cli.values import dataclass
 
 LAST = 2.0**-40
 """Factor on the rows eliminated last: partial pivoting must not fetch one of these dense rows early."""

@@ -18,7 +18,7 @@ would be lost.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -35,7 +35,6 @@ from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.mechanics.scene import Platen, Scene
 from mlsanm_cli.operators.refinement import Progress, refine
-from mlsanm_cli.values import dataclass
 
 ELASTIC = 10.0
 """The elastic change of the gaps over the law's reference gap."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -13,7 +14,6 @@ from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint, RigidMotion, Scene
-from mlsanm_cli.values import dataclass
 
 Held = tuple[str, str]
 

@@ -14,6 +14,7 @@ bond a soft one, by 30 % there. Between 2 and 4 spacings the strip's curvature i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.values import dataclass
 
 COARSE = 3.0
 """Distance of the knots, in spacings of the coarser surface."""

@@ -18,7 +18,7 @@ Equation (10) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,7 +48,6 @@ from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
-from mlsanm_cli.values import dataclass
 
 EVEN = 1e-9
 """Gaps that differ by less than this part of the spacing are equal."""

@@ -9,6 +9,7 @@ tractions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +17,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
-from mlsanm_cli.values import dataclass
 
 
 def spans(names: Iterable[str], counts: Sequence[int]) -> dict[str, slice]:

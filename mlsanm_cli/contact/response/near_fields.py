@@ -8,7 +8,7 @@ doi:10.1002/nme.1208).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,6 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.grid import RULE
 from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex
-from mlsanm_cli.values import dataclass
 
 FAR = 2.0
 """Intervals farther away than so many of their lengths are integrated by the points of the grid."""

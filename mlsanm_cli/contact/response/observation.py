@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -22,7 +23,6 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, probe_rows
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Arrays, Memo, digest
-from mlsanm_cli.values import dataclass
 
 Surface: TypeAlias = tuple[str, str]
 """Its body and its name."""

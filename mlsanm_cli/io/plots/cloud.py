@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.io.plots.figures import picture
 from mlsanm_cli.io.plots.marks import Marks, draw_marks, ends
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.io.plots.figures import COLOURS
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, picture
-from mlsanm_cli.values import dataclass
 
 FloatArray = NDArray[np.float64]
 _STYLES = ("-", "--", ":", "-.")

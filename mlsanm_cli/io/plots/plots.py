@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, REFERENCE_COLOUR, picture
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

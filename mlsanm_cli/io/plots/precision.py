@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, REFERENCE_COLOUR, picture
-from mlsanm_cli.values import dataclass
 
 _LINE: Any = {"color": REFERENCE_COLOUR, "linestyle": "--", "linewidth": 1.0}
 

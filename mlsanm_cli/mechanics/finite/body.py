@@ -15,6 +15,7 @@ Equation (16) of docs/method.md.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +28,6 @@ from mlsanm_cli.mechanics.finite.cells import moments_of_force
 from mlsanm_cli.mechanics.finite.faces import Points, held_points, inner_points, middles, rule_of
 from mlsanm_cli.mechanics.finite.law import Law, determinant
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads, cofactor_normal
-from mlsanm_cli.values import dataclass
 
 SECOND = ((3, 4), (4, 5))
 """Where the derivatives by X and Y of d/dX and of d/dY are among those of a stencil."""

@@ -8,6 +8,7 @@ tractions. Every fit acts on one or two pieces.
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -18,7 +19,6 @@ from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.rows import pair_rows
 from mlsanm_cli.operators.stencils import Stencils, build_gradients
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

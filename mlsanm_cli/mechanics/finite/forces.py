@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

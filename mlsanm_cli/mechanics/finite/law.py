@@ -15,13 +15,13 @@ sections 6.4 and 6.5.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.finite.jets import cauchy, inverse, times, weighted
-from mlsanm_cli.values import dataclass
 
 Kind = Literal["saint-venant-kirchhoff", "neo-hookean"]
 COFACTOR = ((3, 1.0), (2, -1.0), (1, -1.0), (0, 1.0))

@@ -7,7 +7,7 @@ per current length along the current normal: its nominal traction is - p cof(F) 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.faces import Points, loaded_points
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

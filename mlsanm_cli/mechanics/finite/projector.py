@@ -15,6 +15,7 @@ Equation (17) of docs/method.md.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -29,7 +30,6 @@ from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
-from mlsanm_cli.values import dataclass
 
 
 @dataclass(frozen=True)

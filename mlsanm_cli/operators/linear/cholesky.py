@@ -5,6 +5,8 @@ Duff and Reid 1983 (doi:10.1145/356044.356047), Liu 1992 (doi:10.1137/1034004).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sparse
 
@@ -18,7 +20,6 @@ from mlsanm_cli.operators.linear.interface import Factor, Matrix
 from mlsanm_cli.operators.linear.progress import watched
 from mlsanm_cli.operators.linear.scratch import MappedArray
 from mlsanm_cli.operators.structure import structure
-from mlsanm_cli.values import dataclass
 
 DOMAIN = 512
 """Nodes of the largest domains. At 66k nodes they make the factor 25 % smaller and solutions no slower; with

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.dissection import dissect, places_between
 from mlsanm_cli.operators.structure import structure
-from mlsanm_cli.values import dataclass
 
 LEAF = 16
 """Parts that are not cut any more: twice as many make the factor 5 % larger, half as many nothing smaller."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.dissection import nested_dissection
 from mlsanm_cli.operators.linear.interface import Factor, Matrix, products_of_solutions
-from mlsanm_cli.values import dataclass
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
