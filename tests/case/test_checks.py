@@ -247,3 +247,8 @@ def test_planned_keys_may_be_switched_off() -> None:
 def test_other_faults_are_told_beside_a_refusal() -> None:
     found = problems(HERTZ, ["support.0.uy=0.1", "body.block.spacing=-1"])
     assert {problem.key for problem in found} == {"support.0.uy", "body.block.spacing"}
+
+
+def test_a_contact_with_a_fault_is_a_contact_all_the_same() -> None:
+    chosen = 'solver.formulation="monolithic"'
+    assert only(HERTZ, [chosen, 'contact.interface.friction="some"']).key == "contact.interface.friction"

@@ -72,13 +72,13 @@ def test_explain(capsys: Capture) -> None:
 def install(monkeypatch: pytest.MonkeyPatch, **functions: Any) -> None:
     import sys
 
-    import mlsanm_cli.app
+    import mlsanm_cli.app.results
 
     module = ModuleType("mlsanm_cli.app.results.probe")
     for name, function in functions.items():
         setattr(module, name, function)
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setattr(mlsanm_cli.app, "probe", module, raising=False)
+    monkeypatch.setattr(mlsanm_cli.app.results, "probe", module, raising=False)
 
 
 def test_probe_of_a_force(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
