@@ -49,7 +49,7 @@ CHUNK_BYTES, CHUNK_ROWS = 8192, 128
 AGREES = 1e-8
 """A run that goes on has the same model if its arrays differ by no more than this part of their size."""
 # HDF5 1.8 to 1.10: compact groups, and readable by every program in use (ParaView, MATLAB, old h5py).
-_MEMORY: Any = {"driver": "core", "backing_store": False, "libver": ("v108", "v110"), "locking": False}
+_LIBRARY_VERSIONS = ("v108", "v110")
 
 Attribute = str | int | float
 Value = np.ndarray[Any, Any] | str | list[str]
@@ -84,7 +84,7 @@ class RunFile:
         """Create ``path`` with status "running"; RunError if it exists or cannot be made."""
         if os.path.lexists(path):
             raise RunError(f"{path} exists already", hint="use --force or another --out")
-        run = cls(path, h5py.File(path, "w", **_MEMORY))
+        run = cls(path, h5py.File(path, "w", libver=_LIBRARY_VERSIONS, driver="core", backing_store=False))
         own: dict[str, Attribute] = {"format": FORMAT, "mlsanm_version": __version__, "status": "running"}
         run.add(attributes={"": {**own, **attributes}})
         return run
@@ -93,7 +93,9 @@ class RunFile:
     def reopen(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
         """Go on with the file of a run that was stopped or killed, with status "running". RunError."""
         try:
-            file = h5py.File(path, "r+", **_MEMORY)
+            # By its content: a file that stays open cannot be replaced on Windows.
+            image = h5py.h5f.open_file_image(path.read_bytes(), flags=h5py.h5f.FILE_IMAGE_OPEN_RW)
+            file = h5py.File(image)
             # All that it holds is looked at, as it will be written again.
             file.visititems(lambda name, found: None)
         except (OSError, RuntimeError, ValueError, KeyError) as error:

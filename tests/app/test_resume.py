@@ -180,6 +180,10 @@ def test_a_model_that_does_not_come_out_again_is_told(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="checkpoint of the run cannot be read"):
         resume(cut, console=Quiet())
     with h5py.File(cut / "run.h5", "r+") as file:
+        del file["checkpoint"]
+    with pytest.raises(RunError, match="checkpoint of the run cannot be read"):
+        resume(cut, console=Quiet())
+    with h5py.File(cut / "run.h5", "r+") as file:
         resolved = file["case/resolved"].asstr()[()]
         del file["case/resolved"]
         file["case/resolved"] = resolved.replace("-226.0", "-227.0")
