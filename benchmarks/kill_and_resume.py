@@ -4,7 +4,7 @@ Five cases: no contact, power series without friction, friction with memory that
 and by the exact law, and refined clouds. Each is run once to its end; then it is killed by SIGKILL at moments
 drawn evenly from the time between its first file and its end, every second time once more while it is
 resumed, and compared with the first: saved states and the last row agree within the solver's tolerance. Files
-are written after every step and not every half a minute, which is longer than these runs. A run that was over
+are written every 0.3 s and not every half a minute, which is longer than these runs. A run that was over
 before its moment came, or not begun, is not counted as killed.
 Writes kill_and_resume.json beside the other results.
 
@@ -64,7 +64,7 @@ QUIET = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 def command(*arguments: str) -> subprocess.Popen[bytes]:
     """``mlsanm`` as a process of its own."""
     program = "from mlsanm_cli.cli import main; from mlsanm_cli.io import run_file"
-    whole = [sys.executable, "-c", f"{program}; run_file.EVERY = run_file.SHARE = 0.0; main()"]
+    whole = [sys.executable, "-c", f"{program}; run_file.EVERY, run_file.SHARE = 0.3, 1.0; main()"]
     whole += [*arguments, "--quiet"]
     return subprocess.Popen(whole, env={**os.environ, **QUIET}, stderr=subprocess.PIPE)
 

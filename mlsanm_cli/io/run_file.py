@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import h5py
@@ -49,19 +50,21 @@ CHUNK_BYTES, CHUNK_ROWS = 8192, 128
 AGREES = 1e-8
 """A run that goes on has the same model if its arrays differ by no more than this part of their size."""
 # HDF5 1.8 to 1.10: compact groups, and readable by every program in use (ParaView, MATLAB, old h5py).
-_MEMORY: Any = {"driver": "core", "backing_store": False, "libver": ("v108", "v110"), "locking": False}
+_LIBRARY_VERSIONS = ("v108", "v110")
 
 Attribute = str | int | float
 Value = np.ndarray[Any, Any] | str | list[str]
 """Of a dataset: an array, a text, or texts."""
 
 
-_Change = tuple[
-    "list[dict[str, Any]]",
-    "Mapping[str, Value]",
-    "Mapping[str, Mapping[str, Attribute]]",
-    "Callable[[], Mapping[str, Value]] | None",
-]
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What `RunFile.add` was given at a time."""
+
+    rows: Sequence[Mapping[str, NDArray[Any]]]
+    datasets: Mapping[str, Value]
+    attributes: Mapping[str, Mapping[str, Attribute]]
+    latest: Callable[[], Mapping[str, Value]] | None
 
 
 class RunFile:
@@ -74,17 +77,17 @@ class RunFile:
 
     def __init__(self, path: Path, file: Any) -> None:
         self._path, self._file = path, file
-        self._pending: list[_Change] = []
+        self._pending: list[Change] = []
         self._rows: dict[str, int] = {}
         self._saved, self._took = time.monotonic(), 0.0
-        self._broken = False
+        self._unsaved = self._broken = False
 
     @classmethod
     def create(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
         """Create ``path`` with status "running"; RunError if it exists or cannot be made."""
         if os.path.lexists(path):
             raise RunError(f"{path} exists already", hint="use --force or another --out")
-        run = cls(path, h5py.File(path, "w", **_MEMORY))
+        run = cls(path, h5py.File(path, "w", libver=_LIBRARY_VERSIONS, driver="core", backing_store=False))
         own: dict[str, Attribute] = {"format": FORMAT, "mlsanm_version": __version__, "status": "running"}
         run.add(attributes={"": {**own, **attributes}})
         return run
@@ -93,7 +96,9 @@ class RunFile:
     def reopen(cls, path: Path, attributes: Mapping[str, Attribute]) -> RunFile:
         """Go on with the file of a run that was stopped or killed, with status "running". RunError."""
         try:
-            file = h5py.File(path, "r+", **_MEMORY)
+            # By its content: a file that stays open cannot be replaced on Windows.
+            image = h5py.h5f.open_file_image(path.read_bytes(), flags=h5py.h5f.FILE_IMAGE_OPEN_RW)
+            file = h5py.File(image)
             # All that it holds is looked at, as it will be written again.
             file.visititems(lambda name, found: None)
         except (OSError, RuntimeError, ValueError, KeyError) as error:
@@ -112,15 +117,17 @@ class RunFile:
         """Add rows, each one value to every column that it names, store datasets in place of those of the
         same name, and set attributes of groups ("": of the root). Arrays given may change afterwards.
 
-        ``latest`` gives more datasets, and is asked only if the file is written before it is given again.
+        ``latest`` gives the datasets of a checkpoint, and is asked only if the file is written before another
+        one is given.
         """
         kept = [{name: _array(value) for name, value in row.items()} for row in rows]
         arrays = {
             name: value.copy() if isinstance(value, np.ndarray) else value
             for name, value in (datasets or {}).items()
         }
+        self._unsaved = True
         # One change of one list, so that no signal comes in between.
-        self._pending.append((kept, arrays, attributes or {}, latest))
+        self._pending.append(Change(kept, arrays, attributes or {}, latest))
 
     def confirm(self, datasets: Mapping[str, Value]) -> None:
         """Store what is not there yet; RunError where something else is there."""
@@ -152,7 +159,7 @@ class RunFile:
         except (WriteError, MemoryError, RuntimeError) as error:
             self._broken = True
             raise error if isinstance(error, WriteError) else cannot_write(self._path, error) from error
-        self._saved = time.monotonic()
+        self._unsaved, self._saved = False, time.monotonic()
         self._took = self._saved - began
 
     def path_table(self) -> Mapping[str, NDArray[Any]]:
@@ -176,7 +183,7 @@ class RunFile:
         if not self._file.id.valid:
             return
         try:
-            if self._pending and not self._broken:
+            if self._unsaved and not self._broken:
                 self.save()
         finally:
             self._file.close()
@@ -194,21 +201,28 @@ class RunFile:
         taken = list(self._pending)
         columns: dict[str, list[Any]] = {}
         latest = None
-        for added, datasets, attributes, given in taken:
-            for row in added:
+        for change in taken:
+            for row in change.rows:
                 for name, value in row.items():
                     columns.setdefault(name, []).append(value)
-            for name, value in datasets.items():
-                self._put(name, value)
-            for name, numbers in attributes.items():
+            for name, content in change.datasets.items():
+                self._put(name, content)
+            for name, numbers in change.attributes.items():
                 self._group(name).attrs.update(numbers)
-            latest = given or latest
-        for name, value in latest().items() if latest else ():
-            self._put(name, value)
+            latest = change.latest or latest
+        if latest is not None:
+            self._put_checkpoint(latest())
         rows = dict(self._rows)
         for name, values in columns.items():
             rows[name] = self._append(name, np.stack(values))
         self._rows, self._pending = rows, self._pending[len(taken) :]
+
+    def _put_checkpoint(self, datasets: Mapping[str, Value]) -> None:
+        """Store what the path goes on from, and nothing of what it went on from before."""
+        if "checkpoint/path" in self._file:
+            del self._file["checkpoint/path"]
+        for name, value in datasets.items():
+            self._put(name, value)
 
     def _put(self, name: str, value: Any) -> None:
         parent, _, own = name.rpartition("/")

@@ -172,6 +172,17 @@ def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
     return _reading(rundir, lambda root, file: path_table(root))
 
 
+def read_series(rundir: Path, step: int) -> tuple[Mapping[str, FloatArray], Mapping[str, Any]]:
+    """Arrays and attributes stored for ``step``; both empty for a step without a series. Raises RunError as
+    `read_run` does."""
+
+    def read(root: Any, file: Path) -> tuple[Mapping[str, FloatArray], Mapping[str, Any]]:
+        found = dict(_items(root, f"series/{step}"))
+        return _tree(found), dict(root[f"series/{step}"].attrs) if found else {}
+
+    return _reading(rundir, read)
+
+
 def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
     """What ``read`` finds in run.h5."""
     file = rundir if rundir.is_file() else rundir / RUN_FILE

@@ -42,9 +42,9 @@ SCENES = {
     "polished friction": (SHEARED, ("solver.polish=true", *SHORT)),
 }
 EVERY = {
-    "friction": 5,
-    "friction by newton": 17,
-    "polished friction": 11,
+    "friction": 12,
+    "friction by newton": 40,
+    "polished friction": 30,
     "monolithic": 4,
     "holonomic": 5,
     "series": 4,

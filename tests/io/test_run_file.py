@@ -222,6 +222,8 @@ def test_a_signal_amid_saving_repeats_nothing(tmp_path: Path, monkeypatch: pytes
     with pytest.raises(KeyboardInterrupt):
         run.save()
     write_steps(run, range(4, 6))
+    assert len(run.path_table()["position"]) == 6
+    # What was taken in for the table is saved too.
     run.close()
     run.close()
     data = read_run(tmp_path)

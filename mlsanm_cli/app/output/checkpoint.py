@@ -52,7 +52,8 @@ def earlier_of(origin: RunOrigin) -> Earlier:
     """What a run stored to go on from. RunError if it is damaged or of another version."""
     stored = origin.checkpoint
     try:
-        started = "last" in stored
+        # Without rows nothing need be there.
+        started = origin.rows > 0 or "last" in stored
         return Earlier(
             rows=origin.rows,
             seconds=origin.seconds,

@@ -9,8 +9,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.run_reader import RunData
-from mlsanm_cli.io.series_reader import read_series
+from mlsanm_cli.io.run_reader import RunData, read_series
 
 STORED, SERIES, LINEAR = "stored", "series", "linear"
 SAME = 1e-12
