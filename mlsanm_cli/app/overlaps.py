@@ -300,8 +300,7 @@ def _hint(built: Built, worst: Overlap, found: Sequence[Overlap]) -> str:
         names = {worst.boundary, worst.other}
         if contact.ends is not None and names & set(contact.sides[0].boundaries) and names <= _both(contact):
             return (
-                f"contact.{contact.name}.from and to leave it out: take them away, or put them farther "
-                f"apart"
+                f"contact.{contact.name}.from and to leave it out: take them away, or put them farther apart"
             )
     if meant:
         return f"take it into the contact, as in {' and '.join(changes)}, or draw it further apart"
