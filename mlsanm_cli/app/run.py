@@ -154,6 +154,12 @@ def carry_out(
         if reached is not None and recorder.last is not None:
             at = f"at position {recorder.last.position:.9g}"
             ending = Ending("done", f"{reached.told}, {at}", stopped_by=reached.told)
+        if recorder.last is not None and len(built.condensed.friction_nodes):
+            from mlsanm_cli.app.friction_accuracy import with_friction
+
+            with clock.phase("estimate"):
+                accuracy = with_friction(built, adapted.accuracy, recorder.last)
+            adapted = replace(adapted, accuracy=accuracy)
         estimates = adapted.accuracy.figures(built, recorder.last)
         for warning in check_estimates(built, estimates["pressure"], estimates["displacement"]):
             recorder.warn(warning)

@@ -232,3 +232,12 @@ rounding = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"""
     assert summary["status"] == "done", summary["stop_reason"]
     summary = solve(text + both[0], tmp_path / "one", "load.press.uy=-0.01")
     assert summary["stop_reason"].startswith("pad.right lies inside the obstacle of contact left")
+
+
+def test_what_from_and_to_leave_out_is_named(tmp_path: Path) -> None:
+    ends = "from = [-0.6, 0.0]\nto = [0.6, 0.0]\nregularization"
+    sharp = PAD.replace("rounding = [0.8, 0.8, 0.0, 0.0]", "rounding = [0.0, 0.0, 0.0, 0.0]")
+    text = sharp + BLOCK.replace("regularization", ends)
+    summary = solve(text, tmp_path / "run")
+    assert summary["stop_reason"].startswith("pad.face lies inside block.top")
+    assert summary["hint"].startswith("contact.face.from and to leave it out: take them away")

@@ -162,3 +162,22 @@ def test_nearly_incompressible_bodies_have_no_estimate(tmp_path: Path) -> None:
     summary, _ = solve("lame", tmp_path / "run", "mls.degree=2", "material.steel.nu=0.4999")
     assert summary["status"] == "done"
     assert summary["error_estimate"] == {"displacement": None, "pressure": {}}
+
+
+@pytest.mark.parametrize("law", [EXACT, SMOOTH], ids=["exact", "hyperbolic"])
+def test_friction_whose_loads_have_turned_back(tmp_path: Path, law: str) -> None:
+    spacings = {"cylinder": 0.06, "block": 0.1}
+    sizes = [f"body.{body}.spacing={spacing!r}" for body, spacing in spacings.items()]
+    coarse = [f"body.{body}.spacing={2.0 * spacing!r}" for body, spacing in spacings.items()]
+    truth = Truth(solve("cattaneo_mindlin", tmp_path / "fine", EXACT, *sizes)[1])
+    summary, data = solve("cattaneo_mindlin", tmp_path / "run", law, *coarse)
+    true, told = truth.errors(data)[0], summary["error_estimate"]["displacement"]
+    assert true / FACTOR <= told <= true * FACTOR
+    # Tractions make pressures of their own; what the grid leaves counts here too.
+    assert 1e-4 <= summary["error_estimate"]["pressure"]["interface"] <= 0.02
+
+
+def test_an_exact_result_with_friction_is_known_to_be_exact(tmp_path: Path) -> None:
+    estimate = solve("shear_patch", tmp_path / "run")[0]["error_estimate"]
+    assert estimate["displacement"] <= 1e-10
+    assert estimate["pressure"]["interface"] <= 1e-7

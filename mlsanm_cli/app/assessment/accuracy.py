@@ -60,7 +60,7 @@ class Accuracy:
             return {"displacement": None, "pressure": dict.fromkeys(self.from_bulk)}
         pressure = {}
         for pairing in built.condensed.pairings:
-            away = _distance(built, pairing, self.state, state.pressure) if state is not None else 0.0
+            away = distance(built, pairing, self.state, state.pressure) if state is not None else 0.0
             pressure[pairing.name] = _together(
                 self.from_bulk[pairing.name], self.from_contact[pairing.name], away
             )
@@ -101,12 +101,12 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     except NumericalError:  # what was changed but a little has no contact state at all
         return Accuracy(None, untold, untold, state, largest, defects, solutions)
     from_contact = {
-        pair.name: _distance(built, pair, state, halved)
+        pair.name: distance(built, pair, state, halved)
         if pair.near is None
         else float(np.linalg.norm(grid_errors(condensed, pair.name, [state])))
         for pair in condensed.pairings
     }
-    from_bulk = {pair.name: _distance(built, pair, state, pressure) for pair in condensed.pairings}
+    from_bulk = {pair.name: distance(built, pair, state, pressure) for pair in condensed.pairings}
     displacement = float(np.sqrt(error / size)) if size > 0.0 else None
     return Accuracy(displacement, from_bulk, from_contact, state, largest, defects, solutions)
 
@@ -150,7 +150,7 @@ def _corrected(
     return error, after.pressure
 
 
-def _distance(
+def distance(
     built: CondensedScene, pairing: Pairing, state: ExactState, pressure: FloatArray
 ) -> float | None:
     """L2 distance of a contact's pressures from the exact ones, relative; None where nothing presses."""

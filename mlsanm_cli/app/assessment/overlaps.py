@@ -17,6 +17,7 @@ import numpy as np
 from mlsanm_cli.app.assessment.deformed import ROUND_OFF, Outline, distances, outline_of
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.case import Contact
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
@@ -295,6 +296,12 @@ def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> st
                 listed = ", ".join(f'"{name}"' for name in dict.fromkeys((*side.boundaries, *more)))
                 changes.append(f"contact.{contact.name}.{role} = [{listed}]")
                 meant |= any(name in more for name in (worst.boundary, worst.other))
+    for contact in built.case.contact:
+        names = {worst.boundary, worst.other}
+        if contact.ends is not None and names & set(contact.sides[0].boundaries) and names <= _both(contact):
+            return (
+                f"contact.{contact.name}.from and to leave it out: take them away, or put them farther apart"
+            )
     if meant:
         return f"take it into the contact, as in {' and '.join(changes)}, or draw it further apart"
     whom = "that obstacle" if worst.other.startswith("the ") else f'master = "{worst.other}"'
@@ -302,6 +309,11 @@ def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> st
         f'give it a [[contact]] of its own with slave = "{worst.boundary}" and {whom}, '
         f"or draw it further apart"
     )
+
+
+def _both(contact: Contact) -> set[str]:
+    """The boundaries of a contact, and its obstacle."""
+    return {*contact.boundaries, _obstacle(contact.name)}
 
 
 def _outside(overlap: Overlap, boundaries: Sequence[str], built: CondensedScene) -> list[str]:

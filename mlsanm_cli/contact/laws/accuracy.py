@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import spans
-from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows
+from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows, slip_rows
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.scene import Platen, Scene
 
@@ -25,23 +26,37 @@ def corrected_state(
     It changes the gaps, and what platens carry whose force comes from the stress field. Raises NumericalError
     where the changed contact has no solution.
     """
+    gaps, _, lack = lacking(condensed, scene, correction)
+    changed = replace(
+        condensed,
+        gap=_shifted(condensed.gap, gaps),
+        balance=_shifted(condensed.balance, lack),
+    )
+    return solve_exact(changed, state.factors, state.active)
+
+
+def lacking(
+    condensed: Condensed, scene: Scene, correction: Mapping[str, FloatArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What a ``correction`` (2n,) per body of the displacements changes of gaps (m,) and slips (n,), and of
+    what the movers lack (k,)."""
     paired = sum(len(pairing.position) for pairing in condensed.pairings)
-    gaps = np.zeros(paired)
+    rough = tuple(pairing for pairing in condensed.pairings if pairing.friction)
+    gaps, slips = np.zeros(paired), np.zeros(sum(len(pairing.position) for pairing in rough))
     for name, body in scene.bodies.items():
         gaps += gap_rows(body, name, condensed.pairings) @ correction[name]
-    candidate = np.concatenate([np.zeros(0, dtype=bool), *(p.candidate for p in condensed.pairings)])
+        slips += slip_rows(body, name, rough) @ correction[name]
     lack = np.zeros(len(condensed.balance.constant))
     for row, (mover, motion) in enumerate(scene.unknown_motions):
         if isinstance(mover, Platen) and not motion.alone:
             for owner, surface in mover.held:
                 rows = reaction_rows(scene.bodies[owner], surface, mover.center)
                 lack[row] += (rows @ correction[owner])[motion.component]
-    changed = replace(
-        condensed,
-        gap=_shifted(condensed.gap, gaps[candidate]),
-        balance=_shifted(condensed.balance, lack),
-    )
-    return solve_exact(changed, state.factors, state.active)
+    return gaps[_candidates(condensed.pairings)], slips[_candidates(rough)], lack
+
+
+def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:
+    return np.concatenate([np.zeros(0, dtype=bool), *(pairing.candidate for pairing in pairings)])
 
 
 def halved_pressure(condensed: Condensed, state: ExactState) -> FloatArray:

@@ -23,6 +23,7 @@ from mlsanm_cli.errors import NumericalError
 
 NEAR = 1e-9
 """A condition is at its limit where it is this close to it, relative to peak pressure and elastic gap."""
+ROUND_OFF = 50.0 * float(np.finfo(float).eps)
 JUMPS = tuple(10.0**power for power in range(-6, 0))
 """Where no rates continue the path, finite increments of these parts of the stage are tried in turn."""
 STANDSTILL = 1e-13
@@ -130,11 +131,13 @@ def event_driven_path(
         yield Event(fraction, state, solves)
 
 
-def _limits(condensed: Condensed, values: ContactState) -> tuple[float, float]:
-    """Pressure and gap that count as nothing."""
+def _limits(condensed: Condensed, values: ContactState) -> tuple[float, FloatArray]:
+    """Pressure, and gaps (m,), that count as nothing: those that such a pressure opens at a node by itself,
+    as closing one over more than that would pull at it, or what round-off leaves."""
     force = NEAR * float(values.pressure.max(initial=0.0))
     elastic = float(np.abs(condensed.gap.pressure @ values.pressure).max(initial=0.0))
-    return force, NEAR * elastic
+    own = force * np.abs(np.diagonal(condensed.gap.pressure))
+    return force, np.minimum(np.maximum(own, ROUND_OFF * elastic), NEAR * elastic)
 
 
 def _slack(condensed: Condensed, values: ContactState, side: float) -> FloatArray:
@@ -191,7 +194,7 @@ def _next_event(condensed: Condensed, state: CoulombState, course: _Course) -> f
     )
 
 
-def _until(value: FloatArray, rate: FloatArray, limit: float, chosen: BoolArray) -> float:
+def _until(value: FloatArray, rate: FloatArray, limit: float | FloatArray, chosen: BoolArray) -> float:
     """Until the first of the chosen values comes to zero; those at their limit already have been seen to."""
     falling = chosen & (value > limit) & (rate < 0.0)
     return float((value[falling] / -rate[falling]).min(initial=np.inf))

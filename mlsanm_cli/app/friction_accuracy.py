@@ -1,0 +1,112 @@
+"""Error estimates of states with friction, at the end of a path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.app.assessment.accuracy import Accuracy, distance
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.frozen import Change, frozen_change
+from mlsanm_cli.contact.laws.accuracy import halved_pressure, lacking
+from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_status import STICK
+from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.defect import DEGREES, Corrected, correct
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.contact_grids import grid_errors
+from mlsanm_cli.solve.state import State
+
+
+def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Accuracy:
+    """The estimates of a scene with friction in its last ``state``; those of others as they are.
+
+    As without friction, from bodies corrected by their defect and from every second node, but with what
+    sticks and slips as it does in that state: no history is followed again.
+    """
+    condensed = built.condensed
+    if not len(condensed.friction_nodes) or condensed.bonds.pairings or not state.closed.any():
+        return accuracy
+    if built.case.mls.degree not in DEGREES:
+        return accuracy
+    stuck = state.status == STICK
+    last = ExactState(
+        *(state.factors, state.pressure, state.gap, state.motion, state.traction),
+        *(state.closed, stuck, 0, state.residual),
+    )
+    try:
+        bodies = {
+            name: correct(
+                body, condensed.source(name, *state.unknowns), built.scene.loose_patterns(name) @ state.motion
+            )
+            for name, body in built.scene.bodies.items()
+        }
+        change = _change(built, last, bodies)
+    except NumericalError:  # a cloud too small for the next degree, or contact that holds nothing
+        return accuracy
+    size = float(sum((one.displacement**2).sum() for one in bodies.values()))
+    error = _moved(built, bodies, change)
+    halved = _halved(built, last)
+    from_bulk, from_contact = {}, {}
+    for pair in condensed.pairings:
+        from_bulk[pair.name] = distance(built, pair, last, state.pressure + change.pressure)
+        if pair.near is not None:
+            from_contact[pair.name] = float(np.linalg.norm(grid_errors(condensed, pair.name, [last])))
+        else:
+            from_contact[pair.name] = None if halved is None else distance(built, pair, last, halved)
+    displacement = float(np.sqrt(error / size)) if size > 0.0 else None
+    return replace(
+        accuracy, displacement=displacement, from_bulk=from_bulk, from_contact=from_contact, state=last
+    )
+
+
+def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> Change:
+    """How the contact answers to the bodies' corrections."""
+    condensed = built.condensed
+    by = lacking(condensed, built.scene, {name: one.change for name, one in bodies.items()})
+    # The residual gaps of a smooth law are no error of the bodies.
+    gaps = np.where(state.active, 0.0, state.gap)
+    stuck = state.stuck[condensed.friction_nodes]
+    return frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
+
+
+def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: Change) -> float:
+    """Sum of squares of what the corrections and the contact's answer change of all displacements."""
+    condensed, scene, error = built.condensed, built.scene, 0.0
+    moved = (np.zeros(len(built.stages[-1])), change.motion, change.pressure, change.traction)
+    for name, body in scene.bodies.items():
+        followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
+        total = bodies[name].change + followed + scene.loose_patterns(name) @ change.motion
+        total = total + condensed.near_fields(scene, name, moved)[0].ravel()
+        error += float((total**2).sum())
+    return error
+
+
+def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
+    """Pressures (m,) from every second node, with the tractions of the state as loads; None where such
+    contacts are balanced by tractions alone."""
+    condensed = built.condensed
+    if all(pair.near is not None for pair in condensed.pairings):
+        return None
+    pushed = replace(
+        condensed,
+        friction_nodes=condensed.friction_nodes[:0],
+        friction=condensed.friction[:0],
+        tangential={},
+        gap=_with_tractions(condensed.gap, state.traction),
+        slip=_with_tractions(condensed.slip.take(slice(0, 0)), state.traction),
+        balance=_with_tractions(condensed.balance, state.traction),
+    )
+    try:
+        return halved_pressure(pushed, state)
+    except NumericalError:
+        return None
+
+
+def _with_tractions(linear: LinearMap, traction: FloatArray) -> LinearMap:
+    """A map with the tractions as part of its constant."""
+    constant = linear.constant + linear.traction @ traction
+    return replace(linear, constant=constant, traction=linear.traction[:, :0])
