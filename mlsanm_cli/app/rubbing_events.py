@@ -83,7 +83,7 @@ class Barrier:
         sign = np.where(problem.sets.closed[c.rubbing], 1.0, -1.0)
         held = self._stuck
         limit, friction = c.friction[held] * pressure[:, held], t[:, held] / problem.law.pressure
-        base, rows = problem.base, problem.m + self._sliding
+        base, rows = problem.coupling, problem.m + self._sliding
         slip = np.hstack([p, t, q]) @ base.slips[self._sliding].T
         slip += np.outer(load, base.load[rows] @ problem.change)
         rates = -slip * problem.sets.sense[self._sliding]
@@ -168,7 +168,7 @@ def continued(
 
     def solve(sets: Sets) -> tuple[RubbingContact, Values, FloatArray]:
         anchor = np.where(sets.stuck & ~before.stuck, now, problem.anchor)
-        system = RubbingContact(problem.base, problem.start, problem.end, sets, anchor, problem.tally)
+        system = RubbingContact(problem.coupling, problem.start, problem.end, sets, anchor, problem.tally)
         try:
             rates, slipped = system.rates(x, lam)
         except np.linalg.LinAlgError as error:

@@ -69,7 +69,7 @@ def rubbing_path(built: Built, mark: RubbingMark | None) -> Iterator[PathStep]:
             steps = walk.go_on(point, mark)
         else:
             problem = point.problem
-            staged = RubbingContact(problem.base, begin, end, problem.sets, problem.anchor, problem.tally)
+            staged = RubbingContact(problem.coupling, begin, end, problem.sets, problem.anchor, problem.tally)
             steps = walk.steps(replace(point, problem=staged, lam=0.0))
         try:
             yield from steps

@@ -107,7 +107,7 @@ def moved(point: Point, x: FloatArray, lam: float) -> Point:
 def series_of(problem: RubbingContact, branch: Branch, stage: int) -> dict[str, FloatArray]:
     names = ("pressure", "gap", "motion", "traction")
     pressure, gap, motion, traction = problem.split(branch.x)
-    parts = (pressure, gap, problem.base.told_apart(motion)[0], traction)
+    parts = (pressure, gap, problem.coupling.told_apart(motion)[0], traction)
     return series_arrays(branch, stage, dict(zip(names, parts, strict=True)))
 
 
@@ -117,7 +117,7 @@ def state_of(point: Point, stage: int, residual: float) -> State:
     factors = problem.factors(point.lam)
     status = smooth_status(problem.law, pressure, gap, c.rubbing[problem.sets.stuck])
     slip = problem.yielded(point.x, point.lam) - problem.law.creep * traction
-    motion, displacement = problem.base.told_apart(motion)
+    motion, displacement = problem.coupling.told_apart(motion)
     return State(
         stage + point.lam,
         factors,

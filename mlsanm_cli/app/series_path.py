@@ -14,9 +14,9 @@ from mlsanm_cli.app.states import PathStep, State, wanted_positions
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.coupling import Coupling, DenseCoupling
 from mlsanm_cli.contact.holonomic import HolonomicContact
-from mlsanm_cli.contact.hyperbolic import HyperbolicContact
 from mlsanm_cli.contact.monolithic import SparseCoupling, sparse_coupling
 from mlsanm_cli.contact.regularization import Regularization
+from mlsanm_cli.contact.rubbing import RubbingContact
 from mlsanm_cli.contact.scales import regularize
 from mlsanm_cli.contact.sets import OPEN, SLIP, STICK
 from mlsanm_cli.continuation import (
@@ -98,7 +98,7 @@ def smooth_path(built: Built, mark: SmoothMark | None) -> Iterator[PathStep]:
             raise stopped(stage, follower.outcome)
 
 
-Memoryless = HyperbolicContact | HolonomicContact
+Memoryless = RubbingContact | HolonomicContact
 
 
 def behind(follower: Follower) -> Branch | None:
@@ -127,7 +127,7 @@ def coupling_of(built: Built, law: Regularization) -> DenseCoupling | SparseCoup
 
 def problem_of(built: Built, coupling: Coupling, stage: int) -> Memoryless:
     """The equations of a stage under a law without memory."""
-    make = HolonomicContact if len(built.condensed.rubbing) else HyperbolicContact
+    make = HolonomicContact if len(built.condensed.rubbing) else RubbingContact.frictionless
     return make(coupling, built.stages[stage], built.stages[stage + 1])
 
 
@@ -245,10 +245,9 @@ def path_step(
 
 def _series(problem: Memoryless, branch: Branch, stage: int) -> dict[str, FloatArray]:
     """Coefficients over the path parameter a, 0 <= a <= length; with ``denominator`` the Pade form holds."""
-    names = ("pressure", "gap", "motion", "traction")
-    pressure, gap, motion, *rest = problem.split(branch.x)
-    parts = (pressure, gap, problem.coupling.told_apart(motion)[0], *rest)
-    return series_arrays(branch, stage, dict(zip(names, parts, strict=False)))
+    pressure, gap, motion, traction, *_ = problem.split(branch.x)
+    parts = {"pressure": pressure, "gap": gap, "motion": problem.coupling.told_apart(motion)[0]}
+    return series_arrays(branch, stage, parts | {"traction": traction} if problem.n else parts)
 
 
 def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> dict[str, FloatArray]:

@@ -37,11 +37,6 @@ class Local:
     traction: FloatArray
     drag: FloatArray
 
-    @classmethod
-    def frictionless(cls, gap: FloatArray, pressure: FloatArray) -> Local:
-        """Without any slips."""
-        return cls(gap, pressure, *[np.zeros(0)] * 3)
-
 
 class CoupledTangent(Protocol):
     """A factorised tangent over y = (p, t, q)."""

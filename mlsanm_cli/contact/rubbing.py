@@ -11,6 +11,10 @@ are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
     r2 = h - gap(f, q, p, t)
     r3 = balance(f, q, p, t)
     r4 = s(f, q, p, t) + c t - anchor  |  t - d mu (p - p_0)  |  t
+
+Without friction t and r4 are empty, and what is left is the hyperbola alone (Elhage-Hussein, Potier-Ferry and
+Damil, Int. J. Solids Structures 37, 2000, 6981): the gap under a pressure p is about eta delta / p, the
+spurious tension of an open node stays below eta, and the branch h < 0 means nothing.
 """
 
 from __future__ import annotations
@@ -50,7 +54,7 @@ class CoupledRubbingTangent:
             traction=np.where(stuck, 0.0, 1.0 / problem.limit),
             drag=np.where(stuck, 0.0, -problem.drag / problem.limit),
         )
-        self._tangent = GapTangent(problem.base, problem.base.tangent(local), local)
+        self._tangent = GapTangent(problem.coupling, problem.coupling.tangent(local), local)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (2m + k + n,)."""
@@ -133,13 +137,13 @@ class Tally:
 class RubbingContact:
     """The problem over one stage with given ``sets``, in the form the continuation driver asks for.
 
-    The slips of ``base`` are softened by the asperities; ``anchor`` (n,) are the values of s + c t at which
-    sticking nodes came to rest. ``tally`` counts the tangents of a whole path.
+    The slips of the ``coupling`` are softened by the asperities; ``anchor`` (n,) are the values of s + c t
+    at which sticking nodes came to rest. ``tally`` counts the tangents of a whole path.
     """
 
     def __init__(
         self,
-        base: Coupling,
+        coupling: Coupling,
         start: FloatArray,
         end: FloatArray,
         sets: Sets,
@@ -147,19 +151,19 @@ class RubbingContact:
         tally: Tally | None = None,
     ) -> None:
         self.tally = tally or Tally()
-        condensed, law = base.condensed, base.law
-        self.base, self.condensed, self.law = base, condensed, law
+        condensed, law = coupling.condensed, coupling.law
+        self.coupling, self.condensed, self.law = coupling, condensed, law
         self.start, self.end, self.change = start, end, end - start
         self.sets, self.anchor = sets, anchor
-        self.m, self.k, self.n = len(condensed.weight), len(base.motion), len(condensed.rubbing)
+        self.m, self.k, self.n = len(condensed.weight), len(coupling.motion), len(condensed.rubbing)
         self.size = 2 * self.m + self.k + self.n
         self.limit = condensed.friction * law.pressure
         self.stuck = np.flatnonzero(sets.stuck)
         self.drag = sets.sense * condensed.friction
         self.scale = np.concatenate(
-            [np.full(self.m, law.pressure), np.full(self.m, law.gap), base.motion, self.limit]
+            [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion, self.limit]
         )
-        moved = base.load @ self.change
+        moved = coupling.load @ self.change
         rubbed = np.zeros(self.n)
         rubbed[self.stuck] = moved[self.m + self.stuck]
         self._load_derivative = np.concatenate(
@@ -167,16 +171,22 @@ class RubbingContact:
         )
         self._ready: tuple[FloatArray, RubbingTangent | CoupledRubbingTangent] | None = None
 
+    @classmethod
+    def frictionless(cls, coupling: Coupling, start: FloatArray, end: FloatArray) -> RubbingContact:
+        """The problem of contacts without friction, whose sets never change."""
+        nowhere = np.zeros(len(coupling.condensed.weight), dtype=bool)
+        return cls(coupling, start, end, Sets(nowhere, np.zeros(0, dtype=bool), np.zeros(0)), np.zeros(0))
+
     @cached_property
     def reduced(self) -> FloatArray:
         """Rows of gaps, sticking nodes' slips and balances over pressures, their tractions and motions.
 
         The tractions of slipping nodes go with their pressures. Dense couplings only.
         """
-        assert isinstance(self.base, DenseCoupling)
+        assert isinstance(self.coupling, DenseCoupling)
         m, n = self.m, self.n
         # LAPACK takes columns: they are the rows of the transposed matrices.
-        columns = self.base.matrix.T
+        columns = self.coupling.matrix.T
         kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(columns))])
         reduced = columns.take(kept, axis=0).take(kept, axis=1)
         rubbing = np.flatnonzero(self.drag)
@@ -201,7 +211,7 @@ class RubbingContact:
         """Dimensionless residual (2m + k + n,)."""
         p, h, q, t = self.split(x)
         m, n, law = self.m, self.n, self.law
-        linear = self.base(self.factors(lam), np.concatenate([p, t, q]))
+        linear = self.coupling(self.factors(lam), np.concatenate([p, t, q]))
         hyperbola = ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap)
         rub = (t - self.drag * self.pressed(p)) / self.limit
         rub[self.stuck] = linear[m + self.stuck] - self.anchor[self.stuck] / law.slip
@@ -211,9 +221,9 @@ class RubbingContact:
         """Factorised derivative by x; numpy's LinAlgError where it is singular.
 
         Points that differ by no more than a correction at an event share their tangent: what that costs, the
-        residuals of the series show.
+        residuals of the series show. Without friction there are no events.
         """
-        if self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
+        if not self.n or self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
             self._ready = (x.copy(), self._factorised(x))
         return self._ready[1]
 
@@ -224,8 +234,8 @@ class RubbingContact:
 
     def _factorised(self, x: FloatArray) -> RubbingTangent | CoupledRubbingTangent:
         self.tally.count += 1
-        if isinstance(self.base, DenseCoupling):
-            return RubbingTangent(self, self.base, x)
+        if isinstance(self.coupling, DenseCoupling):
+            return RubbingTangent(self, self.coupling, x)
         return CoupledRubbingTangent(self, x)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
@@ -250,7 +260,7 @@ class RubbingContact:
         tangent = self.tangent(x, lam) if self._ready is None else self._ready[1]
         p, _, q, t = self.split(-tangent.solve(self._load_derivative))
         rows = slice(self.m, self.m + self.n)
-        moved = self.base.load[rows] @ self.change + self.base.slips @ np.concatenate([p, t, q])
+        moved = self.coupling.load[rows] @ self.change + self.coupling.slips @ np.concatenate([p, t, q])
         return np.asarray(moved * self.law.slip)
 
     def rates(self, x: FloatArray, lam: float) -> tuple[Values, FloatArray]:
@@ -261,7 +271,7 @@ class RubbingContact:
         """
         slope = -self.tangent(x, lam).solve(self._load_derivative)
         p, _, q, t = self.split(slope)
-        base, rows = self.base, slice(self.m, self.m + self.n)
+        base, rows = self.coupling, slice(self.m, self.m + self.n)
         slipped = base.load[rows] @ self.change + base.slips @ np.concatenate([p, t, q])
         if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
             raise SingularSystemError
@@ -294,5 +304,5 @@ class RubbingContact:
         """Slips less what the asperities' softness explains, s + c t (n,)."""
         p, _, q, t = self.split(x)
         rows = slice(self.m, self.m + self.n)
-        shifted = self.base.constant[rows] + self.base.load[rows] @ self.factors(lam)
-        return np.asarray((shifted + self.base.slips @ np.concatenate([p, t, q])) * self.law.slip)
+        shifted = self.coupling.constant[rows] + self.coupling.load[rows] @ self.factors(lam)
+        return np.asarray((shifted + self.coupling.slips @ np.concatenate([p, t, q])) * self.law.slip)

@@ -16,8 +16,8 @@ from mlsanm_cli.app.series_path import coupling_of, regularization
 from mlsanm_cli.app.states import State
 from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.coupling import DenseCoupling
-from mlsanm_cli.contact.hyperbolic import HyperbolicContact
 from mlsanm_cli.contact.monolithic import SparseCoupling
+from mlsanm_cli.contact.rubbing import RubbingContact
 from tests.app.scenes import COARSE, PATCH, Quiet, hertz, solve
 from tests.contact.derivatives import tangent_times
 
@@ -109,7 +109,9 @@ def test_both_formulations_reach_the_same_states(scene: str, tmp_path: Path) -> 
 @pytest.mark.parametrize("scene", ["pushed", "ghost"])
 def test_tangents_undo_the_residuals_derivative(scene: str, tmp_path: Path) -> None:
     built = build(scene, "monolithic", tmp_path)
-    problem = HyperbolicContact(coupling_of(built, regularization(built)), built.stages[0], built.stages[1])
+    problem = RubbingContact.frictionless(
+        coupling_of(built, regularization(built)), built.stages[0], built.stages[1]
+    )
     rng = np.random.default_rng(1)
     x, v = rng.uniform(0.5, 1.5, (2, problem.size)) * problem.scale
     found = problem.tangent(x, 0.3).solve(tangent_times(problem, x, 0.3, v))
