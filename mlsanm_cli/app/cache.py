@@ -30,7 +30,7 @@ FOLDER = "operators"
 LIMIT_MB = 1000.0
 """Size of the cache unless MLSANM_CACHE_LIMIT_MB says otherwise."""
 _CODE = (
-    *("arrays.py", "memo.py", "parts.py"),
+    *("arrays.py", "memo.py", "startup.py"),
     *("kernels", "cloud", "operators", "mechanics", "contact"),
 )
 _PACKAGE = Path(__file__).resolve().parents[1]

@@ -16,7 +16,7 @@ from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, Pla
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.io.vtu_lines import Lines
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 APART = 3.0
 """Places of a contact further apart than so many times what they stand for are no neighbours."""

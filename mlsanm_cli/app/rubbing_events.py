@@ -114,7 +114,7 @@ class Barrier:
 
         if level(low) <= 0.0:
             return low
-        from mlsanm_cli.parts import brentq  # for paths with events only
+        from mlsanm_cli.startup import brentq  # for paths with events only
 
         return float(brentq(level, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps, maxiter=200))
 

@@ -17,7 +17,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.condensed import Condensed
 from mlsanm_cli.contact.regularization import Regularization
-from mlsanm_cli.parts import dgetrf, dgetrs
+from mlsanm_cli.startup import dgetrf, dgetrs
 
 Rows = FloatArray | sparse.csr_array
 

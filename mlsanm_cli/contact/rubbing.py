@@ -30,7 +30,7 @@ from mlsanm_cli.contact.coupling import Coupling, DenseCoupling, GapTangent, Loc
 from mlsanm_cli.contact.dense import SingularSystemError
 from mlsanm_cli.contact.sets import Sets, Values
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
-from mlsanm_cli.parts import dgetrf, dgetrs
+from mlsanm_cli.startup import dgetrf, dgetrs
 
 UNBOUNDED = 1e8
 """Rates above so many times the reference pressure or slip per stage are those of a singular system."""
