@@ -11,8 +11,10 @@ kernel f, and with ``NUMBA_DISABLE_JIT=1`` in the environment every kernel is; r
 kernels, are then refused.
 
 The first process compiles all kernels with numba, proves in another process that the machine code can be
-loaded without numba, and keeps it; later ones load it and never import numba. Where it cannot be kept, every
-process compiles, and :class:`Loaded` says why.
+loaded without numba, and keeps it; later ones load it and never import numba. All that takes names of
+numba's that are not public; where one of them is missing, or the proof fails, numba keeps the kernels in a
+cache of its own, and every process imports numba. Where nothing can be kept, every process compiles, and
+:class:`Loaded` says why.
 """
 
 from __future__ import annotations
@@ -89,7 +91,8 @@ def inner(function: Function) -> Function:
 
 @dataclass(frozen=True)
 class Loaded:
-    """The kernels of this process: kept at a ``place``, or a ``note`` why they are not."""
+    """The kernels of this process: kept at a ``place``, by numba itself where there is no ``machine``, or a
+    ``note`` why they are not."""
 
     machine: Machine | None
     place: Path | None
@@ -111,7 +114,7 @@ class Loaded:
             return self.machine.function(kernel.name, kernel.signature)
         from mlsanm_cli.kernels.compiler import in_process
 
-        return in_process(kernel)
+        return in_process(kernel, self.place)
 
 
 _lock = threading.RLock()
@@ -142,6 +145,8 @@ def load() -> Loaded:
 def _from_disk() -> list[Loaded]:
     try:
         place = kept.directory()
+        if kept.left_to_numba(place):
+            return [Loaded(None, place)]
         code = kept.read(place)
         return [] if code is None else [Loaded(Machine(code), place)]
     except (ImportError, RuntimeError, UnloadableError):
@@ -152,17 +157,33 @@ def _compiled() -> Loaded:
     from mlsanm_cli.kernels import compiler
 
     try:
+        place = kept.directory()
+    except RuntimeError as error:
+        place, missing = None, error
+    try:
         code = _beside(compiler.compiled, every_kernel())
         compiler.prove(code)
         machine = Machine(code)
     except UnloadableError as error:
-        return Loaded.unkept(None, error)
+        return _left_to_numba(place, error)
+    if place is None:
+        return Loaded.unkept(machine, missing)
     try:
-        place = kept.directory()
         kept.write(place, code)
-    except (OSError, RuntimeError) as error:
+    except OSError as error:
         return Loaded.unkept(machine, error)
     return Loaded(machine, place)
+
+
+def _left_to_numba(place: Path | None, reason: UnloadableError) -> Loaded:
+    """Kernels in numba's own cache, if there is a place for it."""
+    if place is None:
+        return Loaded.unkept(None, reason)
+    try:
+        kept.leave_to_numba(place, str(reason))
+    except OSError as error:
+        return Loaded.unkept(None, f"{reason}; {error}")
+    return Loaded(None, place, f"numba itself keeps the compiled kernels ({reason}); runs start later for it")
 
 
 def _beside(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
