@@ -34,7 +34,7 @@ from mlsanm_cli.contact.pairing import Pairing
 from mlsanm_cli.contact.set_search import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.sets import Sets
 from mlsanm_cli.errors import CaseError, NumericalError
-from mlsanm_cli.kernels.jit import Loaded, is_warm, load
+from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import AFRESH, Memo, digest
 

@@ -21,7 +21,7 @@ import scipy
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.store import Store
-from mlsanm_cli.kernels.kept import cache_root
+from mlsanm_cli.kernels.aot.kept import cache_root
 from mlsanm_cli.memo import AFRESH, Arrays, Memo, digest
 
 Value = TypeVar("Value")

@@ -12,9 +12,9 @@ KERNELS = """
 from __future__ import annotations
 import resource, sys
 import numpy as np
-from mlsanm_cli.kernels import jit, kept, machine
+from mlsanm_cli.kernels.aot import jit, kept, machine
 from mlsanm_cli.kernels.blas import dgemm
-from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, Int1
+from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, Int1
 
 jit.every_kernel = lambda: list(jit.KERNELS.values())
 

@@ -14,9 +14,10 @@ from pathlib import Path
 import pytest
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels import blas, kept
-from mlsanm_cli.kernels.jit import load
-from mlsanm_cli.kernels.machine import Code
+from mlsanm_cli.kernels import blas
+from mlsanm_cli.kernels.aot import kept
+from mlsanm_cli.kernels.aot.jit import load
+from mlsanm_cli.kernels.aot.machine import Code
 from tests.app.scenes import hertz
 from tests.kernels.programs import KERNELS, MORE, ROOT, ROOTS, answer, files, run, run_plain, started
 
@@ -113,7 +114,7 @@ def test_many_processes_may_start_cold_at_once(tmp_path: Path) -> None:
 
 INTERRUPTED = """
 import os, signal, time
-from mlsanm_cli.kernels import compiler
+from mlsanm_cli.kernels.aot import compiler
 # A process in a shell's background is born deaf to SIGINT.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 right, seen = compiler._compiled, []
@@ -183,12 +184,12 @@ def test_where_nothing_can_be_written_every_process_compiles_and_says_so(tmp_pat
 
 
 WRONG_LAYOUT = """
-from mlsanm_cli.kernels import compiler
+from mlsanm_cli.kernels.aot import compiler
 right = compiler._kinds
 compiler._kinds = lambda layout: right(layout).replace("ppiip", "ppip")
 """
 UNPROVEN = """
-from mlsanm_cli.kernels import compiler
+from mlsanm_cli.kernels.aot import compiler
 right = compiler.compiled
 def wrong(kernels):
     code = right(kernels)
@@ -196,7 +197,7 @@ def wrong(kernels):
 compiler.compiled = wrong
 """
 CRASH = """
-from mlsanm_cli.kernels import compiler
+from mlsanm_cli.kernels.aot import compiler
 compiler.PROOF = "import os; os.abort()"
 """
 
@@ -216,7 +217,7 @@ def test_code_that_could_not_be_loaded_is_left_to_numba(change: str, reason: str
 
 
 LOST = """
-from mlsanm_cli.kernels import compiler
+from mlsanm_cli.kernels.aot import compiler
 def lost(*given):
     raise AttributeError("no such private name")
 compiler._check_layout = lost

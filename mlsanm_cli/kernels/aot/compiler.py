@@ -1,4 +1,4 @@
-"""Compiling the kernels with numba, the only module that imports it; see :mod:`mlsanm_cli.kernels.jit`."""
+"""Compiling the kernels with numba, the only module that imports it; see :mod:`.jit`."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ import numba
 from llvmlite import ir
 from numba.extending import typeof_impl
 
-from mlsanm_cli.kernels import kept
+from mlsanm_cli.kernels.aot import kept
+from mlsanm_cli.kernels.aot.jit import Inner, Kernel
+from mlsanm_cli.kernels.aot.machine import Code, UnloadableError
+from mlsanm_cli.kernels.aot.signature import Value
 from mlsanm_cli.kernels.blas import EXTERNALS, External
-from mlsanm_cli.kernels.jit import Inner, Kernel
-from mlsanm_cli.kernels.machine import Code, UnloadableError
-from mlsanm_cli.kernels.signature import Value
 
 LETTERS = {"c": numba.uint8, "i": numba.int32, "d": numba.float64}
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 NATIVE: dict[str, Any] = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 PROOF = """
 import sys
-from mlsanm_cli.kernels import kept, machine
+from mlsanm_cli.kernels.aot import kept, machine
 machine.Machine(kept.decoded(sys.stdin.buffer.read()))
 """
 
@@ -156,7 +156,8 @@ def in_process(kernel: Kernel, place: Path | None = None) -> Callable[..., Any]:
     types = tuple(_type(one) for one in kernel.signature.arguments)
     dispatcher: Any = numba.njit(**OPTIONS)(kernel.__wrapped__)
     if place is not None:
-        numba.config.CACHE_DIR = str(place)
+        settings: Any = numba.config
+        settings.CACHE_DIR = str(place)
         # Numba keeps no functions without a file.
         with suppress(RuntimeError):
             dispatcher = numba.njit(**OPTIONS, cache=True)(kernel.__wrapped__)

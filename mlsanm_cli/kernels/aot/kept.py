@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mlsanm_cli.kernels.machine import Code, UnloadableError, numba_root
+from mlsanm_cli.kernels.aot.machine import Code, UnloadableError, numba_root
 from mlsanm_cli.system import who_else_may_write
 
 NAME = "machine-code"
@@ -58,7 +58,7 @@ def circumstances() -> tuple[str, ...]:
 def directory() -> Path:
     """Where this installation's machine code belongs. Raises RuntimeError where the user has no directory."""
     digest = hashlib.sha256("\0".join(circumstances()).encode())
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         digest.update(path.read_bytes())
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 

@@ -1,7 +1,7 @@
 """How kernels are written, and how they come to run as machine code.
 
 A kernel is a function of arrays and numbers with the decorator :func:`kernel`. Its annotations are types of
-:mod:`mlsanm_cli.kernels.signature`, and it can be called for nothing else: ``Float2`` is a C-contiguous array
+:mod:`.signature`, and it can be called for nothing else: ``Float2`` is a C-contiguous array
 of two dimensions that it reads, ``FloatOut2`` one that it writes to (numba refuses to compile a kernel that
 writes to another), ``tuple[Int1, int]`` a result. Functions that only kernels call are decorated with
 :func:`inner`, take anything that numba can type, and are plain Python elsewhere. Kernels may call kernels and
@@ -30,9 +30,9 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels import kept
-from mlsanm_cli.kernels.machine import Code, Machine, UnloadableError
-from mlsanm_cli.kernels.signature import Signature
+from mlsanm_cli.kernels.aot import kept
+from mlsanm_cli.kernels.aot.machine import Code, Machine, UnloadableError
+from mlsanm_cli.kernels.aot.signature import Signature
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -112,7 +112,7 @@ class Loaded:
         """A kernel as a Python function."""
         if self.machine is not None:
             return self.machine.function(kernel.name, kernel.signature)
-        from mlsanm_cli.kernels.compiler import in_process
+        from mlsanm_cli.kernels.aot.compiler import in_process
 
         return in_process(kernel, self.place)
 
@@ -154,7 +154,7 @@ def _from_disk() -> list[Loaded]:
 
 
 def _compiled() -> Loaded:
-    from mlsanm_cli.kernels import compiler
+    from mlsanm_cli.kernels.aot import compiler
 
     try:
         place = kept.directory()
@@ -211,8 +211,8 @@ def _beside(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kern
 
 
 def every_kernel() -> list[Kernel]:
-    """Those of all modules of this package, in an order that does not depend on what was imported first."""
-    package = __name__.rpartition(".")[0]
-    for module in pkgutil.iter_modules([str(Path(__file__).parent)]):
+    """Those of all modules beside this package, in an order that does not depend on what was imported."""
+    package = __name__.rsplit(".", 2)[0]
+    for module in pkgutil.iter_modules([str(Path(__file__).parents[1])]):
         importlib.import_module(f"{package}.{module.name}")
     return [KERNELS[name] for name in sorted(KERNELS) if name.startswith(f"{package}.")]
