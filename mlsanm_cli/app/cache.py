@@ -21,7 +21,7 @@ import scipy
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.store import Store
-from mlsanm_cli.kernels.kept import cache_root
+from mlsanm_cli.kernels.aot.kept import cache_root
 from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
 
 Value = TypeVar("Value")
@@ -30,7 +30,7 @@ FOLDER = "operators"
 LIMIT_MB = 1000.0
 """Size of the cache unless MLSANM_CACHE_LIMIT_MB says otherwise."""
 _CODE = (
-    *("arrays.py", "memo.py", "parts.py"),
+    *("arrays.py", "memo.py", "startup.py"),
     *("kernels", "cloud", "operators", "mechanics", "contact"),
 )
 _PACKAGE = Path(__file__).resolve().parents[1]

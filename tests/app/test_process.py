@@ -15,7 +15,7 @@ import pytest
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.kernels.kept import cache_root
+from mlsanm_cli.kernels.aot.kept import cache_root
 from tests.app.runs import differences
 from tests.app.scenes import BAR, hertz, solve
 from tests.app.test_friction import SHEARED
