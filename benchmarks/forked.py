@@ -72,7 +72,7 @@ def preload() -> None:
     import mlsanm_cli.app.resume
     import mlsanm_cli.app.run
     import mlsanm_cli.app.sweep.run_sweep  # noqa: F401
-    from mlsanm_cli.kernels.jit import load
+    from mlsanm_cli.kernels.aot.jit import load
 
     load()
 

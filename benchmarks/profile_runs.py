@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[1]
 RATE = 200
 """Samples per second."""
 FRAME = re.compile(r"(?P<function>.+) \((?P<file>[^()]+):\d+\)$")
-CALLS = ("kernels/jit.py", "kernels/machine.py")
+CALLS = ("kernels/aot/jit.py", "kernels/aot/machine.py")
 """Call the kernels' machine code, which no stack shows: their callers tell more."""
 SHOWN = 16
 

@@ -8,7 +8,7 @@ from typing import Any
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.scene.build import load_kernels
-from mlsanm_cli.kernels.jit import is_warm
+from mlsanm_cli.kernels.aot.jit import is_warm
 
 
 def warmup(console: Console) -> Mapping[str, Any]:

@@ -122,7 +122,7 @@ def cache_clear(settings: Settings) -> int:
 
 
 def _left_over(settings: Settings, counted: str, *, remove: bool) -> int:
-    from mlsanm_cli.kernels.kept import cache_root
+    from mlsanm_cli.kernels.aot.kept import cache_root
 
     directory = cache_root() / "operators"
     files = list(directory.rglob("*.mlsanm"))

@@ -43,7 +43,7 @@ def set_threads(threads: int) -> None:
 @contextmanager
 def numerics(threads: int) -> Iterator[None]:
     """The block in which a command imports the numerics, with this number of threads."""
-    from mlsanm_cli.lean import lean_imports
+    from mlsanm_cli.startup import lean_imports
 
     set_threads(threads)
     with lean_imports():

@@ -24,7 +24,7 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 CANDIDATES = 15
 STRIPS = 512

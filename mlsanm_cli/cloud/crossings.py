@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 
 def first_crossing(chords: FloatArray) -> FloatArray | None:

@@ -15,7 +15,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop
 from mlsanm_cli.cloud.polygon import signed_area
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 SMALL = 1e-9
 """Nodes nearer than this part of the extent are one; elements flatter than this part of a square are none."""

@@ -13,7 +13,7 @@ from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 ONTO = 0.3
 """Nodes nearer to the line than this part of the spacing are put on it."""

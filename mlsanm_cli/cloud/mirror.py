@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 SAME = 1e-9
 """What is nearer to an image than this part of the spacing is the image."""

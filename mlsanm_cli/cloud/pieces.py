@@ -15,7 +15,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
-from mlsanm_cli.parts import cKDTree, connected_components
+from mlsanm_cli.startup import cKDTree, connected_components
 
 DEEPER = 1.0
 """Pieces may be as wide as they are deep inside the body, by this factor: force and bending get lost in thin

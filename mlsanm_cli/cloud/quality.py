@@ -8,7 +8,7 @@ import numpy as np
 
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 TOGETHER = 256
 """Triangles that are looked at together, from the largest on."""

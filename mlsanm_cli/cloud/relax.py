@@ -12,7 +12,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 SWEEPS = 10
 LOOK = 5

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 Result = TypeVar("Result")
 

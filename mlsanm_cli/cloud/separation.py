@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.search import nearest as nearest_nodes
 from mlsanm_cli.cloud.sight import VisibilityCriterion
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 NEIGHBORS = 6
 

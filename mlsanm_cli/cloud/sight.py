@@ -14,7 +14,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 DETOUR = 3.0
 """A void is a slit where the way along the outline from face to face is so many times its width.

@@ -14,7 +14,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

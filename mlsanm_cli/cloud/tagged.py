@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop, turns
 from mlsanm_cli.cloud.polygon import inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 LEAP = 4.0
 """A step so many times longer than those beside it is no step along one boundary."""

@@ -8,7 +8,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.polygon import inside_polygon
 from mlsanm_cli.cloud.search import listening
 from mlsanm_cli.cloud.sight import VisibilityCriterion
-from mlsanm_cli.parts import Delaunay
+from mlsanm_cli.startup import Delaunay
 
 FLAT = 1e-9
 FEW = 10_000

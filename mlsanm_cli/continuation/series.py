@@ -199,7 +199,7 @@ class Branch:
 
         if distance(low) * distance(high) >= 0.0:  # a sample hit the level: its sign is round-off
             return min(low, high, key=lambda a: abs(distance(a)))
-        from mlsanm_cli.parts import brentq  # for some levels only
+        from mlsanm_cli.startup import brentq  # for some levels only
 
         return float(brentq(distance, low, high, xtol=1e-300, rtol=_PRECISION, maxiter=200))
 

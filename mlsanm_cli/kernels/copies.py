@@ -4,7 +4,7 @@ which takes some seconds for every dimension. Loops from zero over slices become
 from __future__ import annotations
 
 from mlsanm_cli.arrays import AnyArray
-from mlsanm_cli.kernels.jit import inner
+from mlsanm_cli.kernels.aot.jit import inner
 
 
 @inner

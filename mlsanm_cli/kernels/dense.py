@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.kernels.aot.jit import inner
 from mlsanm_cli.kernels.blas import dgemm, dgemv, dtrsm, dtrsv
-from mlsanm_cli.kernels.jit import inner
 
 LOWER, RIGHT, PLAIN, TRANSPOSED = 0, 1, 2, 3
 """Places of BLAS' letters among those of :func:`letters`."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import IndexArray, IntArray
+from mlsanm_cli.kernels.aot.jit import inner, kernel
+from mlsanm_cli.kernels.aot.signature import Index1, IndexOut2, Int1, IntOut1
 from mlsanm_cli.kernels.copies import copy_to
-from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Index1, IndexOut2, Int1, IntOut1
 
 DEPTH = 256
 """Parts that can wait; every cut halves a part."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.kernels.jit import kernel
-from mlsanm_cli.kernels.signature import Float3, FloatOut3, Index1, Int1, IntOut1
+from mlsanm_cli.kernels.aot.jit import kernel
+from mlsanm_cli.kernels.aot.signature import Float3, FloatOut3, Index1, Int1, IntOut1
 
 
 @kernel

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut3, Int2
+from mlsanm_cli.kernels.aot.jit import inner, kernel
+from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, FloatOut3, Int2
 
 
 @inner

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mlsanm_cli.kernels.jit import kernel
-from mlsanm_cli.kernels.signature import Float2, Float3, FloatOut3, Int1
+from mlsanm_cli.kernels.aot.jit import kernel
+from mlsanm_cli.kernels.aot.signature import Float2, Float3, FloatOut3, Int1
 
 
 @kernel

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.kernels.aot.jit import inner, kernel
+from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, FloatOut2, Int1
 from mlsanm_cli.kernels.copies import copy_to
-from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, Int1
 
 
 @inner

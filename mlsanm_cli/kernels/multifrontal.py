@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.kernels.aot.jit import inner, kernel
+from mlsanm_cli.kernels.aot.signature import Float3, FloatOut1, Index1, Int1, IntOut1
 from mlsanm_cli.kernels.blas import dpotrf, dsyrk
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, multiply, solve_right
-from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float3, FloatOut1, Index1, Int1, IntOut1
 
 BLOCK = 64
 """Columns of the factor that are kept together."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.kernels.jit import kernel
-from mlsanm_cli.kernels.signature import Bool2, Float1, Float2, Int1, Int2
+from mlsanm_cli.kernels.aot.jit import kernel
+from mlsanm_cli.kernels.aot.signature import Bool2, Float1, Float2, Int1, Int2
 
 
 @kernel

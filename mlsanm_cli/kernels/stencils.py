@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.kernels.aot.jit import inner, kernel
+from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, FloatOut2, FloatOut3, Int1
 from mlsanm_cli.kernels.copies import copy_to
-from mlsanm_cli.kernels.jit import inner, kernel
-from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, FloatOut2, FloatOut3, Int1
 
 LANES = 32
 """Points worked on together: half as many take a fifth longer, twice as many as long."""

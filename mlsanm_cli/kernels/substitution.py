@@ -11,11 +11,11 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.kernels.aot.jit import inner, kernel
+from mlsanm_cli.kernels.aot.signature import Float1, Float2, Float3, FloatOut1, Int1
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import PLAIN, TRANSPOSED, apply, multiply, solve_right, solve_vector
-from mlsanm_cli.kernels.jit import inner, kernel
 from mlsanm_cli.kernels.multifrontal import BLOCK, locate
-from mlsanm_cli.kernels.signature import Float1, Float2, Float3, FloatOut1, Int1
 
 Tree: TypeAlias = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]
 """``start``, ``negative``, ``begin``, ``border``, ``kept``, ``panel`` and ``values``."""

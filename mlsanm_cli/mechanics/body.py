@@ -44,7 +44,7 @@ from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils, look_around
 from mlsanm_cli.operators.system import LinearSystem
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 MORE_NEIGHBORS = 1.3
 """Nearly incompressible materials get larger stencils: with the usual ones errors scattered by a factor of 13

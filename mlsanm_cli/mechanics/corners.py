@@ -22,7 +22,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 POWER = 1.5
 """Corner displacements behave like distance^0.7, whose weighted second derivatives are integrable above 0.3.

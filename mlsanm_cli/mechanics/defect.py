@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.refinement import MOST, QUICK, STALLED
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 DEGREES = (2, 3, 4)
 """Degrees whose errors were measured to be told. At degree 1 the estimate was up to 300 times too large, from

@@ -14,7 +14,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 CLOSEST = 0.3
 """Ghosts closer to any other node than this part of the spacing are refused."""

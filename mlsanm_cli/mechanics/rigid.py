@@ -21,7 +21,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.refinement import PRECISE
 from mlsanm_cli.operators.system import Equations, LinearSystem
-from mlsanm_cli.parts import dgeqp3
+from mlsanm_cli.startup import dgeqp3
 
 ROTATION = 2
 HELD = 1e-9

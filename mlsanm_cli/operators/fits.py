@@ -9,7 +9,7 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.kernels.fits import fit_derivatives
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import neighbors_of, sound_fits
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 TOGETHER = 4096
 """Points whose neighbours are in memory together."""

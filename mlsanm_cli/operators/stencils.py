@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 GROWTH = 1.3
 LARGEST = 3.0

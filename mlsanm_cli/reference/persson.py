@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.parts import brentq
+from mlsanm_cli.startup import brentq
 
 FloatArray = NDArray[np.float64]
 

@@ -79,7 +79,7 @@ def rubbing_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pa
         else:
             problem = point.problem
             staged = RegularizedFriction(
-                problem.base, begin, end, problem.sets, problem.stick_reference, problem.tally
+                problem.coupling, begin, end, problem.sets, problem.stick_reference, problem.tally
             )
             steps = walk.steps(replace(point, problem=staged, lam=0.0))
         try:

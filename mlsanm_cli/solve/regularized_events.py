@@ -86,7 +86,7 @@ class EventLocator:
         sign = np.where(problem.sets.closed[c.friction_nodes], 1.0, -1.0)
         held = self._stuck
         limit, friction = c.friction[held] * pressure[:, held], t[:, held] / problem.law.pressure
-        base, rows = problem.base, problem.m + self._sliding
+        base, rows = problem.coupling, problem.m + self._sliding
         slip = np.hstack([p, t, q]) @ base.slips[self._sliding].T
         slip += np.outer(load, base.load[rows] @ problem.change)
         rates = -slip * problem.sets.slip_sign[self._sliding]
@@ -117,7 +117,7 @@ class EventLocator:
 
         if level(low) <= 0.0:
             return low
-        from mlsanm_cli.parts import brentq  # for paths with events only
+        from mlsanm_cli.startup import brentq  # for paths with events only
 
         return float(brentq(level, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps, maxiter=200))
 
@@ -174,7 +174,7 @@ def continued(
     def solve(sets: ContactStatus) -> tuple[RegularizedFriction, ContactState, FloatArray]:
         stick_reference = np.where(sets.stuck & ~before.stuck, now, problem.stick_reference)
         system = RegularizedFriction(
-            problem.base, problem.start, problem.end, sets, stick_reference, problem.tally
+            problem.coupling, problem.start, problem.end, sets, stick_reference, problem.tally
         )
         try:
             rates, slipped = system.rates(x, lam)

@@ -81,7 +81,7 @@ def moved(point: Point, x: FloatArray, lam: float) -> Point:
 def series_of(problem: RegularizedFriction, branch: Branch, stage: int) -> dict[str, FloatArray]:
     names = ("pressure", "gap", "motion", "traction")
     pressure, gap, motion, traction = problem.split(branch.x)
-    parts = (pressure, gap, problem.base.split_motions(motion)[0], traction)
+    parts = (pressure, gap, problem.coupling.split_motions(motion)[0], traction)
     return series_arrays(branch, stage, dict(zip(names, parts, strict=True)))
 
 
@@ -91,7 +91,7 @@ def state_of(point: Point, stage: int, residual: float) -> State:
     factors = problem.factors(point.lam)
     status = smooth_status(problem.law, pressure, gap, c.friction_nodes[problem.sets.stuck])
     slip = problem.stick_coordinate(point.x, point.lam) - problem.law.stick_compliance * traction
-    motion, displacement = problem.base.split_motions(motion)
+    motion, displacement = problem.coupling.split_motions(motion)
     return State(
         stage + point.lam,
         factors,

@@ -13,8 +13,8 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling
 from mlsanm_cli.contact.laws.holonomic import HolonomicContact
-from mlsanm_cli.contact.laws.hyperbolic import HyperbolicContact
 from mlsanm_cli.contact.laws.regularization import Regularization
+from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.scales import regularize
 from mlsanm_cli.contact.monolithic.system import SparseCoupling, sparse_coupling
 from mlsanm_cli.continuation import (
@@ -84,7 +84,7 @@ def smooth_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
             raise stopped(stage, follower.outcome)
 
 
-Memoryless = HyperbolicContact | HolonomicContact
+Memoryless = RegularizedFriction | HolonomicContact
 
 
 def checkpoint_of(state: State, follower: Follower) -> Checkpoint:
@@ -134,7 +134,7 @@ def coupling_of(built: CondensedScene, law: Regularization) -> DenseCoupling | S
 
 def problem_of(built: CondensedScene, coupling: Coupling, stage: int) -> Memoryless:
     """The equations of a stage under a law without memory."""
-    make = HolonomicContact if len(built.condensed.friction_nodes) else HyperbolicContact
+    make = HolonomicContact if len(built.condensed.friction_nodes) else RegularizedFriction.frictionless
     return make(coupling, built.stages[stage], built.stages[stage + 1])
 
 
@@ -252,10 +252,9 @@ def path_step(
 
 def _series(problem: Memoryless, branch: Branch, stage: int) -> dict[str, FloatArray]:
     """Coefficients over the path parameter a, 0 <= a <= length; with ``denominator`` the Pade form holds."""
-    names = ("pressure", "gap", "motion", "traction")
-    pressure, gap, motion, *rest = problem.split(branch.x)
-    parts = (pressure, gap, problem.coupling.split_motions(motion)[0], *rest)
-    return series_arrays(branch, stage, dict(zip(names, parts, strict=False)))
+    pressure, gap, motion, traction, *_ = problem.split(branch.x)
+    parts = {"pressure": pressure, "gap": gap, "motion": problem.coupling.split_motions(motion)[0]}
+    return series_arrays(branch, stage, parts | {"traction": traction} if problem.n else parts)
 
 
 def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> dict[str, FloatArray]:

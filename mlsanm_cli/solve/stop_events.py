@@ -105,7 +105,7 @@ class Stoppable:
 
         if last - first > CLOSE * max(1.0, last) and value > 0.0:
             # For paths that end early only.
-            from mlsanm_cli.parts import brentq
+            from mlsanm_cli.startup import brentq
 
             with suppress(_Unknown):
                 brentq(beyond, first, last, xtol=CLOSE * max(1.0, last), maxiter=MOST_LOOKS)

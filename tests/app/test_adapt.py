@@ -22,7 +22,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.patches import contact_patches
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.kernels.jit import Loaded
+from mlsanm_cli.kernels.aot.jit import Loaded
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.reference.lame import LameRing

@@ -12,7 +12,7 @@ from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
-from mlsanm_cli.contact.laws.hyperbolic import HyperbolicContact
+from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.monolithic.system import SparseCoupling
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
@@ -110,7 +110,9 @@ def test_both_formulations_reach_the_same_states(scene: str, tmp_path: Path) -> 
 @pytest.mark.parametrize("scene", ["pushed", "ghost"])
 def test_tangents_undo_the_residuals_derivative(scene: str, tmp_path: Path) -> None:
     built = build(scene, "monolithic", tmp_path)
-    problem = HyperbolicContact(coupling_of(built, regularization(built)), built.stages[0], built.stages[1])
+    problem = RegularizedFriction.frictionless(
+        coupling_of(built, regularization(built)), built.stages[0], built.stages[1]
+    )
     rng = np.random.default_rng(1)
     x, v = rng.uniform(0.5, 1.5, (2, problem.size)) * problem.scale
     found = problem.tangent(x, 0.3).solve(tangent_times(problem, x, 0.3, v))

@@ -23,7 +23,7 @@ from mlsanm_cli.case import load_case
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
-from mlsanm_cli.kernels.jit import load
+from mlsanm_cli.kernels.aot.jit import load
 from tests.app.scenes import NODAL, PATCH, Quiet, assert_same_bits
 
 ETA = "contact.interface.regularization.eta"

@@ -227,7 +227,7 @@ sys.exit(main(["run", "case.toml"]))
 FULL = """
 import resource, signal, sys
 from mlsanm_cli.cli import main
-from mlsanm_cli.kernels.jit import load
+from mlsanm_cli.kernels.aot.jit import load
 load()
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)

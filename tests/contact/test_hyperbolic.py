@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
-from mlsanm_cli.contact.laws.hyperbolic import DenseHyperbolicTangent, HyperbolicContact
 from mlsanm_cli.contact.laws.regularization import Regularization
+from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction, RubbingTangent
 from mlsanm_cli.contact.laws.scales import WIDEST, regularize
 from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.errors import NumericalError
@@ -19,7 +19,7 @@ from tests.contact.derivatives import highest_terms, lack_of_orders, tangent_tim
 from tests.contact.scenes import Small, cylinder, synthetic
 
 
-def random_problem(m: int, k: int, seed: int) -> HyperbolicContact:
+def random_problem(m: int, k: int, seed: int) -> RegularizedFriction:
     """A made-up problem of ``m`` candidates, ``k`` motions and two loads, all maps full."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(m, m))
@@ -39,10 +39,12 @@ def random_problem(m: int, k: int, seed: int) -> HyperbolicContact:
         force=rng.uniform(0.5, 2.0, k),
         motion=np.ones(k),
     )
-    return HyperbolicContact(DenseCoupling.of(condensed, law), rng.normal(size=2), rng.normal(size=2))
+    return RegularizedFriction.frictionless(
+        DenseCoupling.of(condensed, law), rng.normal(size=2), rng.normal(size=2)
+    )
 
 
-def state(problem: HyperbolicContact, seed: int) -> FloatArray:
+def state(problem: RegularizedFriction, seed: int) -> FloatArray:
     """An admissible state (2m + k,)."""
     rng = np.random.default_rng(seed + 1)
     return np.concatenate([rng.uniform(0.1, 3.0, 2 * problem.m), rng.normal(size=problem.k)])
@@ -73,7 +75,7 @@ def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int) -> 
     problem = random_problem(m, k, seed)
     x = state(problem, seed)
     tangent = problem.tangent(x, 0.3)
-    assert isinstance(tangent, DenseHyperbolicTangent)
+    assert isinstance(tangent, RubbingTangent)
     assert lack_of_orders(problem, tangent, x, seed) <= 1e-8
 
 
@@ -94,7 +96,7 @@ def test_first_order_has_no_terms_from_below() -> None:
 def test_residual_is_the_law_the_gap_and_the_balance() -> None:
     problem = random_problem(4, 2, 5)
     x = state(problem, 5)
-    p, h, q = problem.split(x)
+    p, h, q, _ = problem.split(x)
     law, f = problem.law, problem.factors(0.25)
     assert f == pytest.approx(problem.start + 0.25 * problem.change)
     r = problem.residual(x, 0.25)
@@ -114,7 +116,7 @@ def test_only_open_gaps_are_admissible() -> None:
     assert not problem.admissible(torn, 0.0)
 
 
-def newton(problem: HyperbolicContact) -> FloatArray:
+def newton(problem: RegularizedFriction) -> FloatArray:
     """State (2m + k,) at full load by Newton steps that keep every gap open and no node in full tension."""
     law = problem.law
     p = np.full(problem.m, law.pressure)
@@ -143,10 +145,10 @@ def test_regularised_pressure_goes_to_the_exact_one(hertz: Small) -> None:
     errors = []
     for eta in etas:
         law = regularize(hertz.condensed, [exact], eta)
-        problem = HyperbolicContact(
+        problem = RegularizedFriction.frictionless(
             DenseCoupling.of(hertz.condensed, law), 0.0 * hertz.factors, hertz.factors
         )
-        p, h, _ = problem.split(newton(problem))
+        p, h, *_ = problem.split(newton(problem))
         assert (h > 0.0).all()
         assert (p > -law.eta).all()
         # Closed nodes leave a gap of about eta delta / p, open ones a tension below eta.

@@ -137,7 +137,7 @@ def test_rates_are_the_slope_of_the_path() -> None:
 
 def test_nothing_resists_is_told() -> None:
     problem = random_problem(4, 1, 8)
-    base = problem.base
+    base = problem.coupling
     assert isinstance(base, DenseCoupling)
     matrix = base.matrix.copy()
     matrix[:, -1] = 0.0

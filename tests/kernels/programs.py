@@ -12,9 +12,9 @@ KERNELS = """
 from __future__ import annotations
 import resource, sys
 import numpy as np
-from mlsanm_cli.kernels import jit, kept, machine
+from mlsanm_cli.kernels.aot import jit, kept, machine
 from mlsanm_cli.kernels.blas import dgemm
-from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut1, Int1
+from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, Int1
 
 jit.every_kernel = lambda: list(jit.KERNELS.values())
 
@@ -76,7 +76,12 @@ def started(cache: Path, program: str, **environment: str) -> subprocess.Popen[s
 
 def run(cache: Path, program: str, **environment: str) -> list[str]:
     """What the program prints in a fresh process that has the kernels above and keeps them in ``cache``."""
-    process = started(cache, KERNELS + program, **environment)
+    return run_plain(cache, KERNELS + program, **environment)
+
+
+def run_plain(cache: Path, program: str, **environment: str) -> list[str]:
+    """What a program prints in a fresh process."""
+    process = started(cache, program, **environment)
     out, err = process.communicate()
     assert process.returncode == 0, err
     return out.splitlines()

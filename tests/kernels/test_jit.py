@@ -14,11 +14,12 @@ from pathlib import Path
 import pytest
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels import blas, kept
-from mlsanm_cli.kernels.jit import load
-from mlsanm_cli.kernels.machine import Code
+from mlsanm_cli.kernels import blas
+from mlsanm_cli.kernels.aot import kept
+from mlsanm_cli.kernels.aot.jit import load
+from mlsanm_cli.kernels.aot.machine import Code
 from tests.app.scenes import hertz
-from tests.kernels.programs import KERNELS, MORE, ROOT, ROOTS, answer, files, run, started
+from tests.kernels.programs import KERNELS, MORE, ROOT, ROOTS, answer, files, run, run_plain, started
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +114,7 @@ def test_many_processes_may_start_cold_at_once(tmp_path: Path) -> None:
 
 INTERRUPTED = """
 import os, signal, time
-from mlsanm_cli.kernels import compiler
+from mlsanm_cli.kernels.aot import compiler
 # A process in a shell's background is born deaf to SIGINT.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 right, seen = compiler._compiled, []
@@ -183,12 +184,12 @@ def test_where_nothing_can_be_written_every_process_compiles_and_says_so(tmp_pat
 
 
 WRONG_LAYOUT = """
-from mlsanm_cli.kernels import compiler
+from mlsanm_cli.kernels.aot import compiler
 right = compiler._kinds
 compiler._kinds = lambda layout: right(layout).replace("ppiip", "ppip")
 """
 UNPROVEN = """
-from mlsanm_cli.kernels import compiler
+from mlsanm_cli.kernels.aot import compiler
 right = compiler.compiled
 def wrong(kernels):
     code = right(kernels)
@@ -196,7 +197,7 @@ def wrong(kernels):
 compiler.compiled = wrong
 """
 CRASH = """
-from mlsanm_cli.kernels import compiler
+from mlsanm_cli.kernels.aot import compiler
 compiler.PROOF = "import os; os.abort()"
 """
 
@@ -209,10 +210,32 @@ def test_code_that_could_not_be_loaded_is_left_to_numba(change: str, reason: str
     # The same arguments are refused.
     check = "try:\n  roots(np.ones(2, dtype=np.float32), 1.0, 1)\nexcept TypeError as error:\n  print(error)"
     _, told, refused = run(tmp_path, change + ROOTS + check)
-    assert told.startswith("[1.0, 1.5] [0, 1, 2] 4 0.25 True compiled kernels cannot be kept")
+    assert told.startswith("[1.0, 1.5] [0, 1, 2] 4 0.25 True numba itself keeps the compiled kernels")
     assert reason in told
-    assert not tmp_path.joinpath("kernels").exists()
+    assert [path.name for path in files(tmp_path)] == ["left-to-numba"]
     assert "must be a C-contiguous float64" in refused
+
+
+LOST = """
+from mlsanm_cli.kernels.aot import compiler
+def lost(*given):
+    raise AttributeError("no such private name")
+compiler._check_layout = lost
+"""
+
+
+def test_where_numba_does_not_give_its_code_away_it_keeps_the_kernels(tmp_path: Path) -> None:
+    """Not compiled at every start: the second process finds what the first one left."""
+    cache, program = tmp_path / "cache", tmp_path / "program.py"
+    program.write_text(KERNELS + LOST + ROOTS)
+    start = f"import runpy; runpy.run_path({str(program)!r}, run_name='__main__')"
+    told = [run_plain(cache, start, NUMBA_DEBUG_CACHE="1") for _ in range(2)]
+    assert "no such private name" in told[0][-1]
+    assert told[1][-1] == answer(True, True)[1]
+    saved, loaded = (
+        [any(f"data {what}" in line for line in one) for one in told] for what in ("saved", "loaded")
+    )
+    assert (saved, loaded) == ([True, False], [False, True])
 
 
 USES = """

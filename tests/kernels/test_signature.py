@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.kernels.aot.jit import every_kernel
+from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut2, Int1, Signature
 from mlsanm_cli.kernels.fill import spacing_at
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
-from mlsanm_cli.kernels.jit import every_kernel
-from mlsanm_cli.kernels.signature import Float1, Float2, FloatOut2, Int1, Signature
 from mlsanm_cli.kernels.stencils import mls_weights
 
 ZONES = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.2]])

@@ -14,7 +14,7 @@ from mlsanm_cli.operators import fits
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import build_stencils, look_around
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 FINE = Spacing(0.1, (Zone.around((0.5, 1.0), 0.005, 0.05, 0.12),))
 

@@ -14,11 +14,11 @@ from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, Pla
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu_lines import Lines
-from mlsanm_cli.parts import cKDTree
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.functionals import platen_displacements, slave_arc, slave_points
 from mlsanm_cli.solve.state import State
+from mlsanm_cli.startup import cKDTree
 
 APART = 3.0
 """Places of a contact further apart than so many times what they stand for are no neighbours."""

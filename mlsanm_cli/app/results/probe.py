@@ -24,7 +24,7 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
 from mlsanm_cli.operators.stencils import Stencils, build_stencils
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 QUANTITIES = ("pressure", "traction", "gap", "slip")
 FIELDS: Mapping[str, tuple[str, ...]] = {

@@ -23,7 +23,7 @@ from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed, condense
 from mlsanm_cli.errors import CaseError, NumericalError
-from mlsanm_cli.kernels.jit import Loaded, is_warm, load
+from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity

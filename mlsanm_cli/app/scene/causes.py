@@ -14,7 +14,7 @@ from mlsanm_cli.case.model.obstacles import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 FAR = 0.25
 """Surfaces drawn apart by this part of the smaller body's size are told of."""

@@ -13,7 +13,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
-from mlsanm_cli.parts import cKDTree
+from mlsanm_cli.startup import cKDTree
 
 ROUND_OFF = 1e-9
 SHARP = np.deg2rad(15.0)

@@ -19,7 +19,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.parts import dgetrf, dgetrs
+from mlsanm_cli.startup import dgetrf, dgetrs
 
 Rows = FloatArray | sparse.csr_array
 
@@ -38,11 +38,6 @@ class Local:
     slip: FloatArray
     traction: FloatArray
     friction_slope: FloatArray
-
-    @classmethod
-    def frictionless(cls, gap: FloatArray, pressure: FloatArray) -> Local:
-        """Without any slips."""
-        return cls(gap, pressure, *[np.zeros(0)] * 3)
 
 
 class CoupledTangent(Protocol):

@@ -12,6 +12,10 @@ are smooth, and linear but for the hyperbola. Unknowns x = (p, h, q, t)::
     r3 = balance(f, q, p, t)
     r4 = s(f, q, p, t) + c t - anchor  |  t - d mu (p - p_0)  |  t
 
+Without friction t and r4 are empty, and what is left is the hyperbola alone (Elhage-Hussein, Potier-Ferry and
+Damil, Int. J. Solids Structures 37, 2000, 6981): the gap under a pressure p is about eta delta / p, the
+spurious tension of an open node stays below eta, and the branch h < 0 means nothing.
+
 Equation (14) of docs/method.md.
 """
 
@@ -28,7 +32,7 @@ from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus
 from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling, GapTangent, Local
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.kernels.hyperbola import hyperbola_orders
-from mlsanm_cli.parts import dgetrf, dgetrs
+from mlsanm_cli.startup import dgetrf, dgetrs
 
 UNBOUNDED = 1e8
 """Rates above so many times the reference pressure or slip per stage are those of a singular system."""
@@ -52,7 +56,7 @@ class CoupledRubbingTangent:
             traction=np.where(stuck, 0.0, 1.0 / problem.limit),
             friction_slope=np.where(stuck, 0.0, -problem.friction_slope / problem.limit),
         )
-        self._tangent = GapTangent(problem.base, problem.base.tangent(local), local)
+        self._tangent = GapTangent(problem.coupling, problem.coupling.tangent(local), local)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (2m + k + n,)."""
@@ -135,13 +139,13 @@ class Tally:
 class RegularizedFriction:
     """The problem over one stage with given ``sets``, in the form the continuation driver asks for.
 
-    The slips of ``base`` are softened by the asperities; ``stick_reference`` (n,) are the values of s + c t
-    at which sticking nodes came to rest. ``tally`` counts the tangents of a whole path.
+    The slips of the ``coupling`` are softened by the asperities; ``stick_reference`` (n,) are the values of s
+    + c t at which sticking nodes came to rest. ``tally`` counts the tangents of a whole path.
     """
 
     def __init__(
         self,
-        base: Coupling,
+        coupling: Coupling,
         start: FloatArray,
         end: FloatArray,
         sets: ContactStatus,
@@ -149,19 +153,19 @@ class RegularizedFriction:
         tally: Tally | None = None,
     ) -> None:
         self.tally = tally or Tally()
-        condensed, law = base.condensed, base.law
-        self.base, self.condensed, self.law = base, condensed, law
+        condensed, law = coupling.condensed, coupling.law
+        self.coupling, self.condensed, self.law = coupling, condensed, law
         self.start, self.end, self.change = start, end, end - start
         self.sets, self.stick_reference = sets, stick_reference
-        self.m, self.k, self.n = len(condensed.weight), len(base.motion), len(condensed.friction_nodes)
+        self.m, self.k, self.n = len(condensed.weight), len(coupling.motion), len(condensed.friction_nodes)
         self.size = 2 * self.m + self.k + self.n
         self.limit = condensed.friction * law.pressure
         self.stuck = np.flatnonzero(sets.stuck)
         self.friction_slope = sets.slip_sign * condensed.friction
         self.scale = np.concatenate(
-            [np.full(self.m, law.pressure), np.full(self.m, law.gap), base.motion, self.limit]
+            [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion, self.limit]
         )
-        moved = base.load @ self.change
+        moved = coupling.load @ self.change
         rubbed = np.zeros(self.n)
         rubbed[self.stuck] = moved[self.m + self.stuck]
         self._load_derivative = np.concatenate(
@@ -169,16 +173,24 @@ class RegularizedFriction:
         )
         self._ready: tuple[FloatArray, RubbingTangent | CoupledRubbingTangent] | None = None
 
+    @classmethod
+    def frictionless(cls, coupling: Coupling, start: FloatArray, end: FloatArray) -> RegularizedFriction:
+        """The problem of contacts without friction, whose sets never change."""
+        nowhere = np.zeros(len(coupling.condensed.weight), dtype=bool)
+        return cls(
+            coupling, start, end, ContactStatus(nowhere, np.zeros(0, dtype=bool), np.zeros(0)), np.zeros(0)
+        )
+
     @cached_property
     def reduced(self) -> FloatArray:
         """Rows of gaps, sticking nodes' slips and balances over pressures, their tractions and motions.
 
         The tractions of slipping nodes go with their pressures. Dense couplings only.
         """
-        assert isinstance(self.base, DenseCoupling)
+        assert isinstance(self.coupling, DenseCoupling)
         m, n = self.m, self.n
         # LAPACK takes columns: they are the rows of the transposed matrices.
-        columns = self.base.matrix.T
+        columns = self.coupling.matrix.T
         kept = np.concatenate([np.arange(m), m + self.stuck, np.arange(m + n, len(columns))])
         reduced = columns.take(kept, axis=0).take(kept, axis=1)
         friction_nodes = np.flatnonzero(self.friction_slope)
@@ -205,7 +217,7 @@ class RegularizedFriction:
         """Dimensionless residual (2m + k + n,)."""
         p, h, q, t = self.split(x)
         m, n, law = self.m, self.n, self.law
-        linear = self.base(self.factors(lam), np.concatenate([p, t, q]))
+        linear = self.coupling(self.factors(lam), np.concatenate([p, t, q]))
         hyperbola = ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap)
         rub = (t - self.friction_slope * self.pressed(p)) / self.limit
         rub[self.stuck] = linear[m + self.stuck] - self.stick_reference[self.stuck] / law.slip
@@ -215,16 +227,16 @@ class RegularizedFriction:
         """Factorised derivative by x; numpy's LinAlgError where it is singular.
 
         Points that differ by no more than a correction at an event share their tangent: what that costs, the
-        residuals of the series show.
+        residuals of the series show. Without friction there are no events.
         """
-        if self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
+        if not self.n or self._ready is None or not np.abs((x - self._ready[0]) / self.scale).max() <= SAME:
             self._ready = (x.copy(), self._factorised(x))
         return self._ready[1]
 
     def _factorised(self, x: FloatArray) -> RubbingTangent | CoupledRubbingTangent:
         self.tally.count += 1
-        if isinstance(self.base, DenseCoupling):
-            return RubbingTangent(self, self.base, x)
+        if isinstance(self.coupling, DenseCoupling):
+            return RubbingTangent(self, self.coupling, x)
         return CoupledRubbingTangent(self, x)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
@@ -249,7 +261,7 @@ class RegularizedFriction:
         tangent = self.tangent(x, lam) if self._ready is None else self._ready[1]
         p, _, q, t = self.split(-tangent.solve(self._load_derivative))
         rows = slice(self.m, self.m + self.n)
-        moved = self.base.load[rows] @ self.change + self.base.slips @ np.concatenate([p, t, q])
+        moved = self.coupling.load[rows] @ self.change + self.coupling.slips @ np.concatenate([p, t, q])
         return np.asarray(moved * self.law.slip)
 
     def rates(self, x: FloatArray, lam: float) -> tuple[ContactState, FloatArray]:
@@ -261,7 +273,7 @@ class RegularizedFriction:
         """
         slope = -self.tangent(x, lam).solve(self._load_derivative)
         p, _, q, t = self.split(slope)
-        base, rows = self.base, slice(self.m, self.m + self.n)
+        base, rows = self.coupling, slice(self.m, self.m + self.n)
         slipped = base.load[rows] @ self.change + base.slips @ np.concatenate([p, t, q])
         if not max(np.abs(p).max() / self.law.pressure, np.abs(slipped).max()) <= UNBOUNDED:
             raise SingularSystemError
@@ -296,5 +308,5 @@ class RegularizedFriction:
         """Slips less what the asperities' softness explains, s + c t (n,)."""
         p, _, q, t = self.split(x)
         rows = slice(self.m, self.m + self.n)
-        shifted = self.base.constant[rows] + self.base.load[rows] @ self.factors(lam)
-        return np.asarray((shifted + self.base.slips @ np.concatenate([p, t, q])) * self.law.slip)
+        shifted = self.coupling.constant[rows] + self.coupling.load[rows] @ self.factors(lam)
+        return np.asarray((shifted + self.coupling.slips @ np.concatenate([p, t, q])) * self.law.slip)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.parts import dgecon, dgetrf, dgetrs
+from mlsanm_cli.startup import dgecon, dgetrf, dgetrs
 
 SINGULAR = 1e-15
 NOTHING = 1e-12

@@ -1,4 +1,4 @@
-"""Compiling the kernels with numba, the only module that imports it; see :mod:`mlsanm_cli.kernels.jit`."""
+"""Compiling the kernels with numba, the only module that imports it; see :mod:`.jit`."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
 import numba
 from llvmlite import ir
-from numba.core import intrinsics, registry
 from numba.extending import typeof_impl
 
-from mlsanm_cli.kernels import kept
+from mlsanm_cli.kernels.aot import kept
+from mlsanm_cli.kernels.aot.jit import Inner, Kernel
+from mlsanm_cli.kernels.aot.machine import Code, UnloadableError
+from mlsanm_cli.kernels.aot.signature import Value
 from mlsanm_cli.kernels.blas import EXTERNALS, External
-from mlsanm_cli.kernels.jit import Inner, Kernel
-from mlsanm_cli.kernels.machine import Code, UnloadableError
-from mlsanm_cli.kernels.signature import Value
 
 LETTERS = {"c": numba.uint8, "i": numba.int32, "d": numba.float64}
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 NATIVE: dict[str, Any] = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 PROOF = """
 import sys
-from mlsanm_cli.kernels import kept, machine
+from mlsanm_cli.kernels.aot import kept, machine
 machine.Machine(kept.decoded(sys.stdin.buffer.read()))
 """
 
@@ -36,8 +37,10 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
     """Numba's compiler of a function, without its way in for Python, and not anew for every constant that
     other functions call it with."""
     dispatcher: Any = numba.njit(**NATIVE)(function)
-    template: Any = dispatcher.get_call_template
+    template: Any = getattr(dispatcher, "get_call_template", None)
     plain: Any = numba.types.unliteral
+    if template is None:
+        return dispatcher
 
     def get_call_template(args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
         return template(tuple(map(plain, args)), {name: plain(one) for name, one in kws.items()})
@@ -74,14 +77,16 @@ def _bind() -> None:
 def compiled(kernels: Iterable[Kernel]) -> Code:
     """All ``kernels`` in one object file. Raises UnloadableError where this numba's code cannot be kept."""
     _bind()
-    results = {kernel.name: _compiled(kernel) for kernel in kernels}
-    whole = llvm.parse_assembly("")
     try:
+        from numba.core import intrinsics
+
+        results = {kernel.name: _compiled(kernel) for kernel in kernels}
+        whole = llvm.parse_assembly("")
         for result in results.values():
             whole.link_in(result.library._final_module.clone())
         machine_code = next(iter(results.values())).library.codegen._tm.emit_object(whole)
         math = tuple(intrinsics.INTR_MATH)
-    except AttributeError as error:
+    except (AttributeError, ImportError) as error:
         raise UnloadableError(f"numba {numba.__version__} does not give its code away: {error}") from error
     symbols = [one.name for one in whole.functions if one.is_declaration and not one.name.startswith("llvm.")]
     entries = {name: result.fndesc.llvm_func_name for name, result in results.items()}
@@ -103,6 +108,8 @@ def _check_layout(kernel: Kernel, types: tuple[Any, ...], result: Any) -> None:
 
     Raises UnloadableError where numba passes arguments or results in another way than we do.
     """
+    from numba.core import registry
+
     parts = getattr(result, "types", (result,))
     found = [(getattr(part, "dtype", part), getattr(part, "ndim", 0)) for part in parts]
     told = [(numba.from_dtype(value.dtype), value.ndim) for value in kernel.signature.results]
@@ -140,11 +147,21 @@ def _kinds(layout: Any) -> str:
     return {"i64": "i", "double": "d"}.get(str(layout), "?")
 
 
-def in_process(kernel: Kernel) -> Callable[..., Any]:
-    """A kernel as numba itself calls it, for this process only."""
+def in_process(kernel: Kernel, place: Path | None = None) -> Callable[..., Any]:
+    """A kernel as numba itself calls it, for this process only, or kept by numba at a ``place``.
+
+    The place belongs to these very sources: numba looks at a function's own file, not at those it calls.
+    """
     _bind()
+    types = tuple(_type(one) for one in kernel.signature.arguments)
     dispatcher: Any = numba.njit(**OPTIONS)(kernel.__wrapped__)
-    dispatcher.compile(tuple(_type(one) for one in kernel.signature.arguments))
+    if place is not None:
+        settings: Any = numba.config
+        settings.CACHE_DIR = str(place)
+        # Numba keeps no functions without a file.
+        with suppress(RuntimeError):
+            dispatcher = numba.njit(**OPTIONS, cache=True)(kernel.__wrapped__)
+    dispatcher.compile(types)
     # Arrays that may be written to are no others for a kernel that only reads them, but numba would compile
     # it for them once more.
     dispatcher.disable_compile()

@@ -17,10 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mlsanm_cli.kernels.machine import Code, UnloadableError, numba_root
+from mlsanm_cli.kernels.aot.machine import Code, UnloadableError, numba_root
 from mlsanm_cli.system import who_else_may_write
 
 NAME = "machine-code"
+LEFT = "left-to-numba"
+"""Says why there is no machine code: numba keeps the kernels beside this file itself."""
 SETTINGS = "NUMBA_"
 HARMLESS = ("NUMBA_CACHE_DIR", "NUMBA_NUM_THREADS")
 """Settings of numba's that change no machine code."""
@@ -56,7 +58,7 @@ def circumstances() -> tuple[str, ...]:
 def directory() -> Path:
     """Where this installation's machine code belongs. Raises RuntimeError where the user has no directory."""
     digest = hashlib.sha256("\0".join(circumstances()).encode())
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         digest.update(path.read_bytes())
     return cache_root() / "kernels" / digest.hexdigest()[:16]
 
@@ -103,6 +105,25 @@ def write(place: Path, code: Code) -> None:
         beside.replace(place / NAME)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def left_to_numba(place: Path) -> bool:
+    """Whether an earlier process found that code cannot be kept but by numba, in a directory that is safe."""
+    try:
+        return not who_else_may_write(place / LEFT)
+    except OSError:
+        return False
+
+
+def leave_to_numba(place: Path, reason: str) -> None:
+    """Have numba keep the kernels in a directory from now on. Raises OSError where nothing can be kept there,
+    or others may write to it."""
+    _make(place)
+    found = who_else_may_write(place)
+    if found:
+        raise PermissionError(found)
+    (place / LEFT).write_text(f"{reason}\n", encoding="utf-8")
+    _shut(place / LEFT)
 
 
 def _make(place: Path) -> None:

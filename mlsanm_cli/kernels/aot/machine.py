@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.kernels.aot.signature import Signature, Value
 from mlsanm_cli.kernels.blas import EXTERNALS
-from mlsanm_cli.kernels.signature import Signature, Value
 
 WORDS = {"p": ctypes.c_void_p, "i": ctypes.c_int64, "d": ctypes.c_double}
 DONE = (0, -2)

@@ -1,7 +1,7 @@
 """How kernels are written, and how they come to run as machine code.
 
 A kernel is a function of arrays and numbers with the decorator :func:`kernel`. Its annotations are types of
-:mod:`mlsanm_cli.kernels.signature`, and it can be called for nothing else: ``Float2`` is a C-contiguous array
+:mod:`.signature`, and it can be called for nothing else: ``Float2`` is a C-contiguous array
 of two dimensions that it reads, ``FloatOut2`` one that it writes to (numba refuses to compile a kernel that
 writes to another), ``tuple[Int1, int]`` a result. Functions that only kernels call are decorated with
 :func:`inner`, take anything that numba can type, and are plain Python elsewhere. Kernels may call kernels and
@@ -11,8 +11,10 @@ kernel f, and with ``NUMBA_DISABLE_JIT=1`` in the environment every kernel is; r
 kernels, are then refused.
 
 The first process compiles all kernels with numba, proves in another process that the machine code can be
-loaded without numba, and keeps it; later ones load it and never import numba. Where it cannot be kept, every
-process compiles, and :class:`Loaded` says why.
+loaded without numba, and keeps it; later ones load it and never import numba. All that takes names of
+numba's that are not public; where one of them is missing, or the proof fails, numba keeps the kernels in a
+cache of its own, and every process imports numba. Where nothing can be kept, every process compiles, and
+:class:`Loaded` says why.
 """
 
 from __future__ import annotations
@@ -28,9 +30,9 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels import kept
-from mlsanm_cli.kernels.machine import Code, Machine, UnloadableError
-from mlsanm_cli.kernels.signature import Signature
+from mlsanm_cli.kernels.aot import kept
+from mlsanm_cli.kernels.aot.machine import Code, Machine, UnloadableError
+from mlsanm_cli.kernels.aot.signature import Signature
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -89,7 +91,8 @@ def inner(function: Function) -> Function:
 
 @dataclass(frozen=True)
 class Loaded:
-    """The kernels of this process: kept at a ``place``, or a ``note`` why they are not."""
+    """The kernels of this process: kept at a ``place``, by numba itself where there is no ``machine``, or a
+    ``note`` why they are not."""
 
     machine: Machine | None
     place: Path | None
@@ -109,9 +112,9 @@ class Loaded:
         """A kernel as a Python function."""
         if self.machine is not None:
             return self.machine.function(kernel.name, kernel.signature)
-        from mlsanm_cli.kernels.compiler import in_process
+        from mlsanm_cli.kernels.aot.compiler import in_process
 
-        return in_process(kernel)
+        return in_process(kernel, self.place)
 
 
 _lock = threading.RLock()
@@ -142,6 +145,8 @@ def load() -> Loaded:
 def _from_disk() -> list[Loaded]:
     try:
         place = kept.directory()
+        if kept.left_to_numba(place):
+            return [Loaded(None, place)]
         code = kept.read(place)
         return [] if code is None else [Loaded(Machine(code), place)]
     except (ImportError, RuntimeError, UnloadableError):
@@ -149,20 +154,36 @@ def _from_disk() -> list[Loaded]:
 
 
 def _compiled() -> Loaded:
-    from mlsanm_cli.kernels import compiler
+    from mlsanm_cli.kernels.aot import compiler
 
+    try:
+        place = kept.directory()
+    except RuntimeError as error:
+        place, missing = None, error
     try:
         code = _beside(compiler.compiled, every_kernel())
         compiler.prove(code)
         machine = Machine(code)
     except UnloadableError as error:
-        return Loaded.unkept(None, error)
+        return _left_to_numba(place, error)
+    if place is None:
+        return Loaded.unkept(machine, missing)
     try:
-        place = kept.directory()
         kept.write(place, code)
-    except (OSError, RuntimeError) as error:
+    except OSError as error:
         return Loaded.unkept(machine, error)
     return Loaded(machine, place)
+
+
+def _left_to_numba(place: Path | None, reason: UnloadableError) -> Loaded:
+    """Kernels in numba's own cache, if there is a place for it."""
+    if place is None:
+        return Loaded.unkept(None, reason)
+    try:
+        kept.leave_to_numba(place, str(reason))
+    except OSError as error:
+        return Loaded.unkept(None, f"{reason}; {error}")
+    return Loaded(None, place, f"numba itself keeps the compiled kernels ({reason}); runs start later for it")
 
 
 def _beside(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
@@ -190,8 +211,8 @@ def _beside(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kern
 
 
 def every_kernel() -> list[Kernel]:
-    """Those of all modules of this package, in an order that does not depend on what was imported first."""
-    package = __name__.rpartition(".")[0]
-    for module in pkgutil.iter_modules([str(Path(__file__).parent)]):
+    """Those of all modules beside this package, in an order that does not depend on what was imported."""
+    package = __name__.rsplit(".", 2)[0]
+    for module in pkgutil.iter_modules([str(Path(__file__).parents[1])]):
         importlib.import_module(f"{package}.{module.name}")
     return [KERNELS[name] for name in sorted(KERNELS) if name.startswith(f"{package}.")]
