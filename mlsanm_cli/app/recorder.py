@@ -25,6 +25,7 @@ from mlsanm_cli.app.marks import BEGINNING, Start
 from mlsanm_cli.app.overlaps import judge_overlaps, within_themselves
 from mlsanm_cli.app.recorded import CLOUDS, PATH, Earlier, Recorded
 from mlsanm_cli.app.scene import Prepared
+from mlsanm_cli.app.slides import large_slides
 from mlsanm_cli.app.states import PathStep, Polish, State
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import LoadedCase, resolved_mapping
@@ -272,6 +273,10 @@ class Recorder:
         """NumericalError where a body lies inside another one, a warning where one lies inside itself."""
         moved = {name: one.displacement for name, one in fields.items()}
         judge_overlaps(built, state, clouds, moved)
+        for name, message in large_slides(built, state, clouds, moved):
+            if not any(told.startswith(f"the sides of contact {name} slide") for told in self._told):
+                self._told.append(message)
+                self.warn(message)
         for name, (x, y) in within_themselves(clouds, moved).items():
             text = f"body {name} lies inside itself"
             if not any(told.startswith(text) for told in self._told):

@@ -114,8 +114,10 @@ class Pressing:
 
     @cached_property
     def friction(self) -> FloatArray:
-        """Coulomb's coefficient at the slaves' nodes (c,)."""
-        return np.concatenate([np.full(one.slave.count, one.friction) for one in self.contacts])
+        """Coulomb's coefficient at the slaves' nodes (c,); none at held ones, as at the ends of a plane of
+        symmetry: what cannot slip has no friction that could be known."""
+        found = [np.where(one.slave.held, 0.0, one.friction) for one in self.contacts]
+        return np.concatenate([*found, np.zeros(0)])
 
     def meet(
         self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None
