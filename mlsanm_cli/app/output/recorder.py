@@ -22,6 +22,7 @@ from mlsanm_cli.app.output import recording
 from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.output.recording import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.slides import large_slides
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.cloud import Cloud
@@ -273,6 +274,10 @@ class Recorder:
         """NumericalError where a body lies inside another one, a warning where one lies inside itself."""
         moved = {name: one.displacement for name, one in fields.items()}
         check_overlaps(built, state, clouds, moved)
+        for name, message in large_slides(built, state, clouds, moved):
+            if not any(told.startswith(f"the sides of contact {name} slide") for told in self._told):
+                self._told.append(message)
+                self.warn(message)
         for name, (x, y) in within_themselves(clouds, moved).items():
             text = f"body {name} lies inside itself"
             if not any(told.startswith(text) for told in self._told):
