@@ -155,7 +155,7 @@ def carry_out(
             at = f"at position {recorder.last.position:.9g}"
             ending = Ending("done", f"{reached.told}, {at}", stopped_by=reached.told)
         if recorder.last is not None and len(built.condensed.friction_nodes):
-            from mlsanm_cli.app.friction_accuracy import with_friction
+            from mlsanm_cli.app.assessment.friction_accuracy import with_friction
 
             with clock.phase("estimate"):
                 accuracy = with_friction(built, adapted.accuracy, recorder.last)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,7 +163,7 @@ def test_a_profile_of_points_is_as_good_as_the_disk_it_is_of(tmp_path: Path) -> 
     top = '{along = "top", spacing = 0.1, radius = 0.05, growth = 0.3}'
     moved = '[[load]]\nname = "drag"\nkind = "obstacle"\nobstacle = "under"\nux = 0.3\n'
     moved += "[[stage]]\npress = 1.0\n[[stage]]\ndrag = 1.0\n"
-    found = []
+    found: list[dict[str, Any]] = []
     for obstacle in (DISK.replace("0.0, 3.0", "-0.3, 3.0"), f'kind = "polyline", points = {points}'):
         text = BLOCK.format(left=-2.0, depth=-0.1, refine=top, bottom="ux = 0.0\n", obstacle=obstacle)
         text = text.replace('slave = "block.top"', 'slave = "block.top"\nfriction = 0.3') + moved

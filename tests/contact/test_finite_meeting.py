@@ -19,7 +19,8 @@ from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) -> Side:
     steps = np.diff(arc)
     weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
-    return Side(body, "side", np.arange(len(arc)), places, outward, weight, arc)
+    free = np.zeros(len(arc), dtype=bool)
+    return Side(body, "side", np.arange(len(arc)), places, outward, weight, arc, None, free)
 
 
 def bent_pair() -> tuple[BodyContact, FloatArray]:

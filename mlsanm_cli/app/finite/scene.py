@@ -15,6 +15,7 @@ from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.exact import AnyContact
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
 from mlsanm_cli.contact.finite.pair import BodyContact
@@ -176,11 +177,10 @@ def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> A
     """A side of a body against another's, or against a rigid obstacle, in a scene of so many ``free``
     motions."""
     found = next(one for one in case.contact if one.name == pairing.name)
-    points = {name: model.cloud.points for name, model in prepared.models.items()}
-    slave = Side.of(pairing.slave_body, points[pairing.slave_body], pairing.slave)
+    slave = _side(prepared, pairing.slave_body, pairing.slave)
     if pairing.master is not None:
         assert pairing.master_body is not None
-        master = Side.of(pairing.master_body, points[pairing.master_body], pairing.master)
+        master = _side(prepared, pairing.master_body, pairing.master)
         return BodyContact(pairing.name, slave, master, pairing.friction)
     assert found.obstacle is not None
     count = len(case.moved)
@@ -191,6 +191,16 @@ def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> A
                 if one.prescribed is not None:
                     motion[one.component, :count] += one.prescribed
     return RigidContact(pairing.name, slave, shape_of(found.obstacle), motion, pairing.friction)
+
+
+def _side(prepared: SceneModel, body: str, surface: Surface) -> Side:
+    cloud = prepared.models[body].cloud
+    held = np.zeros(len(cloud.points), dtype=bool)
+    for name, components in prepared.held[body].items():
+        held[cloud.surfaces[name].index] |= any(components)
+    for node, _ in prepared.held_nodes[body]:
+        held[node] = True
+    return Side.of(body, cloud.points, surface, held)
 
 
 def law_of(case: Case, body: str) -> Law:

@@ -16,6 +16,7 @@ from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.app.assessment.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.assessment.overlaps import check_overlaps, within_themselves
 from mlsanm_cli.app.assessment.refinement import Adapted
+from mlsanm_cli.app.assessment.slides import large_slides
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.output import recording
@@ -228,6 +229,10 @@ class Recorder(RunWriter):
         """NumericalError where a body lies inside another one, a warning where one lies inside itself."""
         moved = {name: one.displacement for name, one in fields.items()}
         check_overlaps(built, state, clouds, moved)
+        for name, message in large_slides(built, state, clouds, moved):
+            if not any(told.startswith(f"the sides of contact {name} slide") for told in self._told):
+                self._told.append(message)
+                self.warn(message)
         for name, (x, y) in within_themselves(clouds, moved).items():
             text = f"body {name} lies inside itself"
             if not any(told.startswith(text) for told in self._told):

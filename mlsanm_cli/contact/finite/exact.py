@@ -15,30 +15,19 @@ from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
-import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
+from mlsanm_cli.contact.finite.iteration import Done, Iteration
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
-from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
-from mlsanm_cli.contact.response.coercivity import relative_resistance
-from mlsanm_cli.mechanics.finite.body import BodySeries
-from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
-from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
+from mlsanm_cli.contact.finite.sets import NodeSets
+from mlsanm_cli.mechanics.finite.projector import Projector
 
 AnyContact: TypeAlias = RigidContact | BodyContact
 LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
-BESIDE = 3
-"""So many nodes beside those that touch may come to touch within an iteration."""
-REACH = 0.1
-"""With free motions also nodes with gaps up to this part of the typical displacement may."""
-DAMPED = 1e-5
-"""Free motions are held back by this part of the stiffness within an iteration: something has to where
-nothing touches yet, and steps that are 0 in the end change nothing."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +103,10 @@ class Pressing:
 
     @cached_property
     def friction(self) -> FloatArray:
-        """Coulomb's coefficient at the slaves' nodes (c,)."""
-        return np.concatenate([np.full(one.slave.count, one.friction) for one in self.contacts])
+        """Coulomb's coefficient at the slaves' nodes (c,); none at held ones, as at the ends of a plane of
+        symmetry: what cannot slip has no friction that could be known."""
+        found = [np.where(one.slave.held, 0.0, one.friction) for one in self.contacts]
+        return np.concatenate([*found, np.zeros(0)])
 
     def meet(
         self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None
@@ -148,7 +139,7 @@ class Pressing:
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
             met = self.meet(u, factors, before)
-            done = _Iteration(self, factors, before).taken(u, p, q, sets, met, first=count == 1)
+            done = Iteration(self, factors, before).taken(u, p, q, sets, met, first=count == 1)
             solves += done.solves
             part = 1.0
             while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
@@ -182,7 +173,7 @@ class Pressing:
         free: FloatArray,
         before: FloatArray | None,
         counts: tuple[float, int, int, int],
-        done: _Done,
+        done: Done,
     ) -> Pressed:
         met = self.meet(u, np.concatenate([given, free]), before)
         p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
@@ -208,293 +199,6 @@ class Pressing:
         """Where every contact's slave nodes are among those of all."""
         ends = np.cumsum([0, *(one.slave.count for one in self.contacts)]).tolist()
         return [slice(first, last) for first, last in pairwise(ends)]
-
-
-@dataclass(frozen=True)
-class _Done:
-    """What an iteration found: updates, also of the ``free`` motions, ``sets`` of all nodes, the ``chosen``
-    ones (c,) that might touch and their ``compliance`` (k, k), gaps by pressures that do not turn: what a
-    body's equations resist pressures with, whatever loads that turn with their surfaces do to its balance.
-    Pressures with something ``unbalanced`` (d, k) on loose bodies have no say."""
-
-    du: FloatArray
-    dp: FloatArray
-    dq: FloatArray
-    free: FloatArray
-    sets: NodeSets
-    chosen: IntArray
-    compliance: FloatArray
-    unbalanced: FloatArray
-    solves: int
-    settled: bool
-
-    def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
-        """The least resistance of a contact with closed nodes, on those between two others."""
-        least = np.inf
-        number = np.full(len(self.sets.status), -1, dtype=np.int64)
-        number[self.chosen] = np.arange(len(self.chosen))
-        for contact, one, here in zip(pressing.contacts, met, pressing.places, strict=True):
-            own = self.sets.closed[here]
-            inner = own[1:-1] & own[:-2] & own[2:]
-            some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
-            soft = sum(
-                pressing.projectors[side.body].body.elastic.model.material.contact_compliance(
-                    one.normal[some]
-                )
-                for side in contact.sides
-            )
-            place = number[here][some]
-            part = self.compliance[np.ix_(place, place)]
-            weight = contact.slave.weight[some]
-            held = self.unbalanced[:, place]
-            least = min(least, relative_resistance(weight, 1.0 / np.asarray(soft), part, held))
-        return least
-
-
-@dataclass(frozen=True)
-class _Iteration:
-    """Newton's steps at load ``factors`` (L,), with slips from the places ``before`` (c,)."""
-
-    pressing: Pressing
-    factors: FloatArray
-    before: FloatArray | None
-
-    def taken(
-        self,
-        u: FloatArray,
-        p: FloatArray,
-        q: FloatArray,
-        sets: NodeSets,
-        met: Sequence[Meeting],
-        first: bool,
-    ) -> _Done:
-        """One step from displacements (2N,), pressures and friction (c,)."""
-        pressing = self.pressing
-        applied = pressing.tractions(met, p, q)
-        factorised, z = {}, np.zeros(len(u))
-        for name, projector in pressing.projectors.items():
-            here = self._here(name)
-            whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
-            series = BodySeries(projector.body, 0)
-            series.put(0, u[here], whole)
-            factorised[name] = projector.factorised(u[here], whole)
-            z[here] = -factorised[name].solve(projector.scaled(series.rows(0)))
-        free = [one.gap + one.d_gap @ z[number] for one, number in zip(met, self._numbers(), strict=True)]
-        chosen, touched = self._chosen(np.concatenate([*free, np.zeros(0)]), p, met)
-        if not len(chosen) and not pressing.free:
-            none, nothing = np.zeros(len(p)), np.zeros((0, 0))
-            sets = NodeSets(none.astype(np.int8), none)
-            return _Done(z, -p, -q, np.zeros(0), sets, chosen, nothing, nothing, len(factorised), True)
-        answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
-        lack = self._balanced(u, applied, touched, answers, z)
-        return self._settled(p, q, sets, met, z, chosen, touched, answers, lack, first)
-
-    def _here(self, name: str) -> slice:
-        first = self.pressing.firsts[name]
-        return slice(first, first + self.pressing.projectors[name].body.unknowns)
-
-    def _numbers(self) -> list[IntArray]:
-        """The displacements of every contact's sides among those of all bodies."""
-        ends = np.cumsum([0, *(2 * sum(s.count for s in one.sides) for one in self.pressing.contacts)])
-        return [self.pressing.numbers[a:b] for a, b in pairwise(ends)]
-
-    def _chosen(self, free: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
-        """The nodes that may touch, and the tractions (t,) of all sides that these make."""
-        chosen, touched, first, node = [], [], 0, 0
-        for contact, one in zip(self.pressing.contacts, met, strict=True):
-            here = slice(first, first + contact.slave.count)
-            reach = REACH * self.pressing.length if self.pressing.free else 0.0
-            near = one.facing & ((free[here] <= reach) | (p[here] > 0.0))
-            for _ in range(BESIDE):
-                beside = near.copy()
-                beside[1:] |= near[:-1]
-                beside[:-1] |= near[1:]
-                if contact.slave.around is not None:
-                    beside[0] |= near[-1]
-                    beside[-1] |= near[0]
-                near = beside & one.facing
-            own = np.flatnonzero(near)
-            chosen.append(first + own)
-            reached = np.unique(one.carried[:, own].tocoo().coords[0])
-            nodes = np.concatenate([own, contact.slave.count + reached])
-            touched.append(2 * node + (2 * nodes[:, None] + np.arange(2)).ravel())
-            first, node = here.stop, node + sum(side.count for side in contact.sides)
-        return (
-            np.concatenate([*chosen, np.zeros(0, dtype=np.int64)]),
-            np.concatenate([*touched, np.zeros(0, dtype=np.int64)]),
-        )
-
-    def _answers(self, u: FloatArray, name: str, factorised: Factorised, touched: IntArray) -> _Answers:
-        """A body's displacements by the ``touched`` tractions and by its free motions."""
-        pressing, projector = self.pressing, self.pressing.projectors[name]
-        place = np.searchsorted(pressing.columns[name], touched)
-        place = np.minimum(place, max(len(pressing.columns[name]) - 1, 0))
-        own = np.flatnonzero(np.isin(touched, pressing.columns[name]))
-        moves = self._moves(name)
-        known = len(self.factors) - pressing.free
-        columns = load_columns(projector.body, u[self._here(name)], slice(known, None))
-        some = sparse.csr_array(columns[:, np.concatenate([pressing.free + place[own], moves])])
-        found = -factorised.solve_unrefined(projector.scaled_columns(some))
-        pieces = sparse.csr_array(some[some.shape[0] - 3 * projector.body.count :])
-        return _Answers(own, found[:, : len(own)], moves, found[:, len(own) :], pieces)
-
-    def _moves(self, name: str) -> IntArray:
-        """Which free motions are a body's."""
-        first = 0
-        for one in self.pressing.loose:
-            if one.body == name:
-                return first + np.arange(one.count)
-            first += one.count
-        return np.zeros(0, dtype=np.int64)
-
-    def _balanced(
-        self,
-        u: FloatArray,
-        applied: FloatArray,
-        touched: IntArray,
-        answers: Mapping[str, _Answers],
-        z: FloatArray,
-    ) -> _Lack:
-        """What is out of balance (d,) after the displacements ``z`` (2N,), and how that changes by touched
-        tractions and by free motions."""
-        pressing = self.pressing
-        shape = (pressing.free, len(touched))
-        lack = _Lack(np.zeros(pressing.free), np.zeros(shape), np.zeros((pressing.free,) * 2))
-        for one in (some for some in pressing.loose if some.count):
-            here, answer = self._here(one.body), answers[one.body]
-            body = pressing.projectors[one.body].body
-            whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
-            series = BodySeries(body, 0)
-            series.put(0, u[here], whole)
-            sums, rows = one.sums(body, series), answer.moves
-            moved = sums @ derivative_pieces(body, u[here], whole)
-            lack.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
-            by_pieces = (sums @ answer.pieces).toarray()
-            lack.by_traction[np.ix_(rows, answer.own)] = (
-                by_pieces[:, : len(answer.own)] + moved @ answer.by_traction
-            )
-            lack.by_motion[np.ix_(rows, rows)] = moved @ answer.by_motion + DAMPED * (
-                body.elastic.model.material.modulus * np.eye(one.count)
-            )
-        for driven in pressing.driven:
-            number, contact = driven.number, pressing.contacts[driven.contact]
-            weight = np.zeros(len(applied))
-            weight[self._driven(driven)] = contact.slave.weight
-            force = driven.force @ self.factors[: len(driven.force)]
-            lack.now[number] = weight @ applied - force
-            lack.by_traction[number] = weight[touched]
-            modulus = pressing.projectors[contact.slave.body].body.elastic.model.material.modulus
-            lack.by_motion[number, number] = DAMPED * modulus
-        return lack
-
-    def _driven(self, driven: DrivenObstacle) -> IntArray:
-        """Which tractions of all sides press an obstacle along its motion."""
-        pressing = self.pressing
-        before = pressing.contacts[: driven.contact]
-        first = 2 * sum(side.count for contact in before for side in contact.sides)
-        return first + 2 * np.arange(pressing.contacts[driven.contact].slave.count) + driven.component
-
-    def _settled(
-        self,
-        p: FloatArray,
-        q: FloatArray,
-        sets: NodeSets,
-        met: Sequence[Meeting],
-        z: FloatArray,
-        chosen: IntArray,
-        touched: IntArray,
-        answers: Mapping[str, _Answers],
-        lack: _Lack,
-        first: bool,
-    ) -> _Done:
-        pressing = self.pressing
-        mu, numbers = pressing.friction[chosen], pressing.numbers
-        # Displacements of all sides by the touched tractions.
-        seen, shifted = np.zeros((len(numbers), len(touched))), np.zeros((len(numbers), pressing.free))
-        for name, answer in answers.items():
-            here, rows = self._here(name), pressing.columns[name]
-            seen[np.ix_(rows, answer.own)] = answer.by_traction[numbers[rows] - here.start]
-            shifted[np.ix_(rows, answer.moves)] = answer.by_motion[numbers[rows] - here.start]
-        for driven in pressing.driven:
-            shifted[self._driven(driven), driven.number] -= 1.0
-        turning = _diagonal(
-            [one.turning(p[at], q[at]) for one, at in zip(met, pressing.places, strict=True)]
-        )[touched]
-        push = _diagonal([one.columns(one.normal) for one in met])[touched][:, chosen].toarray()
-        friction_slope = _diagonal([one.columns(one.tangent) for one in met])[touched][:, chosen].toarray()
-        d_gap = _diagonal([one.d_gap for one in met])[chosen]
-        d_slip = _diagonal([one.d_slip for one in met])[chosen]
-        surface = z[numbers]
-        inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
-        loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
-        follow = inverse @ (turning @ surface)
-        moved = surface + seen @ follow
-        gap = np.concatenate([one.gap for one in met])[chosen]
-        slip = np.concatenate([one.slip for one in met])[chosen]
-        by_all = seen @ loads
-        by_all[:, 2 * len(chosen) :] += shifted
-        by_balance = lack.by_traction @ loads
-        by_balance[:, 2 * len(chosen) :] += lack.by_motion
-        linear = Linearised(
-            mu,
-            p[chosen],
-            q[chosen],
-            gap + d_gap @ moved,
-            slip + d_slip @ moved,
-            d_gap @ by_all,
-            d_slip @ by_all,
-            lack.now + lack.by_traction @ follow,
-            by_balance,
-        )
-        guess = NodeSets(sets.status[chosen], sets.slip_sign[chosen])
-        if first:
-            closed = p[chosen] > pressing.stiffness * gap
-            held = np.where(mu > 0.0, STICK, SLIP)
-            status = np.where(closed, np.where(guess.closed, guess.status, held), OPEN).astype(np.int8)
-            guess = NodeSets(status, np.where(status == SLIP, guess.slip_sign, 0.0))
-        change, found, settled = linear.settled(guess)
-        dp, dq, free = np.split(change, [len(chosen), 2 * len(chosen)])
-        tractions = follow + loads @ change
-        du = z.copy()
-        for name, answer in answers.items():
-            du[self._here(name)] += (
-                answer.by_traction @ tractions[answer.own] + answer.by_motion @ free[answer.moves]
-            )
-        whole_p, whole_q = -p, -q
-        whole_p[chosen], whole_q[chosen] = dp, dq
-        status, slip_sign = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
-        status[chosen], slip_sign[chosen] = found.status, found.slip_sign
-        solves = len(answers) + len(touched)
-        compliance = d_gap @ (seen @ push)
-        unbalanced = lack.by_traction[: pressing.free - len(pressing.driven)] @ push
-        sets = NodeSets(status, slip_sign)
-        args = (chosen, compliance, unbalanced, solves, settled)
-        return _Done(du, whole_p, whole_q, free, sets, *args)
-
-
-@dataclass(frozen=True)
-class _Answers:
-    """Displacements of a body by its ``own`` (k,) of the touched tractions, (2n, k), and by its free
-    ``moves`` (d,), (2n, d); and what ``pieces`` (3k, k + d) lack by both directly."""
-
-    own: IntArray
-    by_traction: FloatArray
-    moves: IntArray
-    by_motion: FloatArray
-    pieces: sparse.csr_array
-
-
-@dataclass(frozen=True)
-class _Lack:
-    """What is out of balance ``now`` (d,), by touched tractions (d, t) and by free motions (d, d)."""
-
-    now: FloatArray
-    by_traction: FloatArray
-    by_motion: FloatArray
-
-
-def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:
-    return sparse.csr_array(sparse.block_diag(blocks, format="csr"))
 
 
 def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> Pressed:

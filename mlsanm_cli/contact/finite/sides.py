@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -18,7 +18,8 @@ from mlsanm_cli.mechanics.finite.loads import Loads
 class Side:
     """The ``nodes`` (c,) of a ``surface`` of a ``body``, at ``places`` (c, 2) before loading, there with
     outward normals ``outward`` (c, 2), at ``arc`` (c,) along it; ``weight`` (c,) is the length each stands
-    for. ``around`` is the length of a closed surface, and None of others."""
+    for. ``around`` is the length of a closed surface, and None of others. ``held`` (c,) tells which nodes
+    have a component of their displacement given."""
 
     body: str
     surface: str
@@ -27,15 +28,16 @@ class Side:
     outward: FloatArray
     weight: FloatArray
     arc: FloatArray
-    around: float | None = None
+    around: float | None
+    held: BoolArray
 
     @classmethod
-    def of(cls, body: str, points: FloatArray, surface: Surface) -> Side:
-        """By the body's nodes (n, 2) and the surface."""
+    def of(cls, body: str, points: FloatArray, surface: Surface, held: BoolArray) -> Side:
+        """By the body's nodes (n, 2), of which some are ``held`` (n,), and the surface."""
         around = surface.curve.length if surface.curve.closed else None
         places = points[surface.index]
         args = (surface.normal, surface.weight, surface.arc_length, around)
-        return cls(body, surface.name, surface.index, places, *args)
+        return cls(body, surface.name, surface.index, places, *args, held[surface.index])
 
     @property
     def count(self) -> int:
