@@ -163,7 +163,8 @@ def _bounded(
     """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes at ``places``, and where curves cross a
     ``line`` halfway."""
     steps = [
-        spacing.steps_along(curve, line, places.along(number)) for number, curve in enumerate(outline.curves)
+        spacing.steps_along(curve, line, places.along(number).tolist())
+        for number, curve in enumerate(outline.curves)
     ]
     points = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
     surfaces = _surfaces(outline, steps)

@@ -50,7 +50,8 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
     error = _moved(built, bodies, change)
     halved = _halved(built, last)
-    from_bulk, from_contact = {}, {}
+    from_bulk: dict[str, float | None] = {}
+    from_contact: dict[str, float | None] = {}
     for pair in condensed.pairings:
         from_bulk[pair.name] = distance(built, pair, last, state.pressure + change.pressure)
         if pair.near is not None:
