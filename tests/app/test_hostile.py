@@ -127,14 +127,14 @@ def hostile() -> dict[str, Case]:
     for what, name in NAMES.items():
         text = json.dumps(name, ensure_ascii=False)
         cases |= {
-            f"load {what}": (changed('"press"', text), (), ".name: a name has"),
-            f"contact {what}": (changed('"interface"', text), (), ".name: a name has"),
-            f"body {what}": (changed('"upper"', text), (), ".name: a name has"),
-            f"material {what}": (PATCH.replace("material.steel", f"material.{text}"), (), ": a name has"),
+            f"load {what}": (changed('"press"', text), (), ".name: a name "),
+            f"contact {what}": (changed('"interface"', text), (), ".name: a name "),
+            f"body {what}": (changed('"upper"', text), (), ".name: a name "),
+            f"material {what}": (PATCH.replace("material.steel", f"material.{text}"), (), ": a name "),
             f"probe {what}": (
                 f'{PATCH}\n[[probe]]\nname = {text}\nbody = "upper"\npoint = [1.0, 1.5]\n',
                 (),
-                ".name: a name has",
+                ".name: a name ",
             ),
             f"stage {what}": (f"{PATCH}\n[[stage]]\n{text} = 1.0\n", (), "stage.0."),
         }

@@ -187,13 +187,13 @@ def cut(place: Path, steps: int | None) -> None:
         ('what = "force"\nof = "pres"\nabove = 1.0', "stop.0.of", "no load or contact or support"),
         ('what = "force"\nof = "press"', "stop.0", "exactly one of above and below"),
         ('what = "force"\nof = "press"\nabove = 1.0\nbelow = 2.0', "stop.0", "exactly one"),
-        ('what = "slip"\nof = "interface"\nabove = 1.0', "stop.0.of", "no friction"),
+        ('what = "slip"\nof = "interface"\nabove = 1.0', "stop.0.of", "frictionless"),
         (
             'what = "area"\nof = "interface"\nabove = 1.0\ncomponent = "x"',
             "stop.0.component",
             "no components",
         ),
-        ('what = "fold"\nabove = 1.0', "stop.0.above", "a fold has none"),
+        ('what = "fold"\nabove = 1.0', "stop.0.above", "fold"),
         ('what = "force"\nof = "press"\nabov = 1.0', "stop.0.abov", "unknown key"),
     ],
 )
