@@ -13,7 +13,7 @@ from mlsanm_cli.app.recording import Fields, fields_of
 from mlsanm_cli.app.scene import single_nodes
 from mlsanm_cli.app.states import State
 from mlsanm_cli.contact.work import work_on
-from mlsanm_cli.mechanics.energy import twice_strain_energy
+from mlsanm_cli.mechanics.energy import energy_at_tips, twice_strain_energy
 
 SMALL = 1e-3
 """A body with less than this part of all energy counts the less, the less it has."""
@@ -48,6 +48,8 @@ def energy_error(
         rest = found.displacement - moved, found.stress - stressed
         strains[name] = strain_of(cloud.points, found.displacement, found.von_mises, material.modulus)
         energies[name] = twice_strain_energy(cloud, material, rest[1])
+        if body.model.tips is not None:
+            energies[name] += energy_at_tips(cloud, material, rest[1], body.model.tips)
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         strain = UNSTRAINED * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
         degrees, free = built.scene.degrees(name, state.factors), material.expansion
