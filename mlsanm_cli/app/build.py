@@ -18,7 +18,7 @@ from mlsanm_cli.app.estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.fine_views import View, fine_views
 from mlsanm_cli.app.limit_named import beyond_limit
 from mlsanm_cli.app.linear import direct_solver
-from mlsanm_cli.app.near import find_grids
+from mlsanm_cli.app.near import Wanted, find_grids
 from mlsanm_cli.app.scene import NOTHING, Prepared, equip, prepare
 from mlsanm_cli.app.stages import factors_at, stage_factors
 from mlsanm_cli.app.symmetry import line_of
@@ -47,6 +47,9 @@ _CONTACTS_WITHOUT_SIZE = {"friction", "regularization"}
 """What of a case and of its contacts does not change its size."""
 MOST_LEVELS = 40
 """Of more levels with fields some tell how fine contact grids have to be."""
+BETWEEN = 8
+"""Between the ends of a stage contacts are looked at so many times less one, whether they pass beyond the
+ranges of their grids."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
 """Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
@@ -251,12 +254,17 @@ def _condense(
 
 
 def _searched(
-    case: Case, scene: Scene, stages: FloatArray, condensed: Condensed, starts: Sequence[Sets], every: bool
+    case: Case, scene: Scene, stages: FloatArray, condensed: Condensed, starts: Sequence[Sets], which: Wanted
 ) -> tuple[ExactState, ...]:
-    """Exact states at the ends of the stages, or ``every`` state that counts with those where fields are
-    wanted."""
-    factors = stages
-    if every:
+    """Exact states at the ends of the stages, or every state that counts with those where fields are wanted;
+    or some between the ends, but for friction, whose path would have to be followed."""
+    factors, every = stages, which != "ends"
+    if which == "between":
+        if len(condensed.rubbing):
+            return ()
+        inner = (np.arange(len(stages) - 1)[:, None] + np.arange(1, BETWEEN) / BETWEEN).ravel()
+        factors = np.stack([factors_at(stages, float(position)) for position in (0.0, *inner)])
+    elif every:
         every_so_many = -(-len(case.output.at) // MOST_LEVELS) or 1
         positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
         factors = np.stack([factors_at(stages, position) for position in positions])
