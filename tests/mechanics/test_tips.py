@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ DROOP = -0.76879
 """Quadratic triangles graded to 1/1000 at the corners, 10,000 unknowns; 1/100 gives -0.76875."""
 
 
-def polygon(points: list[tuple[float, float]], spacing: float, turn: float = 0.0) -> Cloud:
+def polygon(points: Sequence[tuple[float, float]], spacing: float, turn: float = 0.0) -> Cloud:
     """A cloud in a polygon that is turned about the origin, sides named by their numbers."""
     places = [complex(*point) * cmath.exp(1j * turn) for point in points]
     ends = [(place.real, place.imag) for place in places]
