@@ -130,7 +130,8 @@ def test_a_bracket_with_a_sharp_corner_droops_as_it_should(degree: int, spacing:
     assert model.tips is not None
     energy = twice_strain_energy(cloud, SOFT, stress)
     more = energy_at_tips(cloud, SOFT, stress, model.tips)
-    work = -np.trapezoid(u[side.index, 1], side.arc_length) if hasattr(np, "trapezoid") else np.nan
+    down = -u[side.index, 1]
+    work = float(np.diff(side.arc_length) @ (down[1:] + down[:-1])) / 2.0
     # Without what is at the tip 5 to 10 % are missing.
     assert energy + more == pytest.approx(work, rel=0.06 if spacing > 1.0 else 0.03)
     assert more > 0.02 * energy / spacing
