@@ -15,6 +15,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.mirror import Mirror
+from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
@@ -138,7 +139,7 @@ class _NextDegree:
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
         model, signs = self.model, np.ones(2) if self.mirror is None else self.mirror.line.signs
-        return self._derivatives(model.nodes, model.tree, displacement, signs)
+        return self._derivatives(model.nodes, model.tree, displacement, signs, model.tips)
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, ghosts left out."""
@@ -150,7 +151,9 @@ class _NextDegree:
         ``points`` (e, t, 2) around ``places`` (e, 2): by first and second derivatives there."""
         model = self.model
         own, better = (
-            fitted_derivatives(model.nodes, model.tree, places, some, displacement, model.cloud.sight)
+            fitted_derivatives(
+                model.nodes, model.tree, places, some, displacement, model.cloud.sight, tips=model.tips
+            )
             for some in (model.settings, next_degree(model.settings))
         )
         less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
@@ -160,7 +163,12 @@ class _NextDegree:
         return stress_of(whole, model.material.stiffness).reshape(*points.shape[:2], 3)
 
     def _derivatives(
-        self, nodes: FloatArray, tree: cKDTree, field: FloatArray, signs: FloatArray
+        self,
+        nodes: FloatArray,
+        tree: cKDTree,
+        field: FloatArray,
+        signs: FloatArray,
+        tips: Tips | None = None,
     ) -> FloatArray:
         """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2),
         whose components the mirror multiplies by ``signs`` (c,)."""
@@ -170,5 +178,5 @@ class _NextDegree:
         if self.mirror is not None:
             points, near = points[self.mirror.own], None if near is None else near[self.mirror.own]
         settings = next_degree(model.settings)
-        found = fitted_derivatives(nodes, tree, points, settings, field, cloud.sight, near)
+        found = fitted_derivatives(nodes, tree, points, settings, field, cloud.sight, near, tips)
         return found if self.mirror is None else self.mirror.reflected(found, signs)

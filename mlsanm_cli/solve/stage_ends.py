@@ -7,6 +7,7 @@ from contextlib import suppress
 
 import numpy as np
 
+from mlsanm_cli.app.scene.build import BETWEEN
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
@@ -16,6 +17,7 @@ from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.load_factors import factors_at
 
@@ -33,12 +35,17 @@ def _searched(
     stages: FloatArray,
     condensed: Condensed,
     starts: Sequence[ContactStatus],
-    every: bool,
+    which: Wanted,
 ) -> tuple[ExactState, ...]:
-    """Exact states at the ends of the stages, or ``every`` state that counts with those where fields are
-    wanted."""
-    factors = stages
-    if every:
+    """Exact states at the ends of the stages, or every state that counts with those where fields are wanted;
+    or some between the ends, but for friction, whose path would have to be followed."""
+    factors, every = stages, which != "ends"
+    if which == "between":
+        if len(condensed.friction_nodes):
+            return ()
+        inner = (np.arange(len(stages) - 1)[:, None] + np.arange(1, BETWEEN) / BETWEEN).ravel()
+        factors = np.stack([factors_at(stages, float(position)) for position in (0.0, *inner)])
+    elif every:
         every_so_many = -(-len(case.output.at) // MOST_LEVELS) or 1
         positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
         factors = np.stack([factors_at(stages, position) for position in positions])

@@ -40,6 +40,9 @@ WIDENINGS = 6
 _WITHOUT_SIZE = {"load", "stage", "output"}
 _CONTACTS_WITHOUT_SIZE = {"friction", "regularization"}
 """What of a case and of its contacts does not change its size."""
+BETWEEN = 8
+"""Between the ends of a stage contacts are looked at so many times less one, whether they pass beyond the
+ranges of their grids."""
 
 
 def load_kernels(clock: Clock, console: Console) -> Loaded:
