@@ -21,6 +21,7 @@ from mlsanm_cli.cloud.separation import NodeSeparation, separation
 from mlsanm_cli.cloud.sight import VisibilityCriterion, look
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
@@ -71,6 +72,17 @@ class Cloud:
     def sight(self) -> VisibilityCriterion | None:
         """Which nodes see each other past the body's slits; None without slits."""
         return look(self.points, self.edges)
+
+    @cached_property
+    def tips(self) -> Tips | None:
+        """Sharp corners that point into the material; None without any."""
+        surfaces = self.surfaces.values()
+        return tips_of(
+            self.points,
+            self.edges,
+            np.concatenate([surface.index for surface in surfaces]),
+            np.concatenate([surface.normal for surface in surfaces]),
+        )
 
     @cached_property
     def tree(self) -> cKDTree:

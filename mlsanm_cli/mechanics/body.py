@@ -19,6 +19,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import (
@@ -34,7 +35,7 @@ from mlsanm_cli.mechanics.elasticity import (
 )
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.near_field import Kernel, kernel_of
+from mlsanm_cli.mechanics.near_field import Isotropic, Kernel, kernel_of
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, gripped, soft, stiffest_soft
@@ -109,12 +110,18 @@ class BodyModel:
         mirror = cloud.mirror if nodes is cloud.points else None
         points = cloud.points if mirror is None else cloud.points[mirror.own]
         near = look_around(tree, points, max(settings.stencil_size, foresight))
-        stencils = build_stencils(nodes, tree, points, 2, settings, cloud.sight, near)
+        tips = known_tips(cloud.tips, material, settings)
+        stencils = build_stencils(nodes, tree, points, 2, settings, cloud.sight, near, tips)
         if not foresight:
             near = near[:, :0]
         if mirror is not None:
             stencils, near = reflected(stencils, mirror), reflected_numbers(near, mirror)
         return cls(name, cloud, material, settings, ghosts, nodes, tree, near, stencils)
+
+    @cached_property
+    def tips(self) -> Tips | None:
+        """The sharp inward corners that fits know of; None without any."""
+        return known_tips(self.cloud.tips, self.material, self.settings)
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -129,7 +136,7 @@ class BodyModel:
     @cached_property
     def rows_content(self) -> str:
         """A digest of what the body's rows depend on; neither its name nor how it expands is."""
-        kind = [self.settings.degree, self.settings.neighbors, self.settings.scheme]
+        kind = _kind(self.settings)
         return digest(self.cloud.content, self.ghosts, self.material.stiffness, kind)
 
     @property
@@ -139,7 +146,9 @@ class BodyModel:
 
     def values_along(self, points: FloatArray, directions: FloatArray) -> sparse.csr_array:
         """Rows (e, 2N) of the displacement at ``points`` (e, 2) of the body along ``directions`` (e, 2)."""
-        stencils = build_stencils(self.nodes, self.tree, points, 0, self.settings, self.cloud.sight)
+        stencils = build_stencils(
+            self.nodes, self.tree, points, 0, self.settings, self.cloud.sight, tips=self.tips
+        )
         along = np.repeat(directions, np.diff(stencils.indptr), axis=0)
         return pair_rows(stencils, stencils.weights * along)
 
@@ -149,13 +158,17 @@ class BodyModel:
         """Rows (3e, 2N): forces x of sigma n at the t ``points`` (e, t, 2) around each of the ``centers``
         (e, 2), added up, forces y, and moments about the centres. The ``normals`` (e, t, 2) are as long as
         what the points stand for."""
-        stencils = build_gradients(self.nodes, self.tree, centers, points, self.settings, self.cloud.sight)
+        stencils = build_gradients(
+            self.nodes, self.tree, centers, points, self.settings, self.cloud.sight, tips=self.tips
+        )
         arm, c = points - centers[:, None], self.material.stiffness
         if not self.material.nearly_incompressible:
             return force_rows(stencils, c, arm, normals)
         # The mean pressure as a nodal field, as in the equilibrium of the nodes.
         even, flat = self.material.bulk_part, points.reshape(-1, 2)
-        there = build_stencils(self.nodes, self.tree, flat, 0, self.settings, self.cloud.sight)
+        there = build_stencils(
+            self.nodes, self.tree, flat, 0, self.settings, self.cloud.sight, tips=self.tips
+        )
         values = scalar_rows(there, there.weights[:, 0])
         parts = force_sums(arm, normals)
         nested = [
@@ -220,6 +233,13 @@ class BodyModel:
         return divergence_of_stress(self._stress_stencils.derivatives(stress))
 
 
+def known_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings) -> Tips | None:
+    """The sharp inward corners of a body whose fields are known: of isotropic materials at small strain."""
+    if settings.square or not settings.corners or not isinstance(kernel_of(material), Isotropic):
+        return None
+    return tips
+
+
 def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
     """The settings with the stencils that the material needs, unless the case says how large they are."""
     if material.nearly_incompressible and settings.neighbors is None:
@@ -236,9 +256,11 @@ def model_key(
 ) -> str:
     """A digest of what :meth:`BodyModel.build` is given."""
     elastic = [material.stiffness, material.across, material.expansion, material.across_heat]
-    return digest(
-        name, cloud.content, elastic, [settings.degree, settings.neighbors, settings.scheme], sorted(clamped)
-    )
+    return digest(name, cloud.content, elastic, _kind(settings), sorted(clamped))
+
+
+def _kind(settings: MlsSettings) -> list[object]:
+    return [settings.degree, settings.neighbors, settings.scheme, settings.corners]
 
 
 def _refuse_coincident(name: str, cloud: Cloud) -> None:

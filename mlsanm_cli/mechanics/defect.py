@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.elasticity import stress_of, traction_of
@@ -133,7 +134,8 @@ class _NextDegree:
 
     def of_displacement(self, displacement: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 2) of the ``displacement`` (N, 2) at the cloud's points."""
-        return self._derivatives(self.model.nodes, self.model.tree, displacement)
+        model = self.model
+        return self._derivatives(model.nodes, model.tree, displacement, model.tips)
 
     def of_stress(self, stress: FloatArray) -> FloatArray:
         """Derivatives (n, 6, 3) of the ``stress`` (n, 3) at the cloud's points, ghosts left out."""
@@ -145,7 +147,9 @@ class _NextDegree:
         ``points`` (e, t, 2) around ``places`` (e, 2): by first and second derivatives there."""
         model = self.model
         own, better = (
-            fitted_derivatives(model.nodes, model.tree, places, some, displacement, model.cloud.sight)
+            fitted_derivatives(
+                model.nodes, model.tree, places, some, displacement, model.cloud.sight, tips=model.tips
+            )
             for some in (model.settings, next_degree(model.settings))
         )
         less, (x, y) = (own - better)[:, None], np.moveaxis(points - places[:, None], 2, 0)[..., None]
@@ -154,9 +158,11 @@ class _NextDegree:
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
         return stress_of(whole, model.material.stiffness).reshape(*points.shape[:2], 3)
 
-    def _derivatives(self, nodes: FloatArray, tree: cKDTree, field: FloatArray) -> FloatArray:
+    def _derivatives(
+        self, nodes: FloatArray, tree: cKDTree, field: FloatArray, tips: Tips | None = None
+    ) -> FloatArray:
         """Value and derivatives (n, 6, c) at the cloud's points of a ``field`` (N, c) at ``nodes`` (N, 2)."""
         model, cloud = self.model, self.model.cloud
         near = model.near if len(nodes) == len(model.nodes) else None
         settings = next_degree(model.settings)
-        return fitted_derivatives(nodes, tree, cloud.points, settings, field, cloud.sight, near)
+        return fitted_derivatives(nodes, tree, cloud.points, settings, field, cloud.sight, near, tips)

@@ -15,9 +15,10 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import rigid_pattern
 
@@ -35,10 +36,15 @@ def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
     On a triangle of area A it is A / 12 (sum_i a_i b_i + (sum_i a_i) (sum_i b_i)).
     """
     a, b = first[cloud.triangles], second[cloud.triangles]
-    corners = cloud.points[cloud.triangles]
-    (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
     products = (a * b).sum(axis=(1, 2)) + (a.sum(axis=1) * b.sum(axis=1)).sum(axis=1)
-    return float((ux * vy - uy * vx) @ products) / 24.0
+    return float(_areas(cloud, cloud.triangles) @ products) / 12.0
+
+
+def _areas(cloud: Cloud, triangles: IntArray) -> FloatArray:
+    """Areas (t,) of ``triangles`` (t, 3)."""
+    corners = cloud.points[triangles]
+    (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    return np.asarray(0.5 * (ux * vy - uy * vx))
 
 
 def along_surface(surface: Surface, first: FloatArray, second: FloatArray) -> float:
@@ -108,6 +114,30 @@ def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
 def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArray) -> float:
     """Integral of stress times elastic strain, per unit thickness, for nodal ``stress`` (n, 3)."""
     return over_body(cloud, stress, stress @ np.linalg.inv(material.stiffness))
+
+
+def energy_at_tips(cloud: Cloud, material: PlaneMaterial, stress: FloatArray, tips: Tips) -> float:
+    """What twice the strain energy is more than :func:`twice_strain_energy` for stresses that grow without
+    bound towards ``tips``, which no value at the tip tells.
+
+    Energy per area goes with the distance to the power 2 power - 2: its mean over a triangle at the tip is
+    1 / power of that along the opposite side.
+    """
+    contact_compliance, total = np.linalg.inv(material.stiffness), 0.0
+    for place, powers in zip(tips.place, tips.powers, strict=True):
+        node = int(((cloud.points - place) ** 2).sum(axis=1).argmin())
+        own = cloud.triangles[(cloud.triangles == node).any(axis=1)]
+        one, other = stress[own[own != node].reshape(-1, 2)].swapaxes(0, 1)
+        beside = sum(
+            ((a @ contact_compliance) * b).sum(axis=1) for a, b in ((one, one), (other, other), (one, other))
+        )
+        areas = _areas(cloud, own)
+        total += float(areas @ beside) / (3.0 * float(powers[0]))
+        values = stress[own]
+        products = (values @ contact_compliance * values).sum(axis=(1, 2))
+        sums = values.sum(axis=1)
+        total -= float(areas @ (products + (sums @ contact_compliance * sums).sum(axis=1))) / 12.0
+    return total
 
 
 def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArray]) -> FloatArray:

@@ -30,7 +30,9 @@ def probe_rows(model: BodyModel, points: FloatArray) -> sparse.csr_array:
 
     Values and derivatives of the local polynomial at the point itself, as at nodes.
     """
-    stencils = build_stencils(model.nodes, model.tree, points, 1, model.settings, model.cloud.sight)
+    stencils = build_stencils(
+        model.nodes, model.tree, points, 1, model.settings, model.cloud.sight, tips=model.tips
+    )
     return point_rows(stencils, model.material.stiffness)
 
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
+from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.kernels.fits import fit_derivatives
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import neighbors_of, sound_fits
+from mlsanm_cli.operators.stencils import fits_at_corners, neighbors_of, sound_fits
 from mlsanm_cli.startup import cKDTree
 
 TOGETHER = 4096
@@ -23,6 +24,7 @@ def fitted_derivatives(
     field: FloatArray,
     sight: VisibilityCriterion | None = None,
     known: IndexArray | None = None,
+    tips: Tips | None = None,
 ) -> FloatArray:
     """Value and derivatives (e, 6, c) of a nodal ``field`` (n, c) at ``targets`` (e, 2), degree 2 at least.
 
@@ -47,4 +49,9 @@ def fitted_derivatives(
         some = np.arange(first, min(first + TOGETHER, len(targets)))
         for which, (found,), _ in sound_fits(len(points), targets, some, settings, fit):
             result[which] = found
+    if tips is not None:
+        around = targets[:, None]
+        beside = fits_at_corners(points, tree, targets, around, settings, (0, 2), tips, sight)
+        for which, numbers, weights in beside:
+            result[which] = np.swapaxes(weights, 1, 2) @ field[numbers]
     return result

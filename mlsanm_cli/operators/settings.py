@@ -24,11 +24,13 @@ SQUARE_SHARPNESS = 6.0
 class MlsSettings:
     """``degree`` of the local polynomial (1 to 6), ``neighbors`` per stencil (None: by degree), and how the
     equations are made of them: "least-squares", "collocation" (one per unknown) or "ghost" (one per unknown,
-    with a node outside every boundary node)."""
+    with a node outside every boundary node). Beside sharp inward ``corners`` least squares may know more than
+    polynomials."""
 
     degree: int = 2
     neighbors: int | None = None
     scheme: Scheme = "least-squares"
+    corners: bool = True
 
     @property
     def square(self) -> bool:

@@ -13,8 +13,10 @@ import numpy as np
 from mlsanm_cli.arrays import AnyArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion
+from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import apply_weights, mls_weights
+from mlsanm_cli.operators.cornered import cornered, corners_of_fits
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
@@ -73,18 +75,20 @@ def build_stencils(
     settings: MlsSettings,
     sight: VisibilityCriterion | None = None,
     known: IndexArray | None = None,
+    tips: Tips | None = None,
 ) -> Stencils:
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
 
     ``sight`` keeps stencils from reaching across the body's slits, ``known`` (e, k) are the nearest nodes of
-    the targets by :func:`look_around`, if they were looked for already.
+    the targets by :func:`look_around`, if they were looked for already; beside ``tips`` fits know how
+    displacements grow there (:mod:`mlsanm_cli.operators.cornered`).
 
     Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; the derivatives are those of the
     local polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose
     weighted QR is short of rank takes more neighbours; NumericalError names the place where that does not
     help.
     """
-    return _built(points, tree, targets, targets[:, None], (0, order), settings, sight, known)
+    return _built(points, tree, targets, targets[:, None], (0, order), settings, sight, known, tips)
 
 
 def build_gradients(
@@ -95,11 +99,12 @@ def build_gradients(
     settings: MlsSettings,
     sight: VisibilityCriterion | None = None,
     values: bool = False,
+    tips: Tips | None = None,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the weights (nnz, 2 t) of d/dx and d/dy at each of their t
     ``targets`` (e, t, 2), from one polynomial for all of them; with ``values`` those of the value too, before
     them: (nnz, 3 t)."""
-    return _built(points, tree, centers, targets, (0 if values else 1, 1), settings, sight, None)
+    return _built(points, tree, centers, targets, (0 if values else 1, 1), settings, sight, None, tips)
 
 
 def _built(
@@ -111,6 +116,7 @@ def _built(
     settings: MlsSettings,
     sight: VisibilityCriterion | None,
     known: IndexArray | None,
+    tips: Tips | None,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the derivatives of the least to the highest of ``orders`` at their
     ``targets`` (e, t, 2)."""
@@ -128,16 +134,42 @@ def _built(
         _fit_in_slices(points, indices, some, targets[which], radius, settings, orders, weights, ratio)
         return (indices, weights.reshape(len(some), size, -1)), ratio
 
-    fits = list(sound_fits(len(points), centers, np.arange(len(centers)), settings, fit))
-    worst = min(float(ratio.min(initial=1.0)) for _, _, ratio in fits)
-    enlarged = len(centers) - len(fits[0][0])
+    plain, beside = np.arange(len(centers)), []
+    if tips is not None:
+        beside = fits_at_corners(points, tree, centers, targets, settings, orders, tips, sight)
+        plain = np.setdiff1d(plain, beside[0][0]) if beside else plain
+    fits = list(sound_fits(len(points), centers, plain, settings, fit))
+    worst = min((float(ratio.min(initial=1.0)) for _, _, ratio in fits), default=1.0)
+    enlarged = len(plain) - len(fits[0][0]) if fits else 0
     return _merge(
-        [(which, indices, found) for which, (indices, found), _ in fits],
+        [*((which, indices, found) for which, (indices, found), _ in fits), *beside],
         len(centers),
         len(points),
         enlarged,
         worst,
     )
+
+
+def fits_at_corners(
+    points: FloatArray,
+    tree: cKDTree,
+    centers: FloatArray,
+    targets: FloatArray,
+    settings: MlsSettings,
+    orders: tuple[int, int],
+    tips: Tips,
+    sight: VisibilityCriterion | None,
+) -> list[tuple[IntArray, IntArray, FloatArray]]:
+    """Fits at those of the ``centers`` (e, 2) that know a corner, at their ``targets`` (e, t, 2): their
+    numbers (c,), nodes (c, k) and weights (c, k, kinds); nothing where there are none."""
+    which, tip, size = corners_of_fits(tree, centers, settings, tips)
+    if not len(which):
+        return []
+    radius, indices = neighbors_of(points, tree, centers[which], size, sight)
+    found, sound = cornered(
+        points, indices, centers[which], targets[which], radius, settings, orders, tips, tip
+    )
+    return [(which[sound], indices[sound], found[sound])] if sound.any() else []
 
 
 def _fit_in_slices(

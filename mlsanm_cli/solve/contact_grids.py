@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -73,9 +74,10 @@ FEW = 2
 """Contacts without friction in more places than these are refined to what is asked for only: unknowns of all
 are solved for together."""
 
-Search = Callable[[Condensed, Sequence[ContactStatus], bool], tuple[ExactState, ...]]
-"""The exact states of a condensed scene, searched from sets if there are any: all that count, or only those
-at the ends of the stages."""
+Wanted: TypeAlias = Literal["ends", "every", "between"]
+"""States at the ends of the stages, all that count, or some on the way that tell where surfaces touch."""
+Search = Callable[[Condensed, Sequence[ContactStatus], Wanted], tuple[ExactState, ...]]
+"""The exact states of a condensed scene, searched from sets if there are any."""
 
 
 def find_grids(
@@ -94,6 +96,8 @@ def find_grids(
     answers: Answers | None = None
     starts: list[ContactStatus] = []
     common: dict[str, float] = {}
+    passed: dict[str, FloatArray] = {}
+    looked = False
     every, turnings = False, TURNINGS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
     for _ in range(ROUNDS):
@@ -103,8 +107,8 @@ def find_grids(
         if condensed is None:
             condensed = condense(scene, some, memo, answers)
         starts = starts or [_near_enough(condensed.pairings)]
-        states = search(condensed, starts, every)
-        wanted = _ranged(condensed, grids, clear, states)
+        states = search(condensed, starts, "every" if every else "ends")
+        wanted = _ranged(condensed, grids, clear, states, passed)
         if wanted is None:
             return None
         if _same(wanted, grids):
@@ -116,7 +120,10 @@ def find_grids(
             if every and turnings:
                 turned = _turned(condensed, states, grids, scene.held_motions, common)
             if turned is None and every:
-                return condensed, search(condensed, starts, False)
+                if looked or not _passed(condensed, clear, search(condensed, (), "between"), passed):
+                    return condensed, search(condensed, starts, "ends")
+                looked = True
+                continue
             every = True
             if turned is None:
                 continue
@@ -250,13 +257,41 @@ def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) ->
     return ContactStatus(touch, stick, np.concatenate(slip_sign))
 
 
+def _passed(
+    condensed: Condensed,
+    clear: Mapping[str, ContactRange],
+    states: Sequence[ExactState],
+    passed: dict[str, FloatArray],
+) -> bool:
+    """Whether surfaces touch in some states beyond the ranges of their grids: ``passed`` then has the first
+    and the last of all places."""
+    beyond = False
+    for pairing in condensed.pairings:
+        near, span = pairing.near, condensed.spans[pairing.name]
+        if near is None or pairing.bonded or not states:
+            continue
+        touched = [
+            pairing.arc[condensed.touched(one.factors, one.motion, one.pressure, one.traction)[pairing.name]]
+            for one in states
+        ]
+        seen = _summits(condensed, pairing.name, clear[pairing.name], states)
+        closed = near.hats.place[np.any([state.active[span] for state in states], axis=0)]
+        places = np.concatenate([closed, seen, *touched])
+        if len(places) and (places.min() < near.first or places.max() > near.last):
+            passed[pairing.name] = np.array([places.min(), places.max()])
+            beyond = True
+    return beyond
+
+
 def _ranged(
     condensed: Condensed,
     grids: Mapping[str, Near],
     clear: Mapping[str, ContactRange],
     states: Sequence[ExactState],
+    passed: Mapping[str, FloatArray],
 ) -> dict[str, Near] | None:
-    """The grids with ranges that suit what touches; None where that comes to the end of a clear range."""
+    """The grids with ranges that suit what touches, and where it ``passed`` on its way; None where that comes
+    to the end of a clear range."""
     touched = [
         condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in states
     ]
@@ -281,7 +316,7 @@ def _ranged(
             continue
         low, high = nodes[places[0]], nodes[places[-1] + 2]
         width = high - low
-        reached = np.concatenate([[low, high], beyond, seen])
+        reached = np.concatenate([[low, high], beyond, seen, passed.get(name, np.zeros(0))])
         low, high = float(reached.min()), float(reached.max())
         short = low <= room.first and not room.whole[0], high >= room.last and not room.whole[1]
         if any(short):
@@ -295,7 +330,8 @@ def _ranged(
         if outgrown or len(beyond):
             inner = nodes[(nodes > near.first) & (nodes < near.last)]
             first, last = min(first, near.first), max(last, near.last)
-            steps = np.median(near.hats.steps)
+            # Not as fine as where something touches at last: it may have come a long way.
+            steps = max(float(np.median(near.hats.steps)), width / FIRST)
             more = [np.arange(near.first - steps, first, -steps), np.arange(near.last + steps, last, steps)]
             wider = _hats(np.unique(np.concatenate([[first], *more, inner, [last]])), room)
             result[name] = replace(near, first=first, last=last, hats=wider)
@@ -374,8 +410,11 @@ def _summits(condensed: Condensed, name: str, room: ContactRange, states: Sequen
     hats, span, watched = pairing.near.hats, condensed.spans[name], condensed.watched_of(name)
     places, drawn = room.looks
     own = hats.at_places(pairing.near.facing.gap(hats.points)[:, None])[:, 0]
-    others = pairing.gap[~pairing.candidate] + pairing.closed_by
-    at = np.concatenate([hats.place, pairing.arc[~pairing.candidate]])
+    beyond_grid = pairing.arc[~pairing.candidate]
+    # Not from the nodes' own gaps: these are measured towards the closest place, not along the directions of
+    # pressures, which is not the same where surfaces come a long way.
+    others = pairing.near.facing.gap(beyond_grid) if len(beyond_grid) else beyond_grid
+    at = np.concatenate([hats.place, beyond_grid])
     order = np.argsort(at)
     interval = np.clip(np.searchsorted(hats.nodes, places) - 1, 0, len(hats.steps) - 1)
     beyond = (places < hats.nodes[0]) | (places > hats.nodes[-1])
@@ -387,9 +426,22 @@ def _summits(condensed: Condensed, name: str, room: ContactRange, states: Sequen
         touching = np.pad(closed, 2)
         apart = ~(touching[:-3] | touching[1:-2] | touching[2:-1] | touching[3:])
         shallow = UNSEEN * float(np.abs(moved[: len(own)][closed]).max(initial=0.0))
-        overlap = drawn + np.interp(places, at[order], moved[order]) < -shallow
+        way = moved[order]
+        # Between nodes far apart a body that turns moves along a curve.
+        between = np.clip(np.searchsorted(at[order], places) - 1, 0, len(way) - 2)
+        unsure = _bends(at[order], way)[between]
+        overlap = drawn + np.interp(places, at[order], way) < -shallow - unsure
         chosen |= overlap & (apart[interval] | beyond)
     return places[chosen]
+
+
+def _bends(at: FloatArray, values: FloatArray) -> FloatArray:
+    """How far (n - 1,) ``values`` (n,) may be off the straight lines between their places ``at`` (n,),
+    increasing, by the second differences at both ends of each."""
+    steps = np.maximum(np.diff(at), np.finfo(float).tiny)
+    second = np.zeros(len(at))
+    second[1:-1] = np.abs(np.diff(np.diff(values) / steps)) / (at[2:] - at[:-2])
+    return np.asarray(0.25 * steps**2 * np.maximum(second[:-1], second[1:]))
 
 
 def grid_errors(

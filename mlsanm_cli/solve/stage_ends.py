@@ -16,6 +16,7 @@ from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.load_factors import factors_at
 
@@ -33,12 +34,17 @@ def _searched(
     stages: FloatArray,
     condensed: Condensed,
     starts: Sequence[ContactStatus],
-    every: bool,
+    which: Wanted,
 ) -> tuple[ExactState, ...]:
-    """Exact states at the ends of the stages, or ``every`` state that counts with those where fields are
-    wanted."""
-    factors = stages
-    if every:
+    """Exact states at the ends of the stages, or every state that counts with those where fields are wanted;
+    or some between the ends, but for friction, whose path would have to be followed."""
+    factors, every = stages, which != "ends"
+    if which == "between":
+        if len(condensed.friction_nodes):
+            return ()
+        inner = (np.arange(len(stages) - 1)[:, None] + np.arange(1, BETWEEN) / BETWEEN).ravel()
+        factors = np.stack([factors_at(stages, float(position)) for position in (0.0, *inner)])
+    elif every:
         every_so_many = -(-len(case.output.at) // MOST_LEVELS) or 1
         positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
         factors = np.stack([factors_at(stages, position) for position in positions])
@@ -152,3 +158,8 @@ def reach_error(contact: str, gap: float) -> NumericalError:
         f"contact {contact}: a node left out because of its initial gap has come into contact",
         f'set contact.{contact}.reach above {gap:.3g}, or to "auto"',
     )
+
+
+BETWEEN = 8
+"""Between the ends of a stage contacts are looked at so many times less one, whether they pass beyond the
+ranges of their grids."""

@@ -196,3 +196,65 @@ def test_a_layer_that_recedes_has_samples_for_its_bending(tmp_path: Path) -> Non
     summary = done(RECEDING, tmp_path)["contacts"]["seat"]
     assert summary["peak_pressure"] == pytest.approx(0.6735e-3, rel=8e-3)
     assert summary["half_width"] == pytest.approx(1.356, rel=8e-3)
+
+
+LATE = """
+format = 1
+model = { plane = "stress" }
+material.nylon = { E = 2800.0, nu = 0.4 }
+material.steel = { E = 210e3, nu = 0.3 }
+support = [{ boundary = "beam.left", ux = 0.0, uy = 0.0 }, { boundary = "stop.flat", ux = 0.0, uy = 0.0 }]
+load = [{ name = "push", boundary = "beam.top", kind = "pressure", pressure = 0.1 }]
+[[body]]
+name = "beam"
+material = "nylon"
+shape = { kind = "rectangle", x = [0.0, 40.0], y = [0.0, 3.0] }
+[[body]]
+name = "stop"
+material = "steel"
+shape = { kind = "half-disk", center = [37.0, -8.5], radius = 6.0, side = "upper" }
+[[contact]]
+name = "rest"
+slave = "beam.bottom"
+master = "stop.arc"
+regularization = { law = "exact" }
+"""
+
+
+def test_surfaces_may_come_a_long_way(tmp_path: Path) -> None:
+    # Gaps of nodes beyond a grid, measured elsewhere, seemed to close: ranges went to and fro without end,
+    # and the contact was left with one node and a sixth of its pressure.
+    found = done(LATE, tmp_path / "run")["contacts"]["rest"]
+    force = float(np.hypot(*found["force"]))
+    together = 1.0 / (1.0 / 2800.0 + 1.0 / 210e3)
+    assert found["closed_nodes"] > 20
+    assert found["peak_pressure"] == pytest.approx(np.sqrt(force * together / (np.pi * 6.0)), rel=5e-3)
+    assert force == pytest.approx(0.771, rel=0.01)
+
+
+HOOK = """
+format = 1
+model = { plane = "stress" }
+material.nylon = { E = 2800.0, nu = 0.4 }
+support = [{ boundary = "hook.root", ux = 0.0, uy = 0.0 }]
+load = [{ name = "lift", kind = "obstacle", obstacle = "cam", uy = 1.0 }]
+[[body]]
+name = "hook"
+material = "nylon"
+[body.shape]
+kind = "polygon"
+points = [[0, 0], [20, 0], [22, -1.5], [25, -1.5], [26.5, 0], [26.5, 1.6], [0, 1.6]]
+names = ["under", "ramp", "nose", "back", "tip", "top", "root"]
+rounding = [0.0, 0.5, 0.4, 0.4, 0.0, 0.0, 0.0]
+[[contact]]
+name = "cam"
+slave = "hook.nose"
+obstacle = { kind = "disk", center = [23.5, -5.5], radius = 4.0 }
+"""
+
+
+def test_a_contact_may_wander_on_its_way(tmp_path: Path) -> None:
+    # At the end it touches far from where it began, beyond the grid: "a node left out has come into contact".
+    found = solve(HOOK, tmp_path / "run", console=Quiet())
+    assert found["status"] == "done", found["stop_reason"]
+    assert found["contacts"]["cam"]["force"][1] == pytest.approx(0.2346, rel=0.01)

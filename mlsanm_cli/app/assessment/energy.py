@@ -10,7 +10,7 @@ from mlsanm_cli.app.assessment.checks import EnergyVerdict, largest_force
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.app.scene.causes import strain_of
 from mlsanm_cli.contact.response.work import work_on
-from mlsanm_cli.mechanics.energy import twice_strain_energy
+from mlsanm_cli.mechanics.energy import energy_at_tips, twice_strain_energy
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields, fields_of
 from mlsanm_cli.solve.state import State
@@ -54,6 +54,8 @@ def energy_error(
         rest = found.displacement - moved, found.stress - stressed
         strains[name] = strain_of(cloud.points, found.displacement, found.von_mises, material.modulus)
         energies[name] = twice_strain_energy(cloud, material, rest[1])
+        if body.model.tips is not None:
+            energies[name] += energy_at_tips(cloud, material, rest[1], body.model.tips)
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         strain = UNSTRAINED * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
         degrees, free = built.scene.degrees(name, state.factors), material.expansion

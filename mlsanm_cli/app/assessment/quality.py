@@ -121,10 +121,10 @@ def _corner_warnings(name: str, model: BodyModel) -> Iterator[str]:
     if len(corners):
         x, y = model.cloud.points[corners[0]]
         more = f" and {len(corners) - 1} more" if len(corners) > 1 else ""
+        slow = "" if model.tips is not None else ", and stiffness converges slowly"
         yield (
             f"body {name}: a sharp corner points into the material at ({x:.6g}, {y:.6g}){more}; the stress "
-            f"there has no bound, and stiffness converges slowly: give it a radius in "
-            f"body.{name}.shape.rounding"
+            f"there has no bound{slow}: give it a radius in body.{name}.shape.rounding"
         )
 
 

@@ -16,7 +16,6 @@ from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.app.assessment.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.assessment.overlaps import check_overlaps, within_themselves
 from mlsanm_cli.app.assessment.refinement import Adapted
-from mlsanm_cli.app.assessment.slides import large_slides
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.output import recording
@@ -24,6 +23,7 @@ from mlsanm_cli.app.output.checkpoint import REFINEMENT, Earlier, plain_checkpoi
 from mlsanm_cli.app.output.fine_views import Views
 from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.output.recording import model_bodies
+from mlsanm_cli.app.output.slides import large_slides
 from mlsanm_cli.app.output.writer import RunWriter
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import FloatArray

@@ -17,9 +17,10 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Temperature, stored_case
 from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.cloud.tips import tips_of
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_run
-from mlsanm_cli.mechanics.body import enough_neighbors
+from mlsanm_cli.mechanics.body import enough_neighbors, known_tips
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
@@ -275,8 +276,10 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
         raise RunError(f'({x:g}, {y:g}) lies outside body "{body}"', "give the point as it is before loading")
     material = _material(case, body)
     settings = enough_neighbors(mls_settings(case), material)
-    sight = look(data.points, boundary_edges(data))
-    return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight)
+    edges = boundary_edges(data)
+    corners = tips_of(data.points, edges, data.boundary_index, data.boundary_normal)
+    tips, sight = known_tips(corners, material, settings), look(data.points, edges)
+    return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight, tips=tips)
 
 
 def _material(case: Case, body: str) -> PlaneMaterial:

@@ -74,7 +74,9 @@ class SceneModel:
 def mls_settings(case: Case) -> MlsSettings:
     """The operators' settings."""
     neighbors = case.mls.neighbors
-    return MlsSettings(case.mls.degree, neighbors if isinstance(neighbors, int) else None, case.mls.scheme)
+    asked = neighbors if isinstance(neighbors, int) else None
+    # How displacements grow at corners is known of small strains only.
+    return MlsSettings(case.mls.degree, asked, case.mls.scheme, corners=case.model.strain == "small")
 
 
 def estimated(case: Case) -> bool:

@@ -1,0 +1,76 @@
+"""Sharp corners of an outline that point into the material, where stresses have no bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+
+SHARP = 0.3
+"""Corners that turn inward by less (radian) are as good as smooth: their displacements are nearly linear."""
+REGULAR = 0.97
+"""Displacements r^power with powers above are as good as linear."""
+
+
+@dataclass(frozen=True)
+class Tips:
+    """Corners at ``place`` (t, 2) between free faces, the unit vectors ``axis`` (t, 2) midway between the
+    faces into the material, which takes up the angle ``half`` (t,) on either side."""
+
+    place: FloatArray
+    axis: FloatArray
+    half: FloatArray
+
+    @cached_property
+    def powers(self) -> tuple[FloatArray, ...]:
+        """Of each corner the powers of the distance that displacements grow with and that are no more than
+        REGULAR: sin(2 power half) = -+ power sin(2 half) (Williams 1952, doi:10.1115/1.4010553)."""
+        return tuple(_powers(2.0 * float(half)) for half in self.half)
+
+
+def tips_of(points: FloatArray, edges: IntArray, index: IntArray, normal: FloatArray) -> Tips | None:
+    """The corners of an outline of ``edges`` (e, 2), numbers of ``points`` (n, 2), the material on the left,
+    whose surfaces have the nodes ``index`` (b,) with outward ``normal`` (b, 2); None where there are none."""
+    place, axis, half = [], [], []
+    before = dict(zip(edges[:, 1].tolist(), edges[:, 0].tolist(), strict=True))
+    after = dict(zip(edges[:, 0].tolist(), edges[:, 1].tolist(), strict=True))
+    node, count = np.unique(index, return_counts=True)
+    for corner in node[count == 2].tolist():
+        if corner not in before or corner not in after:
+            continue
+        ways = points[corner] - points[before[corner]], points[after[corner]] - points[corner]
+        one, other = _in_order(normal[index == corner], *ways)
+        turn = float(np.arctan2(one[0] * other[1] - one[1] * other[0], one @ other))
+        if turn < -SHARP:
+            place.append(points[corner])
+            # Halfway between the faces: their normals might cancel.
+            axis.append(one * np.cos(0.5 * turn) + np.array([-one[1], one[0]]) * np.sin(0.5 * turn))
+            half.append(0.5 * (np.pi - turn))
+    return Tips(np.array(place), -np.array(axis), np.array(half)) if place else None
+
+
+def _in_order(normals: FloatArray, arriving: FloatArray, leaving: FloatArray) -> FloatArray:
+    """Two normals (2, 2), that of the face which arrives at a corner first, by the ways of both."""
+    right = [np.array([way[1], -way[0]]) / np.hypot(*way) for way in (arriving, leaving)]
+    straight = sum(float(a @ b) for a, b in zip(normals, right, strict=True))
+    crossed = sum(float(a @ b) for a, b in zip(normals[::-1], right, strict=True))
+    return normals if straight >= crossed else normals[::-1]
+
+
+def _powers(angle: float) -> FloatArray:
+    """The powers of a corner with an interior ``angle`` between free faces."""
+    grid = np.linspace(0.4, REGULAR, 400)
+    found = []
+    for sign in (1.0, -1.0):
+        value = np.sin(grid * angle) + sign * grid * np.sin(angle)
+        for i in np.flatnonzero((value[:-1] * value[1:] <= 0.0) & (value[:-1] != 0.0)).tolist():
+            low, high = grid[i], grid[i + 1]
+            for _ in range(50):
+                middle = 0.5 * (low + high)
+                here = np.sin(middle * angle) + sign * middle * np.sin(angle)
+                low, high = (middle, high) if here * value[i] > 0.0 else (low, middle)
+            found.append(0.5 * (low + high))
+    return np.array(sorted(found))
