@@ -32,6 +32,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.eta_homotopy import lowered  # noqa: E402
 from mlsanm_cli.app.clock import Clock  # noqa: E402
+from mlsanm_cli.app.context import RunContext  # noqa: E402
 from mlsanm_cli.app.scene.build import build_scene, condense_scene  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.case import load_case  # noqa: E402
@@ -59,8 +60,8 @@ Row = dict[str, Any]
 
 def build(path: Path, *settings: str) -> CondensedScene:
     """A case, condensed."""
-    loaded, clock, console = load_case(path, settings), Clock(), Quiet()
-    return condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
+    loaded, context = load_case(path, settings), RunContext(Clock(), Quiet())
+    return condense_scene(loaded.case, build_scene(loaded, context), context)
 
 
 def with_eta(built: CondensedScene, eta: float, **solver: Any) -> CondensedScene:

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.solve.paths import path_of
@@ -62,8 +63,9 @@ def measure(
 ) -> tuple[dict[str, Any], list[State]]:
     """Times and counts of one path, and the states at common load levels."""
     loaded = load_case(CASE, (*overrides, f'solver.formulation="{formulation}"'))
-    clock, console = Clock(), Quiet()
-    built = condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
+    clock = Clock()
+    context = RunContext(clock, Quiet())
+    built = condense_scene(loaded.case, build_scene(loaded, context), context)
     steps, states, stopped = [], [], False
     path = path_of(built)
     while True:

@@ -96,8 +96,8 @@ def build_anew() -> None:
     from mlsanm_cli.app.assessment import refinement as adapt
 
     place, condense_scene = adapt.place, adapt.condense_scene
-    adapt.place = lambda *given: place(*given[:5])
-    adapt.condense_scene = lambda *given: condense_scene(*given[:5])
+    adapt.place = lambda *given: place(*given[:3])
+    adapt.condense_scene = lambda *given: condense_scene(*given[:3])
 
 
 def factorise_orders() -> None:

@@ -10,6 +10,7 @@ from mlsanm_cli.app.assessment.quality import Quality, assess, ratio_message
 from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.recording import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
@@ -51,7 +52,7 @@ def check(
     loaded = load_with_files(case_path, overrides)
     check_reference(loaded)
     case = loaded.case
-    prepared = build_scene(loaded, clock, console)
+    prepared = build_scene(loaded, RunContext(clock, console))
     quality = assess(case, prepared)
     for warning in quality.warnings:
         console.warning(warning)

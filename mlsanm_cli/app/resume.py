@@ -13,6 +13,7 @@ from typing import Any
 
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.checkpoint import earlier_of
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.run import carry_out, resumable
@@ -25,7 +26,6 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_reader import RunOrigin, read_origin
 from mlsanm_cli.io.summary import read_json
-from mlsanm_cli.memo import NO_CACHE
 
 
 def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:
@@ -35,8 +35,8 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
     cannot be read; and where clouds or operators are not what they were.
     """
     read_origin(rundir)
-    clock = Clock()
     with Stopper(max_wall) as stopper, locked(rundir):
+        context = RunContext(Clock(), console, stopper=stopper)
         origin = read_origin(rundir)
         summary_file = rundir / run_dir.SUMMARY_FILE
         # A run killed just before its summary was written is one to finish, whatever it already says.
@@ -52,13 +52,11 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
         if loaded.case.model.strain == "finite":
             raise RunError("a run at finite strain cannot be resumed yet", "run the case again with --force")
         earlier = earlier_of(origin)
-        prepared = build_scene(loaded, clock, console)
+        prepared = build_scene(loaded, context)
         run_dir.reopen(rundir)
         again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
-        with resumable(rundir), Recorder(rundir, loaded, again, clock, console, earlier=earlier) as recorder:
-            summary = carry_out(
-                loaded.case, prepared, recorder, stopper, clock, console, NO_CACHE, earlier.refinement
-            )
+        with resumable(rundir), Recorder(rundir, loaded, again, context, earlier=earlier) as recorder:
+            summary = carry_out(loaded.case, prepared, recorder, context, earlier.refinement)
     return {**summary, "directory": str(rundir)}
 
 

@@ -28,6 +28,7 @@ from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.provenance import attributes
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.output.summary import Ending, summarise
@@ -75,8 +76,8 @@ def run(
     cannot be run, UnfinishedError for a run whose disk is full, and KeyboardInterrupt when stopped before a
     run began.
     """
-    clock = Clock()
     with Stopper(max_wall) as stopper:
+        context = RunContext(Clock(), console, memo, stopper)
         loaded = load_case(case_path, overrides, inspect_geometry_file)
         check_reference(loaded)
         directory = out or RESULTS / case_path.stem
@@ -84,18 +85,18 @@ def run(
         if before is not None:
             return {**before, "directory": str(directory), "skipped": True}
         run_dir.check(directory, force)
-        prepared = build_scene(loaded, clock, console, memo)
+        prepared = build_scene(loaded, context)
         with locked(directory):
             run_dir.prepare(directory, force)
             provenance = attributes(loaded, argv, threads)
             if loaded.case.model.strain == "finite":
                 from mlsanm_cli.app.finite.run import run_finite
 
-                found = run_finite(loaded, prepared, directory, provenance, stopper, clock, console)
+                found = run_finite(loaded, prepared, directory, provenance, context)
                 return {**found, "directory": str(directory)}
-            recorder = Recorder(directory, loaded, provenance, clock, console)
+            recorder = Recorder(directory, loaded, provenance, context)
             with resumable(directory), recorder:
-                summary = carry_out(loaded.case, prepared, recorder, stopper, clock, console, memo)
+                summary = carry_out(loaded.case, prepared, recorder, context)
     return {**summary, "directory": str(directory)}
 
 
@@ -112,10 +113,7 @@ def carry_out(
     case: Case,
     prepared: SceneModel,
     recorder: Recorder,
-    stopper: Stopper,
-    clock: Clock,
-    console: Console,
-    memo: Memo,
+    context: RunContext,
     refinement: Refinement | None = None,
 ) -> Mapping[str, Any]:
     """Refine and follow a scene whose recorder is open, until it is done, failed or stopped; the summary.
@@ -125,17 +123,17 @@ def carry_out(
     built: CondensedScene | None = None
     adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
-    with clock.phase("cloud"):
-        quality = assess(case, prepared, memo)
+    with context.phase("cloud"):
+        quality = assess(case, prepared, context.memo)
     try:
         for note in prepared.notes:
-            console.note(note)
+            context.console.note(note)
         for warning in (*quality.warnings, *case_warnings(case)):
             recorder.warn(warning)
         if refinement is None:
-            adapted = adapt(case, prepared, clock, console, memo)
+            adapted = adapt(case, prepared, context)
         else:
-            adapted = refine_again(case, refinement, clock, console, memo)
+            adapted = refine_again(case, refinement, context)
         built = adapted.built
         for warning in adapted.warnings:
             recorder.warn(warning)
@@ -144,20 +142,22 @@ def carry_out(
         if adapted.refined or by_nodes & set(hoped):
             # What came to a corner has no grid, and needs what nodes need.
             kept = {name: one for name, one in hoped.items() if name not in by_nodes}
-            told, quality = quality.warnings, assess(case, replace(adapted.prepared, clear=kept), memo)
+            told, quality = (
+                quality.warnings,
+                assess(case, replace(adapted.prepared, clear=kept), context.memo),
+            )
             for warning in quality.warnings:
                 if warning not in told:
                     recorder.warn(warning)
-        stopper.gentle = True
-        stopper.check()
-        reached = _follow(built, recorder.start(adapted), recorder, clock, stopper)
+        context.stop_gently()
+        reached = _follow(built, recorder.start(adapted), recorder, context)
         if reached is not None and recorder.last is not None:
             at = f"at position {recorder.last.position:.9g}"
             ending = Ending("done", f"{reached.told}, {at}", stopped_by=reached.told)
         if recorder.last is not None and len(built.condensed.friction_nodes):
             from mlsanm_cli.app.assessment.friction_accuracy import with_friction
 
-            with clock.phase("estimate"):
+            with context.phase("estimate"):
                 accuracy = with_friction(built, adapted.accuracy, recorder.last)
             adapted = replace(adapted, accuracy=accuracy)
         estimates = adapted.accuracy.figures(built, recorder.last)
@@ -166,30 +166,32 @@ def carry_out(
     except NumericalError as error:
         stability = error.stability if isinstance(error, UnstableError) else None
         ending = Ending("failed", error.message, error.hint, stability)
-        console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
+        context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, adapted.prepared if adapted else prepared, built)
     except KeyboardInterrupt as stop:
         ending = Ending("stopped", str(stop), f"go on with: mlsanm resume {recorder.directory}")
-        console.note(ending.hint)
+        context.console.note(ending.hint)
     if built is not None:
         recorder.interfaces(built)
         for warning in factor_warnings(built.scene):
             recorder.warn(warning)
-    summary = summarise(case, ending, adapted, quality, recorder, clock) | {"cache": memo.figures}
+    summary = summarise(case, ending, adapted, quality, recorder, context.clock) | {
+        "cache": context.memo.figures
+    }
     recorder.finish(summary)
     return summary
 
 
 def _follow(
-    built: CondensedScene, start: Checkpoint | None, recorder: Recorder, clock: Clock, stopper: Stopper
+    built: CondensedScene, start: Checkpoint | None, recorder: Recorder, context: RunContext
 ) -> Stop | None:
     """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
     soon as a state cannot be believed."""
     path = Stoppable(built, start, recorder.last, load_path)
     steps = path.steps()
     while True:
-        stopper.check()
-        with clock.phase("continuation"):
+        context.check_stop()
+        with context.phase("continuation"):
             try:
                 step = next(steps, None)
             except NumericalError as error:
@@ -202,11 +204,11 @@ def _follow(
             check_state(built, state)
         recorder.step(built, step)
     assert recorder.last is not None
-    with clock.phase("output"):
+    with context.phase("output"):
         linear = recorder.check_linear(built)
     check_linear(linear)
     check_spacing(built, recorder.last)
-    with clock.phase("output"):
+    with context.phase("output"):
         recorder.energies = energy_error(built, recorder.last, recorder.stressed)
     for warning in end_warnings(built, recorder.last):
         recorder.warn(warning)

@@ -7,6 +7,7 @@ from typing import Any
 
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.build import load_kernels
 from mlsanm_cli.kernels.aot.jit import is_warm
 
@@ -20,7 +21,7 @@ def warmup(console: Console) -> Mapping[str, Any]:
     clock = Clock()
     with clock.phase("jit"):
         warm = is_warm()
-    place = load_kernels(clock, console).place
+    place = load_kernels(RunContext(clock, console)).place
     return {
         "seconds": clock.seconds["jit"],
         "compiled": not warm,

@@ -28,7 +28,7 @@ FIRST_PARTS = (0.5, 0.1, 0.01)
 """Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
 
-def _searched(
+def searched_ends(
     case: Case,
     scene: Scene,
     stages: FloatArray,
@@ -78,7 +78,7 @@ def _last(ends: Sequence[ExactState]) -> BoolArray | None:
     return ends[-1].active if ends else None
 
 
-def _exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
+def exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
     if len(condensed.friction_nodes):
         return _rubbing_ends(condensed, stages)
     ends: list[ExactState] = []
@@ -146,7 +146,7 @@ def _end(condensed: Condensed, state: CoulombState, solves: int) -> ExactState:
     )
 
 
-def _touched(condensed: Condensed, ends: tuple[ExactState, ...]) -> Mapping[str, BoolArray]:
+def touched_nodes(condensed: Condensed, ends: tuple[ExactState, ...]) -> Mapping[str, BoolArray]:
     """Per contact, which paired nodes (w,) are no candidates and yet overlap in one of the states."""
     found = [condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in ends]
     return {pair.name: np.any([masks[pair.name] for masks in found], axis=0) for pair in condensed.pairings}

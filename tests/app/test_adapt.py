@@ -243,10 +243,10 @@ def test_a_body_that_no_pass_changes_keeps_its_operators(
     assert (made.count("block"), made.count("far")) == (passes, 1)
 
     def placed(*given: Any) -> SceneModel:
-        return place(*given[:5])
+        return place(*given[:3])
 
     def completed(*given: Any) -> CondensedScene:
-        return condense_scene(*given[:5])
+        return condense_scene(*given[:3])
 
     made.clear()
     monkeypatch.setattr(adapt, "place", placed)

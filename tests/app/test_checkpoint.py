@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.checkpoint import earlier_of, plain_checkpoint
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
@@ -60,8 +61,8 @@ def built_of(name: str, directory: Path, *more: str) -> CondensedScene:
     text, settings = SCENES[name]
     case = directory / "case.toml"
     case.write_text(text)
-    loaded, clock, console = load_case(case, (*settings, *more)), Clock(), Quiet()
-    return condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
+    loaded, context = load_case(case, (*settings, *more)), RunContext(Clock(), Quiet())
+    return condense_scene(loaded.case, build_scene(loaded, context), context)
 
 
 def away(whole: list[PathStep], rest: list[PathStep]) -> float:

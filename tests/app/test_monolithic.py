@@ -9,6 +9,7 @@ import pytest
 
 from mlsanm_cli.app.assessment.checks import LINEAR_LIMIT
 from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
@@ -77,9 +78,9 @@ def build(scene: str, formulation: str, directory: Path) -> CondensedScene:
         text = (CASES / f"{text}.toml").read_text()
     case = directory / "case.toml"
     case.write_text(text.partition("[reference]")[0])
-    clock, console = Clock(), Quiet()
+    context = RunContext(Clock(), Quiet())
     loaded = load_case(case, (*overrides, SHARP, f'solver.formulation="{formulation}"'))
-    return condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
+    return condense_scene(loaded.case, build_scene(loaded, context), context)
 
 
 def saved(built: CondensedScene) -> list[State]:

@@ -12,6 +12,7 @@ import pytest
 
 from benchmarks.eta_homotopy import lowered
 from mlsanm_cli.app.clock import Clock
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.results.history import pressures_at
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
@@ -29,8 +30,8 @@ CASES = Path(__file__).parents[2] / "cases"
 
 
 def built_of(path: Path, *settings: str) -> CondensedScene:
-    loaded, clock, console = load_case(path, settings), Clock(), Quiet()
-    return condense_scene(loaded.case, build_scene(loaded, clock, console), clock, console)
+    loaded, context = load_case(path, settings), RunContext(Clock(), Quiet())
+    return condense_scene(loaded.case, build_scene(loaded, context), context)
 
 
 def saved(built: CondensedScene, **solver: Any) -> list[State]:

@@ -20,8 +20,7 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.accuracy import Accuracy, assess_accuracy
 from mlsanm_cli.app.assessment.residual import residual_zones
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import condense_scene, place
 from mlsanm_cli.arrays import FloatArray
@@ -32,7 +31,6 @@ from mlsanm_cli.contact.geometry.patches import Patch, contact_patches
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 
@@ -116,19 +114,19 @@ class Adapted:
         return [asdict(one) for one in self.passes]
 
 
-def refine_again(case: Case, found: Refinement, clock: Clock, console: Console, memo: Memo) -> Adapted:
+def refine_again(case: Case, found: Refinement, context: RunContext) -> Adapted:
     """The scene that an earlier process refined."""
     zones = tuple(Zone.around((x, y), *more) for x, y, *more in found.zones.tolist())
-    prepared = place(case, clock, console, zones, memo)
-    return Adapted(prepared, *_solved(case, prepared, clock, console, memo), found)
+    prepared = place(case, context, zones)
+    return Adapted(prepared, *_solved(case, prepared, context), found)
 
 
-def adapt(case: Case, prepared: SceneModel, clock: Clock, console: Console, memo: Memo = NO_CACHE) -> Adapted:
+def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
     """Complete the scene, and refine it as often as the case asks or until nothing changes any more.
 
     Where a refined scene cannot be solved, as its contact is not stable, the one before it stands.
     """
-    built, accuracy = _solved(case, prepared, clock, console, memo)
+    built, accuracy = _solved(case, prepared, context)
     history = [_figures(built, accuracy, None)]
     rule = rule_for(case.mls.degree)
     bulk: tuple[Zone, ...] = ()
@@ -142,19 +140,21 @@ def adapt(case: Case, prepared: SceneModel, clock: Clock, console: Console, memo
         if accuracy.bulk_leads:
             more = residual_zones(built, accuracy.defects, patches, (*zones, *bulk))
         if not more and not any(_is_coarse(patch, rule) for patch in patches):
-            console.note(f"refinement ends before pass {number}: the clouds are fine enough everywhere")
+            context.console.note(
+                f"refinement ends before pass {number}: the clouds are fine enough everywhere"
+            )
             break
         wanted = (*zones, *bulk, *more)
         try:
-            refined = place(case, clock, console, wanted, memo, prepared)
-            built, accuracy = _solved(case, refined, clock, console, memo, built.scene)
+            refined = place(case, context, wanted, prepared)
+            built, accuracy = _solved(case, refined, context, built.scene)
         except NumericalError as error:
             failed = f"pass {number} of [adapt] failed, the clouds before it are taken: {error.message}"
             break
         prepared, bulk, placed = refined, (*bulk, *more), wanted
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
-        console.note(
+        context.console.note(
             f"pass {number}: {now.nodes} nodes, peak pressure {now.peak_pressure:.6g}, "
             f"half-width {now.half_width:.6g}, largest displacement {now.largest_displacement:.6g}, "
             f"change {now.change:.2g}"
@@ -177,14 +177,12 @@ def _table(zones: tuple[Zone, ...]) -> FloatArray:
 def _solved(
     case: Case,
     prepared: SceneModel,
-    clock: Clock,
-    console: Console,
-    memo: Memo,
+    context: RunContext,
     before: Scene | None = None,
 ) -> tuple[CondensedScene, Accuracy]:
-    built = condense_scene(case, prepared, clock, console, memo, before)
-    with clock.phase("estimate"):
-        console.phase("estimating errors")
+    built = condense_scene(case, prepared, context, before)
+    with context.phase("estimate"):
+        context.console.phase("estimating errors")
         return built, assess_accuracy(built)
 
 

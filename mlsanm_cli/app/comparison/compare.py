@@ -21,6 +21,7 @@ from mlsanm_cli.app.comparison.measure import Measured, measure
 from mlsanm_cli.app.comparison.methods import Method, chosen_methods
 from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.provenance import attributes
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
@@ -91,6 +92,7 @@ def compare(
             argv=argv,
         )
     check_reference(loaded)
+    context = RunContext(clock, console)
     methods = chosen_methods(loaded.case, wishes.methods)
     _refuse(loaded.case, wishes, methods)
     levels = f"output.at={_levels(loaded.case, wishes.levels)!r}"
@@ -104,11 +106,11 @@ def compare(
     if any(method.is_monolithic for method in methods):
         # Equations of all bodies together need whole bodies, and all methods the same ones.
         whole = load_with_files(case_path, (*overrides, WHOLE))
-        built, warnings = _set_up(whole, clock, console)
+        built, warnings = _set_up(whole, context)
         built = replace(built, case=loaded.case)
     else:
         # Contact grids are as fine as the states need that are compared.
-        built, warnings = _set_up(load_with_files(case_path, (*overrides, levels)), clock, console)
+        built, warnings = _set_up(load_with_files(case_path, (*overrides, levels)), context)
         built = replace(built, case=loaded.case)
     rows = []
     for method, case in zip(methods, cases, strict=True):
@@ -158,17 +160,17 @@ def _levels(case: Case, count: int) -> list[float]:
     return sorted(even | {position for position in case.output.at if position > 0.0})
 
 
-def _set_up(loaded: LoadedCase, clock: Clock, console: Console) -> tuple[CondensedScene, list[str]]:
+def _set_up(loaded: LoadedCase, context: RunContext) -> tuple[CondensedScene, list[str]]:
     """The scene that all methods share, and what to warn of."""
-    prepared = build_scene(loaded, clock, console)
-    with clock.phase("cloud"):
+    prepared = build_scene(loaded, context)
+    with context.phase("cloud"):
         warnings = [*assess(loaded.case, prepared).warnings, *case_warnings(loaded.case)]
     for note in prepared.notes:
-        console.note(note)
+        context.console.note(note)
     if loaded.case.adapt.passes:
-        adapted = adapt(loaded.case, prepared, clock, console)
+        adapted = adapt(loaded.case, prepared, context)
         return adapted.built, [*warnings, *adapted.warnings]
-    return condense_scene(loaded.case, prepared, clock, console), warnings
+    return condense_scene(loaded.case, prepared, context), warnings
 
 
 def _judged(built: CondensedScene, base: Measured) -> list[str]:

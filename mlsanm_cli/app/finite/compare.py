@@ -13,6 +13,7 @@ import numpy as np
 
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.output.provenance import attributes
@@ -62,7 +63,7 @@ def compare_finite(
     clock = Clock()
     wanted = load_with_files(case_path, (*overrides, f"output.at={levels!r}"))
     run_dir.check_comparison(directory, force)
-    prepared = build_scene(wanted, clock, console)
+    prepared = build_scene(wanted, RunContext(clock, console))
     with clock.phase("operators"):
         scene = finite_scene(wanted.case, prepared)
     rows = []

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.fields import (
     FiniteFields,
     SceneForces,
@@ -41,10 +40,9 @@ class FiniteRecorder(RunWriter):
         directory: Path,
         loaded: LoadedCase,
         attributes: Mapping[str, str | int | float],
-        clock: Clock,
-        console: Console,
+        context: RunContext,
     ) -> None:
-        super().__init__(directory, loaded, {**attributes, "strain": "finite"}, clock, console)
+        super().__init__(directory, loaded, {**attributes, "strain": "finite"}, context)
         self.steps = self._saved = self.renewed = 0
         self.last: FiniteState | None = None
         self.balance = self._largest = 0.0

@@ -11,7 +11,7 @@ import numpy as np
 from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT
 from mlsanm_cli.app.assessment.quality import Quality, assess, case_warnings
 from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.fields import SceneForces, contact_summary, extremes, probe_records, resultants
 from mlsanm_cli.app.finite.path import finite_path
@@ -20,7 +20,6 @@ from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.verdict import FEW_WAVES
 from mlsanm_cli.app.output.summary import Ending
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
@@ -32,45 +31,41 @@ def run_finite(
     prepared: SceneModel,
     directory: Path,
     provenance: Mapping[str, str | int | float],
-    stopper: Stopper,
-    clock: Clock,
-    console: Console,
+    context: RunContext,
 ) -> Mapping[str, Any]:
     """Follow the path and write the run directory; the mapping of summary.json."""
-    with clock.phase("operators"):
+    with context.phase("operators"):
         scene = finite_scene(loaded.case, prepared)
-    with clock.phase("cloud"):
+    with context.phase("cloud"):
         quality = assess(loaded.case, prepared)
-    with FiniteRecorder(directory, loaded, provenance, clock, console) as recorder:
+    with FiniteRecorder(directory, loaded, provenance, context) as recorder:
         for note in prepared.notes:
-            console.note(note)
+            context.console.note(note)
         for warning in (*quality.warnings, *case_warnings(loaded.case)):
             recorder.warn(warning)
-        ending = _followed(scene, recorder, stopper, clock, console)
-        summary = _summary(scene, recorder, ending, quality, clock)
+        ending = _followed(scene, recorder, context)
+        summary = _summary(scene, recorder, ending, quality, context.clock)
         recorder.finish(summary)
     return summary
 
 
-def _followed(
-    scene: FiniteScene, recorder: FiniteRecorder, stopper: Stopper, clock: Clock, console: Console
-) -> Ending:
+def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext) -> Ending:
     """Go along the path; how it ended."""
     try:
         recorder.start(scene)
-        stopper.gentle = True
+        context.stop_gently()
         several = bool(scene.contacts) or len(scene.bodies) > 1
         steps = contact_path(scene) if several else finite_path(scene)
         while True:
-            stopper.check()
-            with clock.phase("continuation"):
+            context.check_stop()
+            with context.phase("continuation"):
                 step = next(steps, None)
             if step is None:
                 break
             recorder.step(scene, step)
         _judge(scene, recorder)
     except NumericalError as error:
-        console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
+        context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, scene)
         return Ending("failed", error.message, error.hint)
     except KeyboardInterrupt as stop:

@@ -16,8 +16,7 @@ from mlsanm_cli.app.assessment.checks import EnergyVerdict
 from mlsanm_cli.app.assessment.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.assessment.overlaps import check_overlaps, within_themselves
 from mlsanm_cli.app.assessment.refinement import Adapted
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output import recording
 from mlsanm_cli.app.output.checkpoint import REFINEMENT, Earlier, plain_checkpoint, plain_refinement
 from mlsanm_cli.app.output.fine_views import Views
@@ -61,12 +60,11 @@ class Recorder(RunWriter):
         directory: Path,
         loaded: LoadedCase,
         attributes: Mapping[str, str | int | float],
-        clock: Clock,
-        console: Console,
+        context: RunContext,
         *,
         earlier: Earlier | None = None,
     ) -> None:
-        super().__init__(directory, loaded, attributes, clock, console, earlier.rows if earlier else None)
+        super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
         self._case = loaded.case
         self._lines = LinesWriter(directory)
         # The clock of /path/seconds goes on where it stood.

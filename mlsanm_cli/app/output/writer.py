@@ -10,8 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.io import run_dir
@@ -30,15 +29,14 @@ class RunWriter:
         directory: Path,
         loaded: LoadedCase,
         attributes: Mapping[str, str | int | float],
-        clock: Clock,
-        console: Console,
+        context: RunContext,
         rows: int | None = None,
     ) -> None:
         """Begin the files, or go on behind so many ``rows`` of run.h5. RunError."""
         self.directory = directory
-        self._clock, self._console = clock, console
+        self._clock, self._console = context.clock, context.console
         file = directory / run_dir.RUN_FILE
-        with clock.phase("output"):
+        with context.phase("output"):
             resolved = resolved_mapping(loaded.case)
             self._file = (
                 RunFile.create(file, attributes) if rows is None else RunFile.reopen(file, attributes)

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 
-from mlsanm_cli.app.clock import Clock
-from mlsanm_cli.app.console import Console
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
 from mlsanm_cli.app.scene.causes import pull_hint
 from mlsanm_cli.app.scene.clouds import clouds
@@ -25,13 +24,13 @@ from mlsanm_cli.contact.response.condensed import Condensed, condense
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.contact_grids import find_grids
 from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.load_factors import stage_factors
-from mlsanm_cli.solve.stage_ends import _exact_ends, _searched, _touched, reach_error
+from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
 MANY = 50_000
 """Scenes of more nodes are announced: they take a while, and may be a typing error."""
@@ -42,30 +41,30 @@ _CONTACTS_WITHOUT_SIZE = {"friction", "regularization"}
 """What of a case and of its contacts does not change its size."""
 
 
-def load_kernels(clock: Clock, console: Console) -> Loaded:
+def load_kernels(context: RunContext) -> Loaded:
     """Load the compiled kernels; say so where they have to be compiled first, or cannot be kept."""
-    with clock.phase("jit"):
+    with context.phase("jit"):
         if not is_warm():
-            console.phase("compiling kernels, once for this installation (about 15 s)")
+            context.console.phase("compiling kernels, once for this installation (about 15 s)")
         loaded = load()
     if loaded.note:
-        console.warning(loaded.note)
+        context.console.warning(loaded.note)
     return loaded
 
 
-def build_scene(loaded: LoadedCase, clock: Clock, console: Console, memo: Memo = NO_CACHE) -> SceneModel:
+def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
     """All that can show that a case cannot be run as written, on its own clouds.
 
     Raises CaseError for a scene that memory cannot hold, and contacts and platens without sense.
     """
-    load_kernels(clock, console)
+    load_kernels(context)
     try:
-        with clock.phase("cloud"):
-            size = memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
+        with context.phase("cloud"):
+            size = context.memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
         if sum(size.nodes.values()) > MANY:
             nodes, memory = sum(size.nodes.values()), size.memory_mb / 1024
-            console.note(f"about {nodes:.2g} nodes, which need about {memory:.2g} GB of memory")
-        prepared = place(loaded.case, clock, console, memo=memo)
+            context.console.note(f"about {nodes:.2g} nodes, which need about {memory:.2g} GB of memory")
+        prepared = place(loaded.case, context)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(prepared.pairings)
         if loaded.case.model.strain == "finite":
@@ -89,28 +88,22 @@ def _size_key(case: Case) -> str:
 
 def place(
     case: Case,
-    clock: Clock,
-    console: Console,
+    context: RunContext,
     zones: tuple[Zone, ...] = (),
-    memo: Memo = NO_CACHE,
     before: SceneModel | None = None,
 ) -> SceneModel:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body beyond what the case says, and
     bodies that come out as ``before`` stay."""
-    with clock.phase("cloud"):
-        console.phase("placing nodes")
-        placed = clouds(case, zones, memo, line_of(case))
-    with clock.phase("operators"):
-        console.phase("building operators")
-        return prepare(case, placed, memo, before.models if before is not None else NOTHING)
+    with context.phase("cloud", "placing nodes"):
+        placed = clouds(case, zones, context.memo, line_of(case))
+    with context.phase("operators", "building operators"):
+        return prepare(case, placed, context.memo, before.models if before is not None else NOTHING)
 
 
 def condense_scene(
     case: Case,
     prepared: SceneModel,
-    clock: Clock,
-    console: Console,
-    memo: Memo = NO_CACHE,
+    context: RunContext,
     before: Scene | None = None,
 ) -> CondensedScene:
     """Set up the bodies' systems, condense, and find the reach of every contact.
@@ -118,7 +111,7 @@ def condense_scene(
     Bodies whose models are those of the scene ``before`` keep their systems.
     """
     try:
-        return _completed(case, prepared, clock, console, memo, before)
+        return _completed(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
         hint = pull_hint(case, prepared.pairings)
         if not hint:
@@ -126,36 +119,32 @@ def condense_scene(
         raise NumericalError(error.message, hint) from error
 
 
-def _completed(
-    case: Case, prepared: SceneModel, clock: Clock, console: Console, memo: Memo, before: Scene | None
-) -> CondensedScene:
+def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Scene | None) -> CondensedScene:
     @contextmanager
     def factorising() -> Iterator[None]:
-        with clock.phase("factorization"):
-            console.phase("factorising")
+        with context.phase("factorization", "factorising"):
             yield
 
-    with clock.phase("operators"):
+    with context.phase("operators"):
         bodies = before.bodies if before is not None else NOTHING
-        scene = assemble_bodies(case, prepared, direct_solver(case), factorising, memo, bodies)
+        scene = assemble_bodies(case, prepared, direct_solver(case), factorising, context.memo, bodies)
     stages = stage_factors(case)
     found = None
     if prepared.clear:
-        with clock.phase("condensation"):
-            console.phase("finding the contacts' grids")
-            search = partial(_searched, case, scene, stages)
-            found = find_grids(case, scene, prepared.pairings, prepared.clear, search, memo)
+        with context.phase("condensation", "finding the contacts' grids"):
+            search = partial(searched_ends, case, scene, stages)
+            found = find_grids(case, scene, prepared.pairings, prepared.clear, search, context.memo)
     if found is None:
         if prepared.clear:
-            with clock.phase("operators"):
+            with context.phase("operators"):
                 placed = {name: model.cloud for name, model in prepared.models.items()}
-                prepared = prepare(case, placed, memo, prepared.models, grids=False)
-                scene = assemble_bodies(case, prepared, direct_solver(case), factorising, memo)
-        condensed, ends = _condense(case, scene, prepared.pairings, stages, clock, console, memo)
+                prepared = prepare(case, placed, context.memo, prepared.models, grids=False)
+                scene = assemble_bodies(case, prepared, direct_solver(case), factorising, context.memo)
+        condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     else:
         condensed, ends = found
-    with clock.phase("condensation"):
-        stability = check_coercivity(case, scene, condensed, ends, memo)
+    with context.phase("condensation"):
+        stability = check_coercivity(case, scene, condensed, ends, context.memo)
     return CondensedScene(case, scene, condensed, stages, ends, stability)
 
 
@@ -164,26 +153,25 @@ def _condense(
     scene: Scene,
     pairings: tuple[Pairing, ...],
     stages: FloatArray,
-    clock: Clock,
-    console: Console,
-    memo: Memo,
+    context: RunContext,
 ) -> tuple[Condensed, tuple[ExactState, ...]]:
     """Condense; where a contact's reach is automatic, widen it until no node left out touches."""
     fixed = {contact.name: contact.reach for contact in case.contact}
     for _ in range(WIDENINGS):
-        with clock.phase("condensation"):
-            console.phase(f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes")
-            condensed = condense(scene, pairings, memo)
+        with context.phase(
+            "condensation", f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes"
+        ):
+            condensed = condense(scene, pairings, context.memo)
             if not condensed.pairings:
                 return condensed, ()
             try:
-                ends = _exact_ends(condensed, stages)
+                ends = exact_ends(condensed, stages)
             except EndlessError:
-                check_candidates_coercivity(case, scene, condensed, memo)
+                check_candidates_coercivity(case, scene, condensed, context.memo)
                 raise
             except UnbalancedError as error:
                 raise beyond_limit(scene, condensed, stages, error) from error
-            touched = _touched(condensed, ends)
+            touched = touched_nodes(condensed, ends)
         if not any(mask.any() for mask in touched.values()):
             return condensed, ends
         for pairing in condensed.pairings:
