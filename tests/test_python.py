@@ -117,8 +117,8 @@ def test_wrong_names_are_told_with_the_right_ones(run: mlsanm.Run, tmp_path: Pat
     assert wrong.value.hint == "there are: interface"
     with pytest.raises(mlsanm.RunError, match="not a run"):
         mlsanm.open(tmp_path)
-    with pytest.raises(AttributeError, match="no attribute 'solve'"):
-        getattr(mlsanm, "solve")  # noqa: B009
+    with pytest.raises(AttributeError, match="no attribute 'solved'"):
+        getattr(mlsanm, "solved")  # noqa: B009
 
 
 def test_errors_are_those_of_the_commands(case: Path) -> None:

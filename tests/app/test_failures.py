@@ -14,7 +14,7 @@ import pytest
 
 from mlsanm_cli.app import run as run_module
 from mlsanm_cli.app.assessment import checks as judge
-from mlsanm_cli.app.output import recording
+from mlsanm_cli.app.output import recorder
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.io.summary import read_json
@@ -137,7 +137,7 @@ def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, monkeypatch:
     def found(*arguments: Any, **options: Any) -> Any:
         return [(fields, bad) for fields, _ in kept(*arguments, **options)]
 
-    monkeypatch.setattr(recording, "fields_of", found)
+    monkeypatch.setattr(recorder, "fields_of", found)
     summary = solve(PATCH, tmp_path / "run", f"output.fields={fields}")
     assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
 
@@ -161,7 +161,7 @@ def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
     def once(*arguments: Any, **options: Any) -> Any:
         return [(fields, next(calls, 1e-12)) for fields, _ in whole(*arguments, **options)]
 
-    monkeypatch.setattr(recording, "fields_of", once)
+    monkeypatch.setattr(recorder, "fields_of", once)
     summary = solve(PATCH, tmp_path / "state", "output.at=[0.5, 1.0]")
     assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
 

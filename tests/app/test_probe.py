@@ -141,7 +141,7 @@ def test_forces_between_steps_are_those_applied(hertz_probes: Path) -> None:
         assert {row["how"] for row in rows} == {SERIES}
 
 
-@pytest.mark.parametrize("scene", ["hertz_probes", "rubbing"])
+@pytest.mark.parametrize("scene", ["hertz_probes", "friction_nodes"])
 def test_series_lead_to_the_stored_rows(scene: str, request: pytest.FixtureRequest) -> None:
     directory = request.getfixturevalue(scene)
     run = read_run(directory)

@@ -92,7 +92,7 @@ def test_a_killed_process_is_resumed(tmp_path: Path) -> None:
     out, err = again.communicate(timeout=PATIENCE)
     # The coarse block has a warning of its own.
     assert out == ""
-    assert all("strain energy of body block" in line for line in err.splitlines())
+    assert all("strain energy of body block" in line for line in err.splitlines()), err
     assert again.returncode == 0
     assert resumed_differences(tmp_path / "case", tmp_path / "run") == []
 

@@ -95,13 +95,15 @@ def test_stencils_across_bodies(
 ) -> None:
     seen: list[FloatArray] = []
 
-    def faulty(points: FloatArray, tree: cKDTree, targets: FloatArray, order: int, *rest: Any) -> Stencils:
+    def faulty(
+        points: FloatArray, tree: cKDTree, targets: FloatArray, order: int, *rest: Any, **named: Any
+    ) -> Stencils:
         """At virtual nodes, neighbours from the body that was built first, under its numbers."""
         seen.append(points)
         first = seen[0]
         if order > 0 or len(first) == len(points):
-            return build_stencils(points, tree, targets, order, *rest)
-        taken = build_stencils(first, cKDTree(first), targets, order, *rest)
+            return build_stencils(points, tree, targets, order, *rest, **named)
+        taken = build_stencils(first, cKDTree(first), targets, order, *rest, **named)
         return replace(taken, indices=taken.indices % len(points), nodes=len(points))
 
     monkeypatch.setattr(body, "build_stencils", faulty)

@@ -256,8 +256,8 @@ def check_polish(levels: Sequence[Polish]) -> str:
 def check_estimates(
     built: CondensedScene, pressures: Mapping[str, float | None], displacement: float | None
 ) -> list[str]:
-    """Warnings of displacements and pressures with large estimated errors; of contacts on grids of their own
-    whose bodies are too coarse for their pressures, smaller ones count."""
+    """Warnings of displacements and pressures with large estimated errors; of frictionless contacts on
+    grids of their own whose bodies are too coarse for their pressures, smaller ones count."""
     texts = []
     if displacement is not None and displacement > LARGE_ERROR:
         coarse = ", ".join(f"body.{name}.spacing" for name in built.scene.bodies)
@@ -267,7 +267,7 @@ def check_estimates(
         )
     for pairing in built.condensed.pairings:
         error = pressures.get(pairing.name)
-        limit = ESTIMATE_WARNING if pairing.near is not None else LARGE_ERROR
+        limit = ESTIMATE_WARNING if pairing.near is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:
             keys = ", ".join(f"body.{body}.spacing" for body in pairing.bodies)
             texts.append(

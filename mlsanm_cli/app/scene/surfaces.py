@@ -261,11 +261,14 @@ def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
     bonds only the parts that face each other, so that tractions may begin and end where a surface goes on."""
     sides = contact.sides
     if not contact.bonded or len(sides) < 2:
-        return tuple(_with_roundings(case, contact, place) for place in sides)
+        return tuple(
+            _with_roundings(case, contact, place, role)
+            for role, place in zip(("slave", "master"), sides, strict=False)
+        )
     return _facing_part(case, contact, 0), _facing_part(case, contact, 1)
 
 
-def _with_roundings(case: Case, contact: Contact, place: Place) -> Place:
+def _with_roundings(case: Case, contact: Contact, place: Place, role: str) -> Place:
     """The side of a contact with the rounded corners that it goes on in: what presses on a face presses on
     the beginning of its roundings.
 
@@ -273,7 +276,7 @@ def _with_roundings(case: Case, contact: Contact, place: Place) -> Place:
     """
     if place.ends is not None:
         return place
-    run = _run(case, place, f"contact.{contact.name}")
+    run = _run(case, place, f"contact.{contact.name}.{role}")
     if run.around or run.curves[0].closed:
         return place
     outline, found = run.outline, list[tuple[str, int]]()
