@@ -299,13 +299,16 @@ def pad_base(pad: dict[str, Any], slave: str, friction: float) -> dict[str, Any]
 
 @scene
 def fretting_pad_face() -> Scene:
-    """What a user may write instead: the flat face only, corners beside it. They must be told."""
+    """What a user may write instead: the flat face only. Its roundings belong to the contact all the same."""
     pad = polygon("pad", "steel", PAD, names=["face", "right", "top", "left"], rounding=[2.0, 2.0, 0.0, 0.0])
     return Scene(
         "fretting_pad_face",
         "fretting pad with rounded corners",
         pad_load(pad_base(pad, "pad.face", 0.4)),
-        refusal=Refusal(("corner",), None),
+        [
+            Figure("normal", lambda r: abs(r.force("face")[1]), 600.0),
+            Figure("shear", lambda r: abs(r.force("face")[0]), 90.0),
+        ],
     )
 
 

@@ -260,3 +260,36 @@ uy = 0.0
         found = data.contacts["floor"].pressure
         assert np.abs(found - np.outer(expected, np.full(found.shape[1], stress))).max() <= 1e-7 * stress
     assert parse_case(fitted, Path("case.toml")).case.stage == ({"floor": 1.0},)
+
+
+def test_a_flat_pad_with_rounded_corners_stays_where_nothing_drives_it(tmp_path: Path) -> None:
+    # Its roundings resist a motion along the block, but it is the flat face that touches at first.
+    text = """
+format = 1
+model = { plane = "strain" }
+material.steel = { E = 210e3, nu = 0.3 }
+support = [{ boundary = "block.bottom", ux = 0.0, uy = 0.0 }]
+load = [{ name = "press", boundary = "pad.top", kind = "platen", fy = -600.0 }]
+contact = [{ name = "face", slave = "pad.face", master = "block.top" }]
+[[body]]
+name = "pad"
+material = "steel"
+[body.shape]
+kind = "polygon"
+points = [[-4, 0], [4, 0], [4, 6], [-4, 6]]
+names = ["face", "right", "top", "left"]
+rounding = [2.0, 2.0, 0.0, 0.0]
+[[body]]
+name = "block"
+material = "steel"
+[body.shape]
+kind = "rectangle"
+x = [-20.0, 20.0]
+y = [-20.0, 0.0]
+"""
+    console = Quiet()
+    summary = solve(text, tmp_path / "run", console=console)
+    assert summary["status"] == "done"
+    assert any("pad: ux is held at 0" in note for note in console.notes)
+    assert summary["force_balance"] < 1e-6
+    assert summary["contacts"]["face"]["force"] == pytest.approx([0.0, 600.0], abs=0.01)

@@ -269,10 +269,12 @@ def check_estimates(
         error = pressures.get(pairing.name)
         limit = ESTIMATE_WARNING if pairing.near is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:
-            keys = ", ".join(f"body.{body}.spacing" for body in pairing.bodies)
+            keys = [f"body.{body}.spacing" for body in pairing.bodies]
+            if pairing.near is not None and pairing.friction:
+                keys.append(f"contact.{pairing.name}.accuracy")
             texts.append(
                 f"contact {pairing.name}: its pressures are estimated to be off by {100 * error:.2g} %; "
-                f"make {keys} smaller"
+                f"make {', '.join(keys)} smaller"
             )
     return texts
 

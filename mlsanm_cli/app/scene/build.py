@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import partial
+
+import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
@@ -23,7 +26,8 @@ from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, Unbal
 from mlsanm_cli.contact.response.condensed import Condensed, condense
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.mechanics.scene import FloatingBody, RigidConstraint, Scene
 from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -32,6 +36,8 @@ from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.load_factors import stage_factors
 from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
+MOST_IDLE = 6
+"""So many motions are tried one at a time."""
 MANY = 50_000
 """Scenes of more nodes are announced: they take a while, and may be a typing error."""
 WIDER = 1.5
@@ -113,10 +119,55 @@ def condense_scene(
     try:
         return _completed(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
+        for told, held in _held_still(prepared):
+            with suppress(UnbalancedError, NoStateError):
+                built = _completed(case, held, context, before)
+                context.console.note(told)
+                return built
         hint = pull_hint(case, prepared.pairings)
         if not hint:
             raise
         raise NumericalError(error.message, hint) from error
+
+
+def _held_still(prepared: SceneModel) -> Iterator[tuple[str, SceneModel]]:
+    """The scene with translations of floating bodies held at zero that no load drives, one at a time, then
+    all in one direction, and what to say of it.
+
+    Surfaces may resist a motion where they curve, and yet touch where they are flat only: the motion is then
+    undetermined, and zero by symmetry. A hold that carries force shows in the balance of the body.
+    """
+    idle = [
+        (mover.body, motion.component)
+        for mover in prepared.rigid_constraints
+        if isinstance(mover, FloatingBody)
+        for motion in mover.motions
+        if motion.prescribed is None and motion.component != ROTATION and not motion.force.any()
+    ]
+    groups = [[one] for one in idle[:MOST_IDLE]]
+    groups += [[one for one in idle if one[1] == component] for component in range(ROTATION)]
+    for group in filter(None, groups):
+        told = ", ".join(f"body {body}: u{'xy'[component]}" for body, component in group)
+        motions = tuple({body: np.eye(3)[component]} for body, component in group)
+        yield (
+            f"{told} is held at 0, for no load drives it and what touches does not resist it",
+            replace(
+                prepared,
+                rigid_constraints=tuple(_still(one, group) for one in prepared.rigid_constraints),
+                held_motions=(*prepared.held_motions, *motions),
+            ),
+        )
+
+
+def _still(mover: RigidConstraint, held: Sequence[tuple[str, int]]) -> RigidConstraint:
+    """The mover with the motions of floating bodies that are ``held`` prescribed at zero."""
+    if not isinstance(mover, FloatingBody):
+        return mover
+    motions = tuple(
+        replace(one, prescribed=np.zeros(len(one.force))) if (mover.body, one.component) in held else one
+        for one in mover.motions
+    )
+    return replace(mover, motions=motions)
 
 
 def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Scene | None) -> CondensedScene:
