@@ -38,6 +38,8 @@ from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, 
 
 MOST_IDLE = 6
 """So many motions are tried one at a time."""
+CARRIED = 1e-3
+"""What a hold may carry, as a part of all that presses: clouds that are not quite symmetric."""
 MANY = 50_000
 """Scenes of more nodes are announced: they take a while, and may be a typing error."""
 WIDER = 1.5
@@ -119,23 +121,27 @@ def condense_scene(
     try:
         return _completed(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
-        for told, held in _held_still(prepared):
+        for group, held in _held_still(prepared):
             with suppress(UnbalancedError, NoStateError):
                 built = _completed(case, held, context, before)
-                context.console.note(told)
-                return built
+                if _carry_nothing(built, group):
+                    told = ", ".join(f"body {body}: u{'xy'[component]}" for body, component in group)
+                    context.console.note(
+                        f"{told} is held at 0, for no load drives it and what touches does not resist it"
+                    )
+                    return built
         hint = pull_hint(case, prepared.pairings)
         if not hint:
             raise
         raise NumericalError(error.message, hint) from error
 
 
-def _held_still(prepared: SceneModel) -> Iterator[tuple[str, SceneModel]]:
+def _held_still(prepared: SceneModel) -> Iterator[tuple[list[tuple[str, int]], SceneModel]]:
     """The scene with translations of floating bodies held at zero that no load drives, one at a time, then
-    all in one direction, and what to say of it.
+    all in one direction, and which these are.
 
     Surfaces may resist a motion where they curve, and yet touch where they are flat only: the motion is then
-    undetermined, and zero by symmetry. A hold that carries force shows in the balance of the body.
+    undetermined, and zero by symmetry.
     """
     idle = [
         (mover.body, motion.component)
@@ -147,16 +153,23 @@ def _held_still(prepared: SceneModel) -> Iterator[tuple[str, SceneModel]]:
     groups = [[one] for one in idle[:MOST_IDLE]]
     groups += [[one for one in idle if one[1] == component] for component in range(ROTATION)]
     for group in filter(None, groups):
-        told = ", ".join(f"body {body}: u{'xy'[component]}" for body, component in group)
         motions = tuple({body: np.eye(3)[component]} for body, component in group)
-        yield (
-            f"{told} is held at 0, for no load drives it and what touches does not resist it",
-            replace(
-                prepared,
-                rigid_constraints=tuple(_still(one, group) for one in prepared.rigid_constraints),
-                held_motions=(*prepared.held_motions, *motions),
-            ),
-        )
+        constraints = tuple(_still(one, group) for one in prepared.rigid_constraints)
+        held = (*prepared.held_motions, *motions)
+        yield group, replace(prepared, rigid_constraints=constraints, held_motions=held)
+
+
+def _carry_nothing(built: CondensedScene, held: Sequence[tuple[str, int]]) -> bool:
+    """Whether what is ``held`` carries no force at the end of any stage: a body that its loads push out of
+    its contacts is not at rest."""
+    order = list(built.scene.bodies)
+    for state in built.ends:
+        rest = built.condensed.imbalance(state.factors, state.motion, state.pressure, state.traction)
+        pressed = float(built.condensed.weight @ state.pressure)
+        lacking = [abs(rest[2 * order.index(body) + component]) for body, component in held]
+        if max(lacking) > CARRIED * pressed:
+            return False
+    return len(built.ends) == len(built.stages) - 1
 
 
 def _still(mover: RigidConstraint, held: Sequence[tuple[str, int]]) -> RigidConstraint:
