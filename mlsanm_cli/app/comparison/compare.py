@@ -104,7 +104,7 @@ def compare(
     directory = out or RESULTS / case_path.stem
     run_dir.check_comparison(directory, force)
     if any(method.is_monolithic for method in methods):
-        # Equations of all bodies together need whole bodies, and all methods the same ones.
+        # Equations of all bodies together have nodal pressures, and all methods need the same ones.
         whole = load_with_files(case_path, (*overrides, WHOLE))
         built, warnings = _set_up(whole, context)
         built = replace(built, case=loaded.case)

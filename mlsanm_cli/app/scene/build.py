@@ -15,6 +15,7 @@ from mlsanm_cli.app.scene.causes import pull_hint
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.direct_solver import direct_solver
+from mlsanm_cli.app.scene.free_motions import held_at_zero
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.arrays import FloatArray
@@ -27,7 +28,7 @@ from mlsanm_cli.contact.response.condensed import Condensed, condense
 from mlsanm_cli.errors import CaseError, NumericalError
 from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import FloatingBody, RigidConstraint, Scene
+from mlsanm_cli.mechanics.scene import FloatingBody, Scene
 from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -154,7 +155,12 @@ def _held_still(prepared: SceneModel) -> Iterator[tuple[list[tuple[str, int]], S
     groups += [[one for one in idle if one[1] == component] for component in range(ROTATION)]
     for group in filter(None, groups):
         motions = tuple({body: np.eye(3)[component]} for body, component in group)
-        constraints = tuple(_still(one, group) for one in prepared.rigid_constraints)
+        constraints = tuple(
+            held_at_zero(one, [component for body, component in group if body == one.body])
+            if isinstance(one, FloatingBody)
+            else one
+            for one in prepared.rigid_constraints
+        )
         held = (*prepared.held_motions, *motions)
         yield group, replace(prepared, rigid_constraints=constraints, held_motions=held)
 
@@ -170,17 +176,6 @@ def _carry_nothing(built: CondensedScene, held: Sequence[tuple[str, int]]) -> bo
         if max(lacking) > CARRIED * pressed:
             return False
     return len(built.ends) == len(built.stages) - 1
-
-
-def _still(mover: RigidConstraint, held: Sequence[tuple[str, int]]) -> RigidConstraint:
-    """The mover with the motions of floating bodies that are ``held`` prescribed at zero."""
-    if not isinstance(mover, FloatingBody):
-        return mover
-    motions = tuple(
-        replace(one, prescribed=np.zeros(len(one.force))) if (mover.body, one.component) in held else one
-        for one in mover.motions
-    )
-    return replace(mover, motions=motions)
 
 
 def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Scene | None) -> CondensedScene:

@@ -92,13 +92,7 @@ def constrain_free_rigid_modes(
         raise CaseError(tuple(dict.fromkeys(problems)))
     still = {(id(one.mover), one.motion.component) for one in held}
     result = [
-        replace(
-            mover,
-            motions=tuple(
-                replace(m, prescribed=np.zeros(len(m.force))) if (id(mover), m.component) in still else m
-                for m in mover.motions
-            ),
-        )
+        held_at_zero(mover, [component for owner, component in still if owner == id(mover)])
         for mover in rigid_constraints
     ]
     weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK)
@@ -108,6 +102,15 @@ def constrain_free_rigid_modes(
         tuple(one for one in unresisted if one),
         tuple(_hardly(kept, pivot, direction) for pivot, direction in weak),
     )
+
+
+def held_at_zero(mover: RigidConstraint, components: Collection[int]) -> RigidConstraint:
+    """The ``mover`` with its motions in some ``components`` prescribed at zero."""
+    motions = tuple(
+        replace(one, prescribed=np.zeros(len(one.force))) if one.component in components else one
+        for one in mover.motions
+    )
+    return replace(mover, motions=motions)
 
 
 def free_motions(resistance: FloatArray, least: float = SLIDES) -> list[tuple[int, FloatArray]]:
