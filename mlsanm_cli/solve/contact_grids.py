@@ -17,7 +17,6 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
-from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.active_set import ExactState
@@ -191,7 +190,7 @@ def _first(clear: ContactRange) -> Near:
     looks = clear.facing.gap(np.linspace(clear.first, clear.last, FIRST + 1))
     # Waves might be looked at in their troughs alone.
     if clear.places == 1 and float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
-        even = _hats(np.linspace(clear.first, clear.last, FIRST + 1), clear)
+        even = clear.hats(np.linspace(clear.first, clear.last, FIRST + 1))
         return Near(clear.facing, clear.first, clear.last, SAMPLES, even, clear.centers, clear.corners)
     widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)
     parts = [np.array([clear.first, clear.nearest, clear.last])]
@@ -201,16 +200,10 @@ def _first(clear: ContactRange) -> Near:
             steps.append(min(GROWTH * steps[-1], widest))
         away = np.cumsum(steps)
         parts.append(clear.nearest + sign * away[:-1] * room / away[-1])
-    hats = _hats(np.unique(np.concatenate(parts)), clear)
+    hats = clear.hats(np.unique(np.concatenate(parts)))
     return Near(
         clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, clear.corners, rough=True
     )
-
-
-def _hats(nodes: FloatArray, clear: ContactRange) -> Hats:
-    """Hats on ``nodes``, increasing, up to the ends of surfaces that they reach."""
-    whole = clear.whole[0] and nodes[0] == clear.first, clear.whole[1] and nodes[-1] == clear.last
-    return Hats.on(nodes, whole)
 
 
 def _on_grids(pairings: Sequence[Pairing], grids: Mapping[str, Near]) -> tuple[Pairing, ...]:
@@ -326,6 +319,8 @@ def _ranged(
             result[name] = replace(near, hats=near.hats.halved(coarse))
             continue
         first, last = max(room.first, low - MARGIN * width), min(room.last, high + MARGIN * width)
+        if room.around and (first == room.first or last == room.last):
+            first, last = room.first, room.last
         outgrown = room.first < near.first >= low or room.last > near.last <= high
         if outgrown or len(beyond):
             inner = nodes[(nodes > near.first) & (nodes < near.last)]
@@ -333,7 +328,7 @@ def _ranged(
             # Not as fine as where something touches at last: it may have come a long way.
             steps = max(float(np.median(near.hats.steps)), width / FIRST)
             more = [np.arange(near.first - steps, first, -steps), np.arange(near.last + steps, last, steps)]
-            wider = _hats(np.unique(np.concatenate([[first], *more, inner, [last]])), room)
+            wider = room.hats(np.unique(np.concatenate([[first], *more, inner, [last]])))
             result[name] = replace(near, first=first, last=last, hats=wider)
         elif len(places) < LEAST:
             middle = np.zeros(len(near.hats.steps), dtype=bool)
@@ -341,7 +336,7 @@ def _ranged(
             result[name] = replace(near, hats=near.hats.halved(middle))
         elif near.rough or last - first < NARROWED * (near.last - near.first):
             share = PER_PLACE * room.places * (last - first) / (room.last - room.first)
-            even = _hats(np.linspace(first, last, max(FIRST, round(share)) + 1), room)
+            even = room.hats(np.linspace(first, last, max(FIRST, round(share)) + 1))
             result[name] = replace(near, first=first, last=last, count=SAMPLES, hats=even, rough=False)
     return result
 

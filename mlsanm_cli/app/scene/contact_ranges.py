@@ -103,9 +103,6 @@ def _clear(
     slack = TOUCHING * base.length
     if facing.profile is not None:
         slack = min(slack, SHALLOW * float(np.ptp(gap[faces])))
-    if base.closed and faces.all() and np.ptp(gap) <= slack and pairing.interference and not case.load:
-        # A fit that nothing loads touches all around: no grid has ends there.
-        return None
     least = gap[faces].min() + slack
     touching = np.flatnonzero(off & (gap <= least))
     if not len(touching):
@@ -125,13 +122,14 @@ def _clear(
     stretch = _stretch(off, nearest)
     if stretch is None:
         return None
-    first, last = float(s[stretch[0]]), float(s[stretch[1]])
+    around = base.closed and bool(off.all())
+    first, last = float(s[stretch[0]]), float(s[0] + base.length if around else s[stretch[1]])
     corners = [tuple(one for one in both if one is not None) for both in ends]
     tips = [corner.tip for both in corners for corner in both]
     exact_ends = base.closest(as_real(np.array(tips, dtype=np.complex128))).tolist()
     step = SNAP * float(s[1] - s[0])
     snapped = [_snapped(one, exact_ends, step) for one in (first, last)]
-    whole = snapped[0] is not None, snapped[1] is not None
+    whole = around or snapped[0] is not None, around or snapped[1] is not None
     first, last = (one if exact is None else exact for one, exact in zip((first, last), snapped, strict=True))
     rays = np.linspace(first, last, RAYS)
     centers: list[complex | None] = []
@@ -146,7 +144,7 @@ def _clear(
     both = centers[0], centers[1] if len(centers) > 1 else None
     of_bodies = corners[0], corners[1] if len(corners) > 1 else ()
     places = len(valleys(gap[stretch[0] : stretch[1] + 1], slack))
-    return ContactRange(facing, first, last, sign * closest, both, of_bodies, whole, places)
+    return ContactRange(facing, first, last, sign * closest, both, of_bodies, whole, places, around)
 
 
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]

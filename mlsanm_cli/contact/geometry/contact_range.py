@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.near import Facing
 from mlsanm_cli.mechanics.corner import Corner
 
@@ -20,7 +21,7 @@ class ContactRange:
     """A contact's range from ``first`` to ``last``, the place ``nearest`` to the other surface, where fields
     end in hollows, the ``corners`` of both bodies that pressures may come near, and in how many ``places``
     surfaces come close. Ends that are ``whole`` are where one of the surfaces ends, so that there may be
-    pressures right up to it."""
+    pressures right up to it, or where the range meets itself, having gone all ``around``."""
 
     facing: Facing
     first: float
@@ -30,6 +31,14 @@ class ContactRange:
     corners: tuple[tuple[Corner, ...], tuple[Corner, ...]]
     whole: tuple[bool, bool]
     places: int = 1
+    around: bool = False
+
+    def hats(self, nodes: FloatArray) -> Hats:
+        """Hats on ``nodes``, increasing, up to the ends of surfaces that they reach."""
+        first, last = nodes[0] == self.first and self.whole[0], nodes[-1] == self.last and self.whole[1]
+        if not self.around:
+            return Hats.on(nodes, (first, last))
+        return Hats.on(nodes, (True, True), self.facing.base.length) if first and last else Hats(nodes)
 
     @cached_property
     def looks(self) -> tuple[FloatArray, FloatArray]:

@@ -8,8 +8,8 @@ Equations (7) and (8) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -20,8 +20,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
-Kernels: TypeAlias = tuple[FloatArray, FloatArray]
-"""A kernel at all pairs of points, and its exact integrals of near pairs."""
 
 RULE = GAUSS[3]
 NEAR = 5.0
@@ -35,21 +33,39 @@ STEEPEST = 2.5
 
 
 @dataclass(frozen=True)
+class PairKernel:
+    """A kernel's ``values`` at all pairs of points (g, g), and its ``exact`` integrals (e,) with both hats of
+    near pairs, the ``first`` and the ``second`` (e,)."""
+
+    values: FloatArray
+    first: IntArray
+    second: IntArray
+    exact: FloatArray
+
+
+@dataclass(frozen=True)
 class Hats:
     """Piecewise linear functions on ``nodes`` (m + 2,), increasing, that vanish at the first and the last.
 
     Where a contact ends at a corner the first two nodes, or the last two, are one place, and the function of
-    that place is half a hat.
+    that place is half a hat. If a contact goes all around a closed surface, of length ``period``, the first
+    and the last place are the same.
     """
 
     nodes: FloatArray
+    period: float | None = None
 
     @classmethod
-    def on(cls, nodes: FloatArray, whole: tuple[bool, bool]) -> Hats:
+    def on(cls, nodes: FloatArray, whole: tuple[bool, bool], period: float | None = None) -> Hats:
         """On ``nodes``, increasing, with half a hat at the ends that are ``whole``."""
         before = nodes[:1] if whole[0] else nodes[:0]
         after = nodes[-1:] if whole[1] else nodes[:0]
-        return cls(np.concatenate([before, nodes, after]))
+        return cls(np.concatenate([before, nodes, after]), period)
+
+    @property
+    def shifts(self) -> tuple[float, ...]:
+        """By which places are at once, 0 and on a closed surface a turn ahead and back."""
+        return (0.0,) if self.period is None else (0.0, self.period, -self.period)
 
     @property
     def whole(self) -> tuple[bool, bool]:
@@ -115,25 +131,6 @@ class Hats:
         return sparse.csr_array((entries, (row[kept], column[kept])), shape=(count, len(points)))
 
     @cached_property
-    def near(self) -> tuple[IntArray, IntArray]:
-        """Pairs of functions that are near each other or the same."""
-        wide = np.maximum(self.steps[1:], self.steps[:-1])
-        apart = np.abs(self.place[:, None] - self.place)
-        one, other = np.nonzero(apart <= NEAR * (wide[:, None] + wide))
-        return one, other
-
-    @cached_property
-    def logarithms(self) -> FloatArray:
-        """ln|s - s'| at all pairs of the ``points`` (g, g), 0 where they are the same."""
-        apart = np.abs(self.points[:, None] - self.points)
-        return np.asarray(np.log(np.where(apart == 0.0, 1.0, apart)))
-
-    @cached_property
-    def signs(self) -> FloatArray:
-        """sgn(s - s') at all pairs of the ``points`` (g, g)."""
-        return np.sign(self.points[:, None] - self.points)
-
-    @cached_property
     def _second(self) -> tuple[FloatArray, FloatArray]:
         """Second derivatives of the functions: strengths (m, 3) of the unit impulses at their three nodes,
         and (m, 3) of their first derivatives; of these only half a hat has one."""
@@ -146,71 +143,76 @@ class Hats:
         doublets[:, 1] = (steps[:-1] == 0.0).astype(float) - (steps[1:] == 0.0)
         return impulses, doublets
 
-    def _differences(self, fourth: Table, third: Table, second: Table) -> FloatArray:
-        """Integrals (e,) with both hats of near pairs of a kernel of their distance, of which ``fourth``,
-        ``third`` and ``second`` are repeated integrals."""
-        one, other = self.near
-        t = self._apart
-        impulses, doublets = self._second
-        total = np.einsum("ea,eab,eb->e", impulses[one], fourth(t), impulses[other])
-        if doublets.any():
-            total += np.einsum("ea,eab,eb->e", impulses[one], third(t), doublets[other])
-            total -= np.einsum("ea,eab,eb->e", doublets[one], third(t), impulses[other])
-            total -= np.einsum("ea,eab,eb->e", doublets[one], second(t), doublets[other])
-        return np.asarray(total, dtype=np.float64)
-
-    @cached_property
-    def _apart(self) -> FloatArray:
-        """Distances (e, 3, 3) between the nodes of near pairs of hats, in extended precision."""
-        one, other = self.near
+    def _kernel(self, values: Table, shift: float, fourth: Table, third: Table, second: Table) -> PairKernel:
+        """A kernel of the distance s + ``shift`` - s', of which ``fourth``, ``third`` and ``second`` are
+        repeated integrals."""
+        wide = np.maximum(self.steps[1:], self.steps[:-1])
+        apart = np.abs(self.place[:, None] + shift - self.place)
+        one, other = np.nonzero(apart <= NEAR * (wide[:, None] + wide))
+        # In extended precision, as fourth differences lose digits.
         nodes, three = self.nodes.astype(np.longdouble), np.arange(3)
-        return np.asarray(nodes[one[:, None] + three][:, :, None] - nodes[other[:, None] + three][:, None, :])
+        t = (nodes[one[:, None] + three] + shift)[:, :, None] - nodes[other[:, None] + three][:, None, :]
+        impulses, doublets = self._second
+        exact = np.einsum("ea,eab,eb->e", impulses[one], fourth(t), impulses[other])
+        if doublets.any():
+            exact += np.einsum("ea,eab,eb->e", impulses[one], third(t), doublets[other])
+            exact -= np.einsum("ea,eab,eb->e", doublets[one], third(t), impulses[other])
+            exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t), doublets[other])
+        return PairKernel(
+            values(self.points[:, None] + shift - self.points), one, other, exact.astype(np.float64)
+        )
 
     @cached_property
-    def near_logarithms(self) -> FloatArray:
-        """Integrals of ln|s - s'| with both hats of every near pair (e,): its fourth integral is t^4 / 24
-        (ln|t| - 25 / 12)."""
+    def logarithms(self) -> tuple[PairKernel, ...]:
+        """ln|s + shift - s'|, of all :attr:`shifts`: its fourth integral is t^4 / 24 (ln|t| - 25 / 12)."""
 
         def integral(order: int, factor: int, sum_of_inverses: tuple[int, int]) -> Table:
             harmonic = np.longdouble(sum_of_inverses[0]) / sum_of_inverses[1]
-            return lambda t: t**order / factor * (np.log(np.where(t == 0.0, 1.0, np.abs(t))) - harmonic)
+            return lambda t: t**order / factor * (logarithm(t) - harmonic)
 
-        return self._differences(integral(4, 24, (25, 12)), integral(3, 6, (11, 6)), integral(2, 2, (3, 2)))
+        integrals = integral(4, 24, (25, 12)), integral(3, 6, (11, 6)), integral(2, 2, (3, 2))
+        return tuple(self._kernel(logarithm, shift, *integrals) for shift in self.shifts)
 
     @cached_property
-    def near_signs(self) -> FloatArray:
-        """The same (e,) of sgn(s - s')."""
+    def signs(self) -> PairKernel:
+        """sgn(s - s')."""
 
         def integral(order: int, factor: int) -> Table:
             return lambda t: np.sign(t) * t**order / factor
 
-        return self._differences(integral(4, 24), integral(3, 6), integral(2, 2))
+        return self._kernel(np.sign, 0.0, integral(4, 24), integral(3, 6), integral(2, 2))
 
     def pairs(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
-        """Integrals (m, m) with both hats of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s').
+        """Integrals (m, m) with both hats of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s'), with the
+        logarithms of all ``shifts``.
 
         ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2) directions at the points.
         """
-        logarithms = self._pairs(log, one, other, lambda: (self.logarithms, self.near_logarithms))
-        return logarithms + self._pairs(turn, one, other, lambda: (self.signs, self.near_signs))
+        logarithms = self._pairs(log, one, other, lambda: self.logarithms)
+        return logarithms + self._pairs(turn, one, other, lambda: (self.signs,))
 
     def _pairs(
-        self, table: FloatArray, one: FloatArray, other: FloatArray, kernels: Callable[[], Kernels]
+        self,
+        table: FloatArray,
+        one: FloatArray,
+        other: FloatArray,
+        kernels: Callable[[], Iterable[PairKernel]],
     ) -> FloatArray:
-        """The part of :meth:`pairs` by one kernel, of which there is nothing where directions do not meet."""
+        """The part of :meth:`pairs` by some kernels, of which there is nothing where directions do not
+        meet."""
         total = np.zeros((len(self.place), len(self.place)))
         turned = other @ table.T
         middle = [self.at_places(values) for values in (one, turned)]
         if np.abs(middle[0] @ middle[1].T).max(initial=0.0) <= NOTHING * np.abs(table).max():
             return total
-        kernel, exact = kernels()
-        for component in (0, 1):
-            right = (self.integrals * turned[:, component]) @ kernel.T
-            total += (self.integrals * one[:, component]) @ right.T
-        # What is lost of the near pairs by Gauss's points, for the directions at the peaks.
-        first, second = self.near
-        product = (middle[0][first] * middle[1][second]).sum(axis=1)
-        total[first, second] += product * (exact - self._rough(kernel)[first, second])
+        for kernel in kernels():
+            for component in (0, 1):
+                right = (self.integrals * turned[:, component]) @ kernel.values.T
+                total += (self.integrals * one[:, component]) @ right.T
+            # What is lost of the near pairs by Gauss's points, for the directions at the peaks.
+            first, second = kernel.first, kernel.second
+            product = (middle[0][first] * middle[1][second]).sum(axis=1)
+            total[first, second] += product * (kernel.exact - self._rough(kernel.values)[first, second])
         return total
 
     def _rough(self, kernel: FloatArray) -> FloatArray:
@@ -223,14 +225,14 @@ class Hats:
     def halved(self, chosen: BoolArray) -> Hats:
         """With the ``chosen`` intervals (m + 1,) halved, and others that would be too much wider than their
         neighbours."""
-        nodes = self.nodes
+        nodes, chosen = self.nodes, chosen & (self.steps > 0.0)
         while chosen.any():
             nodes = np.sort(np.append(nodes, (0.5 * (nodes[1:] + nodes[:-1]))[chosen]))
             steps = np.diff(nodes)
             chosen = np.zeros(len(steps), dtype=bool)
             chosen[:-1] |= (steps[:-1] > STEEPEST * steps[1:]) & (steps[1:] > 0.0)
             chosen[1:] |= (steps[1:] > STEEPEST * steps[:-1]) & (steps[:-1] > 0.0)
-        return Hats(nodes)
+        return replace(self, nodes=nodes)
 
     def errors(self, values: FloatArray) -> FloatArray:
         """What every interval (m + 1,) has of the L2 error of nodal ``values`` (m,), by their second
@@ -248,6 +250,11 @@ class Hats:
         padded = np.concatenate([[0.0], values, [0.0]])
         a, b = padded[:-1], padded[1:]
         return float(np.sqrt((self.steps * (a * a + a * b + b * b) / 3.0).sum()))
+
+
+def logarithm(distance: FloatArray) -> FloatArray:
+    """ln|distance|, 0 where there is none."""
+    return np.asarray(np.log(np.where(distance == 0.0, 1.0, np.abs(distance))))
 
 
 def _gauss(start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:

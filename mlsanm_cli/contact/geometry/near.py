@@ -19,7 +19,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange
+from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange, logarithm
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.heat import Field
@@ -289,10 +289,12 @@ class Near:
         base = np.broadcast_to(inward if center is None else (z - center)[:, None], w.shape)
         stretch, tangent = np.abs(way), way / np.abs(way)
         found = kernel.displacement(np.where(own, 1.0, w), base)
-        found -= np.log(np.abs(np.where(own, 1.0, apart)))[..., None, None] * log
+        for shift in self.hats.shifts:
+            found -= logarithm(apart + shift)[..., None, None] * log
         found -= np.sign(apart)[..., None, None] * turn
         both = [kernel.displacement(one, np.diagonal(base)) for one in (tangent, -tangent)]
-        found[own] = 0.5 * (both[0] + both[1]) + np.log(stretch)[:, None, None] * log
+        around = sum(float(logarithm(np.array(shift))) for shift in self.hats.shifts)
+        found[own] = 0.5 * (both[0] + both[1]) + (np.log(stretch) - around)[:, None, None] * log
         if center is not None:
             other = z - center
             found -= kernel.displacement(other, other)[:, None]
