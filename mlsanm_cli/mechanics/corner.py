@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
@@ -30,38 +30,6 @@ LEAST = 1e-6
 
 
 @dataclass(frozen=True)
-class Mirror:
-    """A right-angled corner whose ``other`` face slides along a straight wall without friction, like a plane
-    of symmetry: what keeps it on the wall are the images of all forces behind it."""
-
-    kernel: Kernel
-    along: complex
-    other: complex
-
-    @property
-    def mirrored(self) -> FloatArray:
-        """The force (2, 2) that is the image of a force."""
-        along = np.array([self.along.real, self.along.imag])
-        return np.asarray(np.eye(2) - 2.0 * np.outer(along, along))
-
-    def lines(self, tip: complex, source: FloatArray, force: FloatArray) -> tuple[Images]:
-        """The images of forces (k, 2, c) at the distances ``source`` (k,) from the ``tip``."""
-        inward = np.full(len(source), self.other)
-        places = SurfaceForces(
-            self.kernel, np.asarray(tip - source * self.along, dtype=np.complex128), inward
-        )
-        return (Images(places, np.einsum("fd,kdc->kfc", self.mirrored, force)),)
-
-    def compliance(self, x: FloatArray, source: FloatArray, which: int, by: int) -> FloatArray:
-        """Displacements of the first face in one component (e, k) at distances ``x`` (e,) by the images of
-        unit forces in another at ``source`` (k,)."""
-        apart = x[:, None] + source
-        one = self.kernel.displacement(np.array([self.along, 2.0 * self.along]), np.array([self.other] * 2))
-        first, growth = (one[0] @ self.mirrored)[which, by], ((one[1] - one[0]) @ self.mirrored)[which, by]
-        return np.asarray(first + growth * np.log2(apart))
-
-
-@dataclass(frozen=True)
 class Images:
     """Forces (k, 2, c) at places off the body."""
 
@@ -79,25 +47,24 @@ class Images:
 
 @dataclass(frozen=True)
 class Corner:
-    """A corner of a body at ``tip``, between the face that bears forces and one that is free, as of a wedge,
-    or slides along a wall, as of a mirror. The shorter one has a ``length``; forces farther from the tip than
-    ``reach`` can do without it."""
+    """A corner of a body at ``tip``, between the two faces of a ``wedge``. The shorter one has a ``length``;
+    forces farther from the tip than ``reach`` can do without it."""
 
-    wedge: Wedge | Mirror
+    wedge: Wedge
     tip: complex
     length: float
     reach: float
 
     @property
     def faces(self) -> tuple[complex, complex]:
-        """Unit vectors along the face that bears forces, and the other, away from the tip."""
-        return self.wedge.along, self.wedge.other
+        """Unit vectors away from the tip along the two faces that forces act on."""
+        return self.wedge.along, self.wedge.second
 
     @property
     def bisector(self) -> complex:
-        """The unit vector from the tip midway between the faces."""
-        middle = self.wedge.along + self.wedge.other
-        return middle / abs(middle)
+        """The unit vector from the tip midway between the faces of the body."""
+        middle = np.sqrt(self.wedge.along * self.wedge.other)
+        return complex(middle if (middle * np.conj(self.wedge.inward[0])).real > 0.0 else -middle)
 
     def distance(self, z: ComplexArray) -> FloatArray:
         """Distances (e,) of places on the first face from the tip."""
@@ -107,7 +74,7 @@ class Corner:
         """Whether places (e,) with outward normals lie on the first face, and on another that the corner's
         forces take all tractions off."""
         found = []
-        for along in self.faces if isinstance(self.wedge, Wedge) else self.faces[:1]:
+        for along in self.faces[:1] if self.wedge.sliding else self.faces:
             w = (z - self.tip) * np.conj(along)
             on = (np.abs(w.imag) <= ON * self.length) & (w.real >= -ON * self.length)
             found.append(on & (np.abs((normal * np.conj(along)).real) <= ON))
@@ -120,8 +87,6 @@ class Corner:
         if not acting.any():
             return ()
         source, force = source[acting], force[acting]
-        if isinstance(self.wedge, Mirror):
-            return self.wedge.lines(self.tip, source, force)
         first, last = np.log(source.min()) - LOW, np.log(source.max()) + HIGH
         logarithm = np.arange(first, last, STEP)
         before = np.arange(first - STEP, first - LOW, -STEP)
@@ -134,7 +99,15 @@ class Corner:
                 by[row] += interpolated(table, more[:, None] - np.log(source)).sum(axis=0)
             density = np.einsum("pkdf,kfc->pdc", STEP * by, force, optimize=True)
             found.append(Line(self.wedge.kernel, self.tip, along, inward, logarithm, density))
-        return tuple(found)
+        return (*found, *self._images(source, force))
+
+    def _images(self, source: FloatArray, force: FloatArray) -> Iterator[Images]:
+        """The images of forces behind a wall."""
+        if self.wedge.sliding:
+            place = np.asarray(self.tip + source * self.wedge.second, dtype=np.complex128)
+            inward = np.full(len(source), self.wedge.inward[1])
+            image = np.einsum("fd,kdc->kfc", self.wedge.image, force)
+            yield Images(SurfaceForces(self.wedge.kernel, place, inward), image)
 
 
 @dataclass(frozen=True)

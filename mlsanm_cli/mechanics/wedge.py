@@ -10,6 +10,10 @@ kernels A and B that tractions on the second face come from forces on the first 
 where * is the convolution in ln x: Mellin's transform solves them. For normal forces at a right angle they
 are Hetenyi's images (Hetenyi 1960, doi:10.1115/1.3643978).
 
+Where the second face slides along a straight wall without friction, the wall is a line of symmetry: forces
+have images on the mirrored first face, and the wedge is twice as wide. At a right angle there is nothing
+left to take off.
+
 Equation (9) of docs/method.md.
 """
 
@@ -34,17 +38,34 @@ REACH = 38.0
 @dataclass(frozen=True)
 class Wedge:
     """A wedge of a body with the ``kernel`` of its material between two straight faces that run from the tip
-    ``along`` the one that bears forces, and along the ``other`` (unit vectors)."""
+    ``along`` the one that bears forces, which has the material on the side ``turn`` (1j or -1j) times that,
+    and along the ``other`` (unit vectors), free or ``sliding`` along a wall.
+
+    Interior angles may be up to 260 degrees, half of that of a ``sliding`` one: forces' fields are cut
+    outwards.
+    """
 
     kernel: Kernel
     along: complex
     other: complex
+    turn: complex
+    sliding: bool = False
+
+    @property
+    def second(self) -> complex:
+        """The unit vector along the second face that forces act on: the other one, or the mirrored first."""
+        return self.other**2 * np.conj(self.along) if self.sliding else self.other
+
+    @property
+    def image(self) -> FloatArray:
+        """The force (2, 2) on the second face that is the image of a force; none where it is free."""
+        axis = np.array([self.other.real, self.other.imag])
+        return self.sliding * np.asarray(2.0 * np.outer(axis, axis) - np.eye(2))
 
     @property
     def inward(self) -> tuple[complex, complex]:
-        """Unit normals into the body on the two faces."""
-        turn = 1j if (np.conj(self.along) * self.other).imag > 0.0 else -1j
-        return turn * self.along, -turn * self.other
+        """Unit normals into the body, or its image, on the two faces."""
+        return self.turn * self.along, -self.turn * self.second
 
     @cached_property
     def grid(self) -> FloatArray:
@@ -61,8 +82,8 @@ class Wedge:
             values = np.fft.ifftshift(found * place[:, None, None], axes=0)
             return np.asarray(STEP * np.fft.fft(values, axis=0))
 
-        a = transformed(self.other, self.along, normals[1])
-        b = transformed(self.along, self.other, normals[0])
+        a = transformed(self.second, self.along, normals[1])
+        b = transformed(self.along, self.second, normals[0])
         first = np.linalg.solve(np.eye(2) - b @ a, b @ a)
         second = -a @ (np.eye(2) + first)
 
@@ -71,7 +92,11 @@ class Wedge:
             found[np.abs(self.grid) > REACH] = 0.0
             return np.asarray(found)
 
-        return back(first), back(second)
+        own, beyond = back(first), back(second)
+        if not self.sliding:
+            return own, beyond
+        both = own + self.image @ beyond
+        return both, np.asarray(self.image @ both)
 
     @cached_property
     def logarithm(self) -> FloatArray:
@@ -82,12 +107,13 @@ class Wedge:
 
     @cached_property
     def moved(self) -> FloatArray:
-        """Displacements (n, 2, 2) of the first face by the densities of a unit force at the distance 1."""
+        """Displacements (n, 2, 2) of the first face by the densities, and by the image, of a unit force at
+        the distance 1."""
         kept = np.abs(self.grid) <= REACH
         total = np.zeros((COUNT, 2, 2))
         # Half a step off the densities, so that none is at the place itself.
         apart = STEP * (np.arange(-COUNT + 1, COUNT) + 0.5)
-        for density, face, inward in zip(self.densities, (self.along, self.other), self.inward, strict=True):
+        for density, face, inward in zip(self.densities, (self.along, self.second), self.inward, strict=True):
             w = np.asarray(np.exp(np.minimum(apart, 600.0)) * self.along - face, dtype=np.complex128)
             seen = self.kernel.displacement(w, np.full(len(w), inward))
             total += STEP * _convolved(seen, density)
@@ -95,13 +121,17 @@ class Wedge:
         # A logarithm's singular point midway between places of a sum (Sidi and Israeli 1988,
         # doi:10.1007/BF01061258).
         middle = interpolated(self.densities[0], self.grid + 0.5 * STEP)
-        return np.asarray(total - STEP * np.log(2.0) * (self.logarithm @ middle))
+        total -= STEP * np.log(2.0) * (self.logarithm @ middle)
+        if self.sliding:
+            w = np.asarray(np.exp(self.grid + 0.5 * STEP) * self.along - self.second, dtype=np.complex128)
+            total += self.kernel.displacement(w, np.full(len(w), self.inward[1])) @ self.image
+        return total
 
     def compliance(self, x: FloatArray, source: FloatArray, which: int, by: int) -> FloatArray:
         """The same displacements in one component (e, k) at distances ``x`` (e,) by unit forces in another at
         ``source`` (k,)."""
         own = interpolated(self.moved[:, which, by], np.log(x)[:, None] - (np.log(source) + 0.5 * STEP))
-        whole = STEP * (self.densities[0] + self.densities[1]).sum(axis=0)
+        whole = STEP * (self.densities[0] + self.densities[1]).sum(axis=0) + self.image
         return np.asarray(own + np.log(source) * (self.logarithm @ whole)[which, by])
 
 

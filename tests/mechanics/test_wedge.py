@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Mirror
+from mlsanm_cli.mechanics.corner import Corner, CorneredForces
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.near_field import Kernel, SurfaceForces, kernel_of, traction
 from mlsanm_cli.mechanics.wedge import Wedge
@@ -15,9 +15,10 @@ STEEL = kernel_of(isotropic(1.0, 0.3, "strain"))
 SOURCES = np.array([0.05, 0.3, 1.0])
 
 
-def corner(kernel: Kernel, angle: float) -> Corner:
+def corner(kernel: Kernel, angle: float, sliding: bool = False) -> Corner:
     """A corner at the origin, its first face along x, with material below."""
-    return Corner(Wedge(kernel, 1.0 + 0.0j, complex(np.exp(-1j * np.radians(angle)))), 0.0j, 1.0, 1.0)
+    other = complex(np.exp(-1j * np.radians(angle)))
+    return Corner(Wedge(kernel, 1.0 + 0.0j, other, -1j, sliding), 0.0j, 1.0, 1.0)
 
 
 def forces(at: Corner) -> CorneredForces:
@@ -25,10 +26,9 @@ def forces(at: Corner) -> CorneredForces:
     return CorneredForces(SurfaceForces(at.wedge.kernel, places, np.full(3, -1j)), (at,))
 
 
-@pytest.mark.parametrize("angle", [35.0, 60.0, 90.0, 140.0])
+@pytest.mark.parametrize("angle", [35.0, 60.0, 90.0, 140.0, 214.0, 255.0])
 def test_both_faces_are_free(angle: float) -> None:
     at, kernel = corner(STEEL, angle), STEEL
-    assert isinstance(at.wedge, Wedge)
     force = np.eye(6).reshape(3, 2, 6)
     x = np.array([0.02, 0.15, 0.7, 3.0])
     size = []
@@ -53,9 +53,9 @@ def test_reciprocity() -> None:
         assert table == pytest.approx(table.T, abs=1e-5 * np.abs(table).max())
 
 
-def test_compliance_is_what_the_lines_move() -> None:
-    at = corner(STEEL, 90.0)
-    assert isinstance(at.wedge, Wedge)
+@pytest.mark.parametrize(("angle", "sliding"), [(90.0, False), (214.0, False), (70.0, True), (110.0, True)])
+def test_compliance_is_what_the_lines_move(angle: float, sliding: bool) -> None:
+    at = corner(STEEL, angle, sliding)
     x = np.array([0.02, 0.2, 0.8])
     force = np.zeros((3, 2, 3))
     force[np.arange(3), 1, np.arange(3)] = 1.0
@@ -71,10 +71,19 @@ def test_compliance_is_what_the_lines_move() -> None:
     assert apart(moved[:, 1]) == pytest.approx(apart(expected), abs=2e-3 * np.ptp(expected))
 
 
-def test_images_keep_a_wall() -> None:
-    wall = Corner(Mirror(STEEL, 1.0 + 0.0j, -1j), 0.0j, 1.0, 1.0)
-    place = -1j * np.array([0.01, 0.3, 2.0])
-    moved = forces(wall).displacement(place)
-    assert np.abs(moved[:, :, 0]).max() < 1e-12
-    normal = np.full(3, -1.0 + 0.0j)
-    assert np.abs(forces(wall).traction(place, normal, np.zeros(3))[:, :, 1]).max() < 1e-9
+@pytest.mark.parametrize("angle", [30.0, 60.0, 90.0, 120.0])
+def test_a_wall_at_any_angle_keeps_its_face(angle: float) -> None:
+    """No displacement across the wall, no traction along it, and none on the first face."""
+    at, x = corner(STEEL, angle, sliding=True), np.array([0.02, 0.3, 2.0])
+    across = 1j * at.wedge.other
+    unit = np.array([across.real, across.imag])
+    moved = np.einsum("ekcd,c->ekd", forces(at).displacement(x * at.wedge.other), unit)
+    apart = np.einsum("ekcd,c->ekd", forces(at).own.displacement(x * at.wedge.other), unit)
+    assert np.abs(moved - moved[:1]).max() < 2e-4 * np.ptp(apart)
+    normal = np.full(3, across)
+    along = np.array([at.wedge.other.real, at.wedge.other.imag])
+    pulled = forces(at).traction(x * at.wedge.other, normal, np.zeros(3))
+    alone = forces(at).own.traction(x * at.wedge.other, normal, np.zeros(3))
+    assert np.abs(np.einsum("ekcd,c->ekd", pulled, along)).max() < 1e-3 * np.abs(alone).max()
+    table = at.wedge.compliance(SOURCES, SOURCES, 1, 1)
+    assert table == pytest.approx(table.T, abs=1e-5 * np.abs(table).max())

@@ -19,7 +19,7 @@ from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.near import Facing
 from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel
-from mlsanm_cli.mechanics.corner import Corner, Mirror
+from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.near_field import ComplexArray, Isotropic, as_complex, as_real
 from mlsanm_cli.mechanics.wedge import Wedge
 
@@ -32,10 +32,12 @@ TOUCHING = 1e-6
 """Gaps that differ by less than this part of the range are the same: such surfaces touch all along."""
 SHALLOW = 1e-3
 """The same as a part of what profiles differ by, which may be shallower."""
-SHARPEST, BLUNTEST = np.radians(25.0), np.radians(170.0)
-"""Angles of corners whose fields are known."""
-BEYOND = np.geomspace(1e-3, 1e2, 200)
-"""How far, in their lengths, the lines of a corner's faces are followed outside the body."""
+SHARPEST, BLUNTEST, HOLLOW, WIDEST = np.radians([25.0, 170.0, 190.0, 255.0]).tolist()
+"""Angles of corners whose fields are known: from the first to the second, from the third to the last, and a
+straight line."""
+SIDE, BEYOND, SEEN = 1e-3, 1e2, 40
+"""From how far on, how far, in their lengths, and at how many places the lines of a corner's faces and what
+lies outwards of them are followed outside the body."""
 SMOOTH = float(np.cos(np.radians(1.0)))
 """Outlines go on smoothly where they turn by no more than this angle's cosine tells."""
 SNAP = 1.5
@@ -159,7 +161,7 @@ def _ends(model: BodyModel, surface: Surface, held: Restraints) -> Ends:
 
 def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
     """The corner at one end of a surface of an isotropic body, if both its faces are straight and the other
-    one is free, or slides along a wall at a right angle; and neither blunt nor very sharp."""
+    one is free, or slides along a wall; and neither blunt nor very sharp."""
     face = _straight(surface)
     if face is None or not isinstance(model.kernel, Isotropic):
         return None
@@ -172,29 +174,44 @@ def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) 
             continue
         far = max(line, key=lambda end: abs(end - tip))
         ways = along / abs(along), (far - tip) / abs(far - tip)
-        angle = float(np.angle(ways[1] / ways[0]))
-        inside = angle < 0.0 if at_end else angle > 0.0
-        if not inside or not SHARPEST <= abs(angle) <= BLUNTEST:
+        if name in held and not _slides(ways[1], held[name]):
+            return None
+        # Outlines have the body on their left.
+        turn = -1j if at_end else 1j
+        wedge = Wedge(model.kernel, *ways, turn, sliding=name in held)
+        inside = float(np.angle(ways[1] / ways[0]) * turn.imag) % (2.0 * np.pi)
+        angle = inside * (2.0 if wedge.sliding else 1.0)
+        blunt = BLUNTEST < angle < HOLLOW and abs(angle - np.pi) > ALIKE
+        if not SHARPEST <= inside <= angle <= WIDEST or blunt:
             return None
         length = min(abs(along), abs(far - tip))
-        reach = CLEAR * float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
-        if name in held:
-            if not _slides(ways, held[name]):
-                return None
-            return Corner(Mirror(model.kernel, *ways), tip, length, reach)
-        # The wedge's forces go on where the faces end: not so into the body.
-        ahead = np.concatenate([end + (end - tip) * BEYOND for end in (tip + along, far)])
-        if model.cloud.holds(as_real(ahead)).any():
+        if model.cloud.holds(_behind(wedge, tip, abs(along), abs(far - tip))).any():
             return None
-        return Corner(Wedge(model.kernel, *ways), tip, length, reach)
+        reach = CLEAR * float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
+        return Corner(wedge, tip, length, reach)
     return None
 
 
-def _slides(ways: tuple[complex, complex], held: tuple[bool, bool] | None) -> bool:
-    """Whether a face at a right angle is held along the other of two ways, x or y, alone."""
-    across = [abs(ways[0].real) > 1.0 - ALIKE, abs(ways[0].imag) > 1.0 - ALIKE]
-    square = abs((ways[0] * np.conj(ways[1])).real) <= ALIKE
-    return held is not None and square and list(held) == across
+def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArray:
+    """Places (e, 2) that must be off the body: where the wedge's forces go on past the ends of its faces,
+    which are ``along`` and ``other`` long, or act behind a wall, and what lies outwards of them, where their
+    fields are cut."""
+    far = np.geomspace(SIDE, BEYOND, SEEN)
+    starts = tip + wedge.along * along * (1.0 + far), tip + wedge.second * other * (1.0 + far)
+    if wedge.sliding:
+        starts = starts[0], tip + wedge.second * along * far
+    size = max(along, other)
+    cuts = [
+        tip + way * size * far[:, None] - inward * size * far
+        for way, inward in zip((wedge.along, wedge.second), wedge.inward, strict=True)
+    ]
+    return as_real(np.concatenate([*starts, *(one.ravel() for one in cuts)]))
+
+
+def _slides(other: complex, held: tuple[bool, bool] | None) -> bool:
+    """Whether a face along the unit vector ``other``, x or y, is held across alone."""
+    across = [abs(other.imag) > 1.0 - ALIKE, abs(other.real) > 1.0 - ALIKE]
+    return held is not None and any(across) and list(held) == across
 
 
 def _straight(surface: Surface) -> tuple[complex, complex] | None:
