@@ -83,8 +83,6 @@ def _clear(
 ) -> ContactRange | None:
     if pairing.master_body == pairing.slave_body or pairing.bonded:
         return None
-    if any(models[body].cloud.sight is not None for body in pairing.bodies):
-        return None
     facing = _facing(case, pairing)
     base = facing.base
     # Looked at along the base, so that roles do not tell which of several alike places is taken.
