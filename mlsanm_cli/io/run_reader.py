@@ -37,12 +37,14 @@ Read = TypeVar("Read")
 
 @dataclass(frozen=True)
 class BodyData:
-    """Reference points (n, 2); of the nb boundary nodes index, outward normal (nb, 2) and boundary name."""
+    """Reference points (n, 2); of the nb boundary nodes index, outward normal (nb, 2) and boundary name; and
+    the degree of the local polynomials, None if that is not stored."""
 
     points: FloatArray
     boundary_index: IntArray
     boundary_normal: FloatArray
     boundary_name: tuple[str, ...]
+    degree: int | None = None
 
 
 @dataclass(frozen=True)
@@ -297,6 +299,7 @@ def _body(group: Any) -> BodyData:
         boundary_index=boundary["index"][...],
         boundary_normal=boundary["normal"][...],
         boundary_name=tuple(boundary["name"].asstr()[...].tolist()),
+        degree=int(group["degree"][()]) if "degree" in group else None,
     )
 
 

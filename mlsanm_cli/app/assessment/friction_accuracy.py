@@ -30,7 +30,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
     condensed = built.condensed
     if not len(condensed.friction_nodes) or condensed.bonds.pairings or not state.closed.any():
         return accuracy
-    if built.case.mls.degree not in DEGREES:
+    if any(body.model.settings.degree not in DEGREES for body in built.scene.bodies.values()):
         return accuracy
     stuck = state.status == STICK
     last = ExactState(

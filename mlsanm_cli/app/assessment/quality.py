@@ -38,11 +38,12 @@ ROUND_OFF = 1e-6
 class Quality:
     """Figures per body, ratio of facing spacings per contact, and warnings where they are poor.
 
-    ``enlarged`` counts the stencils of a body that took more nodes than asked for, ``worst_ratio`` is the
+    ``degree`` is that of a body's local polynomials, ``enlarged`` counts the stencils of a body that took more nodes than asked for, ``worst_ratio`` is the
     smallest ratio of QR diagonals among its stencils.
     """
 
     bodies: Mapping[str, CloudQuality]
+    degree: Mapping[str, int]
     enlarged: Mapping[str, int]
     worst_ratio: Mapping[str, float]
     spacing_ratio: Mapping[str, float]
@@ -54,7 +55,11 @@ class Quality:
         return {
             "bodies": {
                 name: asdict(cloud)
-                | {"stencils_enlarged": self.enlarged[name], "worst_ratio": self.worst_ratio[name]}
+                | {
+                    "degree": self.degree[name],
+                    "stencils_enlarged": self.enlarged[name],
+                    "worst_ratio": self.worst_ratio[name],
+                }
                 for name, cloud in self.bodies.items()
             },
             "spacing_ratio": dict(self.spacing_ratio),
@@ -91,6 +96,7 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
     return Quality(
         bodies,
+        {name: model.settings.degree for name, model in prepared.models.items()},
         {name: model.stencils.enlarged for name, model in prepared.models.items()},
         {name: model.stencils.worst_ratio for name, model in prepared.models.items()},
         ratios,

@@ -128,7 +128,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
     """
     built, accuracy = _solved(case, prepared, context)
     history = [_figures(built, accuracy, None)]
-    rule = rule_for(case.mls.degree)
+    rule = rule_for(min(model.settings.degree for model in prepared.models.values()))
     bulk: tuple[Zone, ...] = ()
     placed: tuple[Zone, ...] = ()
     failed = ""

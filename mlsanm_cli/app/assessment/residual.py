@@ -49,7 +49,7 @@ def residual_zones(
     for name, defect in defects.items():
         levels[name] = _residual(built.scene.bodies[name], defect)
         ruled[name] = _near_contact(built.scene.bodies[name].model, patches)
-    degree = built.case.mls.degree
+    degree = min(body.model.settings.degree for body in built.scene.bodies.values())
     level = _level(np.concatenate(list(levels.values())), np.concatenate(list(ruled.values())), degree)
     zones: list[Zone] = []
     for body in built.case.body:

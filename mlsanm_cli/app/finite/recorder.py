@@ -54,7 +54,8 @@ class FiniteRecorder(RunWriter):
         with self._clock.phase("output"):
             datasets: dict[str, Value] = {}
             for name, body in scene.bodies.items():
-                datasets |= body_datasets(name, body.elastic.model.cloud)
+                model = body.elastic.model
+                datasets |= body_datasets(name, model.cloud, model.settings.degree)
             for contact in scene.contacts:
                 slave = contact.slave
                 geometry = {

@@ -34,7 +34,7 @@ def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[s
     """Bodies and contacts as they are before loading."""
     found: dict[str, Value] = {}
     for name, cloud in clouds.items():
-        found |= body_datasets(name, cloud)
+        found |= body_datasets(name, cloud, built.scene.bodies[name].model.settings.degree)
     for pairing in built.condensed.reported:
         geometry = {
             "points": slave_points(built, pairing),

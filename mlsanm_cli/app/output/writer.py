@@ -94,12 +94,13 @@ class RunWriter:
         self.close()
 
 
-def body_datasets(name: str, cloud: Cloud) -> dict[str, Value]:
-    """A body as run.h5 stores it."""
+def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
+    """A body as run.h5 stores it, with the ``degree`` of its local polynomials."""
     surfaces = cloud.surfaces.values()
     boundary = ("bodies", name, "boundary")
     return {
         place("bodies", name, "points"): cloud.points,
+        place("bodies", name, "degree"): np.array(degree),
         place(*boundary, "index"): np.concatenate([surface.index for surface in surfaces]),
         place(*boundary, "normal"): np.concatenate([surface.normal for surface in surfaces]),
         place(*boundary, "name"): [surface.name for surface in surfaces for _ in surface.index],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -275,7 +276,10 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
         x, y = points[~inside][0]
         raise RunError(f'({x:g}, {y:g}) lies outside body "{body}"', "give the point as it is before loading")
     material = _material(case, body)
-    settings = enough_neighbors(mls_settings(case), material)
+    settings = mls_settings(case)
+    if data.degree is not None:
+        settings = replace(settings, degree=data.degree)
+    settings = enough_neighbors(settings, material)
     edges = boundary_edges(data)
     corners = tips_of(data.points, edges, data.boundary_index, data.boundary_normal)
     tips, sight = known_tips(corners, material, settings), look(data.points, edges)

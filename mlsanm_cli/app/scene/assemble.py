@@ -20,11 +20,11 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, Place, Platen
+from mlsanm_cli.case import Body, Case, Displacement, Place, Platen
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
-from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.errors import CaseError, CaseProblem, NumericalError
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody, model_key
@@ -42,6 +42,10 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 TIED = 1e-9
 """Distances that differ by less than this part of the spacing are the same."""
+HIGH, LOW = 4, 2
+"""Degrees that "auto" takes."""
+FEWEST = 30
+"""The higher one needs so many neighbours."""
 BESIDE = 1e-3
 """Nodes held farther than this part of the spacing from where a support was put are told."""
 
@@ -71,17 +75,22 @@ class SceneModel:
     weak: tuple[str, ...] = ()
 
 
-def mls_settings(case: Case) -> MlsSettings:
-    """The operators' settings."""
-    neighbors = case.mls.neighbors
+def mls_settings(case: Case, low: bool = False) -> MlsSettings:
+    """The operators' settings; with ``low`` of a body that a degree left to us had better be low for."""
+    neighbors, degree, small = case.mls.neighbors, case.mls.degree, case.model.strain == "small"
     asked = neighbors if isinstance(neighbors, int) else None
+    if degree == "auto":
+        few = asked is not None and asked < FEWEST
+        low = low or few or not small or case.mls.scheme != "least-squares"
+        degree = LOW if low else HIGH
     # How displacements grow at corners is known of small strains only.
-    return MlsSettings(case.mls.degree, asked, case.mls.scheme, corners=case.model.strain == "small")
+    return MlsSettings(degree, asked, case.mls.scheme, corners=small)
 
 
 def estimated(case: Case) -> bool:
     """Whether errors can be estimated: what friction has done would have to be followed again."""
-    return case.mls.degree in DEGREES and not any(contact.friction for contact in case.contact)
+    known = case.mls.degree == "auto" or case.mls.degree in DEGREES
+    return known and not any(contact.friction for contact in case.contact)
 
 
 def prepare(
@@ -100,23 +109,32 @@ def prepare(
     refuse_conflicts(case)
     stiffness = materials(case)
     loads = acting(case, clouds)
-    settings = mls_settings(case)
-    foresight = next_degree(settings).stencil_size if estimated(case) else 0
     held = {body.name: _held_surfaces(case, body.name) for body in case.body}
-    models = {}
-    for body in case.body:
+
+    def modelled(body: Body, low: bool) -> BodyModel:
         clamped = sorted(name for name, sides in held[body.name].items() if all(sides))
         name, cloud, material = body.name, clouds[body.name], stiffness[body.material]
+        settings = mls_settings(case, low)
         known = before.get(name)
-        if known is not None and known.cloud.content == cloud.content:
-            models[name] = known
-            continue
-        models[name] = memo.value(
+        if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
+            return known
+        foresight = next_degree(settings).stencil_size if estimated(case) else 0
+        return memo.value(
             "model",
             model_key(name, cloud, material, settings, clamped),
             partial(BodyModel.build, name, cloud, material, settings, clamped, foresight),
         )
+
     pairings = tuple(pair(case, clouds))
+    models = {}
+    for body in case.body:
+        try:
+            models[body.name] = modelled(body, low=False)
+        except NumericalError:
+            if mls_settings(case) == mls_settings(case, low=True):
+                raise
+            # Parts too thin for the higher degree.
+            models[body.name] = modelled(body, low=True)
     held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
     grips = {
         name: gripped(held[name], loads.springs[name], stiffest_soft(model.cloud, model.material))
@@ -127,6 +145,9 @@ def prepare(
     # At finite strain pressures live at the nodes.
     grids = grids and case.model.strain == "small"
     clear = contact_ranges(case, models, pairings, occupied) if grids else {}
+    # Of higher degrees nodal contacts are less stable.
+    nodal = {name for pairing in pairings if pairing.name not in clear for name in pairing.bodies}
+    models |= {body.name: modelled(body, low=True) for body in case.body if body.name in nodal}
     found = constrain_free_rigid_modes(case, clouds, directed(pairings, clear), free, loads, clear)
     return SceneModel(
         models,

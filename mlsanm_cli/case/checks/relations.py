@@ -30,6 +30,8 @@ ROUND_OFF = 1e-9
 HOLDING = ("model", "body", "support", "load", "contact")
 """Sections that decide whether a body can move freely."""
 MOST_NEIGHBORS = 20
+LOWEST_AUTO = 2
+"""The lowest degree that "auto" takes."""
 """Largest number of nodes of a stencil per coefficient of the polynomial."""
 
 
@@ -273,9 +275,10 @@ def _check_stops(sound: Sound, report: Report) -> None:
 def _check_numerics(sound: Sound, report: Report) -> None:
     case = sound.case
     if case.mls.neighbors != "auto":
-        terms = (case.mls.degree + 1) * (case.mls.degree + 2) // 2
+        degree = case.mls.degree if case.mls.degree != "auto" else LOWEST_AUTO
+        terms = (degree + 1) * (degree + 2) // 2
         path: KeyPath = ("mls", "neighbors")
-        of = f"the {terms} terms of degree {case.mls.degree}"
+        of = f"the {terms} terms of degree {degree}"
         if case.mls.neighbors < terms:
             hint = f'at least {terms}, better twice as many, or "auto"'
             report.add(path, f"{case.mls.neighbors} nodes are too few for {of}", hint)

@@ -23,6 +23,7 @@ from mlsanm_cli.case.model.expressions import ExpressionError, compile_expressio
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*")
 LONGEST_NAME = 80
+HIGHEST_DEGREE = 6
 """Names become parts of file names."""
 Point = tuple[float, float]
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
@@ -85,6 +86,14 @@ def _auto_or_count(value: Any) -> int | Literal["auto"]:
         return "auto"
     if isinstance(value, bool) or not isinstance(value, int) or value <= 0:
         raise PydanticCustomError("auto_or_count", 'expected "auto" or a whole number above 0')
+    return value
+
+
+def _auto_or_degree(value: Any) -> int | Literal["auto"]:
+    if value == "auto":
+        return "auto"
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= HIGHEST_DEGREE:
+        raise PydanticCustomError("auto_or_degree", 'expected "auto" or a whole number from 1 to 6')
     return value
 
 
@@ -163,6 +172,13 @@ AutoCount = Annotated[
     int | Literal["auto"],
     PlainValidator(_auto_or_count),
     WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "integer", "exclusiveMinimum": 0}]}),
+]
+AutoDegree = Annotated[
+    int | Literal["auto"],
+    PlainValidator(_auto_or_degree),
+    WithJsonSchema(
+        {"anyOf": [{"const": "auto"}, {"type": "integer", "minimum": 1, "maximum": HIGHEST_DEGREE}]}
+    ),
 ]
 AutoLength = Annotated[
     float | Literal["auto"],

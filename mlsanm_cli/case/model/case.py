@@ -17,6 +17,7 @@ from mlsanm_cli.case.model.base import (
     NUMBER,
     Amount,
     AutoCount,
+    AutoDegree,
     AutoLength,
     Coefficient,
     Name,
@@ -209,8 +210,9 @@ class Probe(Section):
 class Mls(Section):
     """Moving least squares approximation."""
 
-    degree: Annotated[int, Field(ge=1, le=6)] = 2
-    """Degree of the local polynomials."""
+    degree: AutoDegree = "auto"
+    """Degree of the local polynomials, 1 to 6; `"auto"` is 4, and 2 for bodies whose contacts have nodal
+    pressures, whose parts are too thin for 4, and at finite strain."""
     scheme: Literal["least-squares", "collocation", "ghost"] = "least-squares"
     """All equations in the least-squares sense, or square systems by collocation or with ghost nodes."""
     neighbors: AutoCount = "auto"
