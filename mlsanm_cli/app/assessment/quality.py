@@ -38,8 +38,8 @@ ROUND_OFF = 1e-6
 class Quality:
     """Figures per body, ratio of facing spacings per contact, and warnings where they are poor.
 
-    ``degree`` is that of a body's local polynomials, ``enlarged`` counts the stencils of a body that took more nodes than asked for, ``worst_ratio`` is the
-    smallest ratio of QR diagonals among its stencils.
+    ``degree`` is that of a body's local polynomials; ``enlarged`` counts the stencils of a body that took
+    more nodes than asked for, ``worst_ratio`` is the smallest ratio of QR diagonals among its stencils.
     """
 
     bodies: Mapping[str, CloudQuality]
