@@ -19,11 +19,11 @@ from types import MappingProxyType
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
-from mlsanm_cli.mechanics.corners import corner_weight, inward_weight
+from mlsanm_cli.mechanics.corners import corner_weight, inward_corners, inward_weight
 from mlsanm_cli.mechanics.deferred import Equations, Timed
 from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.equations import RowTable, choose_equations
@@ -79,7 +79,7 @@ def assemble(
         choice = sparse.csr_array((choice.data, choice.indices, choice.indptr), (choice.shape[0], count))
         factorise = partial(square.factorise, rows, choice, model.nodes)
     else:
-        weight = row_weights(cloud, held, single, table, grips)
+        weight = row_weights(model, held, single, table, grips)
         known = pieces.told(list(held_nodes))
         strong = partial(_strong, model, pieces, grips, first_row, pulls, known)
         sums = pieces.sums(known)
@@ -202,14 +202,15 @@ def _freed(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
 
 
 def row_weights(
-    cloud: Cloud,
+    model: BodyModel,
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],
     table: RowTable,
     grips: Held,
 ) -> FloatArray:
     """Weights (r,) of the rows in the least-squares sum; stresses are singular beside ``grips``."""
-    factor = corner_weight(cloud, grips) * inward_weight(cloud)
+    cloud = model.cloud
+    factor = corner_weight(cloud, grips) * inward_weight(cloud, _unknown_corners(model, grips))
     weights = [factor * cloud.spacing / table.modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]
@@ -222,3 +223,12 @@ def row_weights(
             )
     single = np.array([node for node, _ in held_nodes], dtype=np.int64)
     return np.concatenate([*weights, HOLD / cloud.spacing[single]])
+
+
+def _unknown_corners(model: BodyModel, grips: Held) -> IntArray:
+    """The nodes at inward corners whose fields fits do not know: all but those between free faces."""
+    corners = inward_corners(model.cloud)
+    if model.tips is None:
+        return corners
+    gripped = [model.cloud.surfaces[name].index for name, held in grips.items() if any(held)]
+    return np.intersect1d(corners, np.concatenate([np.zeros(0, dtype=np.int64), *gripped]))

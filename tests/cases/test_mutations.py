@@ -13,11 +13,11 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.response import load_vectors as sources
 from mlsanm_cli.mechanics import assembly, body
+from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.near_field import Kernel
 from mlsanm_cli.mechanics.pieces import Pieces
@@ -42,13 +42,13 @@ def traction_weights_times(factor: Callable[[float], float]) -> Callable[..., Fl
     proper = assembly.row_weights
 
     def faulty(
-        cloud: Cloud,
+        model: BodyModel,
         held: Mapping[str, tuple[bool, bool]],
         held_nodes: Sequence[tuple[int, int]],
         table: RowTable,
         grips: Held,
     ) -> FloatArray:
-        weights = proper(cloud, held, held_nodes, table, grips)
+        weights, cloud = proper(model, held, held_nodes, table, grips), model.cloud
         first = 2 * len(cloud.points)
         for name, surface in cloud.surfaces.items():
             for holds in held.get(name, (False, False)):

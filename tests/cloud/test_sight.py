@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
-from mlsanm_cli.cloud.sight import DETOUR, VisibilityCriterion
+from mlsanm_cli.cloud.sight import DETOUR, VisibilityCriterion, look
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 
@@ -55,6 +55,20 @@ def sight_of(cloud: Cloud) -> VisibilityCriterion:
 )
 def test_bodies_without_slits(outline: Outline) -> None:
     assert build_cloud(outline, Spacing(0.1), 0).sight is None
+
+
+def test_a_hole_behind_a_wall_is_no_slit() -> None:
+    """The sides of an eye's shank and of its bore look at each other through the wall, far to one side."""
+    angle = math.asin(1.0 / 3.0)
+    arc = 18.0 * np.exp(1j * np.linspace(angle, 2.0 * math.pi - angle, 65))
+    shank = np.linspace(arc[-1], arc[-1] + 30.0, 21)[1:]
+    end = np.linspace(shank[-1], np.conj(shank[-1]), 9)[1:]
+    outer = np.concatenate([arc, shank, end, np.conj(shank[::-1])[1:]])
+    bore = 10.0 * np.exp(-2j * math.pi * np.arange(42) / 42)
+    places = np.concatenate([outer, bore])
+    number = [np.arange(len(outer)), len(outer) + np.arange(len(bore))]
+    edges = np.concatenate([np.stack([one, np.roll(one, -1)], axis=1) for one in number])
+    assert look(np.stack([places.real, places.imag], axis=1), edges) is None
 
 
 @pytest.mark.parametrize("width", [1e-6, 0.01, 0.05, 0.3])

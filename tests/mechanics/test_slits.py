@@ -134,7 +134,7 @@ def test_inward_corners_and_arcs_lower_the_weights_around_them() -> None:
     angle = build_cloud(Outline(tuple("abcdef"), sides), Spacing(0.1), 0)
     (corner,) = inward_corners(angle)
     assert angle.points[corner] == pytest.approx([1.0, 1.0])
-    weight = inward_weight(angle)
+    weight = inward_weight(angle, inward_corners(angle))
     distance = np.hypot(*(angle.points - 1.0).T)
     assert weight.max() == 1.0
     far = distance > 0.1
@@ -145,9 +145,12 @@ def test_inward_corners_and_arcs_lower_the_weights_around_them() -> None:
     assert not len(inward_corners(ring))
     radius = np.hypot(*ring.points.T)
     assert thickness(ring) == pytest.approx(0.5, rel=1e-2)
-    assert inward_weight(ring) == pytest.approx(np.minimum(radius / thickness(ring), 1.0))
+    assert inward_weight(ring, inward_corners(ring)) == pytest.approx(
+        np.minimum(radius / thickness(ring), 1.0)
+    )
     for plain in (rectangle((0.0, 1.0), (0.0, 1.0)), wedge(0.4)):
-        assert (inward_weight(build_cloud(plain, Spacing(0.1), 0)) == 1.0).all()
+        cloud = build_cloud(plain, Spacing(0.1), 0)
+        assert (inward_weight(cloud, inward_corners(cloud)) == 1.0).all()
 
 
 def notched() -> Outline:

@@ -116,9 +116,11 @@ def test_derivatives_are_the_same_with_and_without_weights() -> None:
     np.testing.assert_allclose(found, model.stencils.derivatives(field), atol=1e-9)
 
 
-@pytest.mark.parametrize(("degree", "spacing", "limit"), [(2, 2.0, 0.03), (2, 1.0, 0.006), (4, 1.0, 0.003)])
+@pytest.mark.parametrize(
+    ("degree", "spacing", "limit"), [(2, 2.0, 0.015), (2, 1.4, 0.01), (2, 1.0, 0.006), (4, 1.0, 0.003)]
+)
 def test_a_bracket_with_a_sharp_corner_droops_as_it_should(degree: int, spacing: float, limit: float) -> None:
-    # By polynomials alone 13, 3 and 3 % too little.
+    # By polynomials alone 13, 3 and 3 % too little; with small weights of the rows there 3 % at 1.4.
     cloud = polygon(ELL, spacing)
     model = BodyModel.build("body", cloud, SOFT, MlsSettings(degree))
     body = assemble(model, {"0": (True, True)}, (), CholeskySolver())
