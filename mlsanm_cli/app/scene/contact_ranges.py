@@ -237,8 +237,8 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
 
 
 def _curved(curve: Curve, points: FloatArray, touching: BoolArray) -> tuple[float, float]:
-    """How curved a surface is where it is ``touching`` (w,) at first, among points (w, 2) on it, and in the mean
-    over all of them: flat faces differ in how their edges are rounded, and a node at a joint is on either."""
+    """How curved a surface is where it is ``touching`` (w,) at first, among points (w, 2) on it, and in the
+    mean over all of them: flat faces differ in how their edges are rounded, and a joint has two."""
     curvature = np.abs(curve.curvature(curve.closest(points)))
     return float(curvature[touching].min()), float(curvature.mean())
 
