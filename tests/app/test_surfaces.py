@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.check import check
+from mlsanm_cli.app.scene.assemble import prepare
+from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.default_spacing import arc_zones, valleys
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.app.scene.surfaces import drawn, outline_of
@@ -94,6 +96,18 @@ def test_a_pad_touches_with_its_face_and_its_rounded_corners(tmp_path: Path) -> 
     points, pressure = contact(tmp_path / "pad", "foot")
     even = np.interp(-points[:, 0], points[:, 0], pressure)
     assert np.abs(even - pressure).max() < 0.02 * pressure.max()
+
+
+@pytest.mark.parametrize("slave", ["pad.bottom", "block.top"])
+@pytest.mark.parametrize("spacing", [0.13, 0.2])
+def test_flat_faces_press_along_the_one_without_roundings(slave: str, spacing: float) -> None:
+    """The pressed pad's face is as flat as the block where they touch, and its roundings belong to it."""
+    master = "block.top" if slave == "pad.bottom" else "pad.bottom"
+    text = PAD.format(radius=0.3, slave=f'"{slave}"', master=f'"{master}"')
+    case = parse(text, [f"body.{name}.spacing={spacing}" for name in ("pad", "block")]).case
+    facing = prepare(case, clouds(case)).clear["foot"].facing
+    normal = facing.normal(facing.locate(np.stack([np.linspace(-0.9, 0.9, 7), np.zeros(7)], axis=1)))
+    assert np.abs(normal - [0.0, 1.0 if slave == "pad.bottom" else -1.0]).max() < 1e-12
 
 
 def test_sides_that_face_nobody_change_nothing(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from mlsanm_cli.app.scene.default_spacing import valleys
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import corners_of, points_of
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
@@ -236,16 +237,23 @@ def _facing(case: Case, pairing: Pairing) -> Facing:
     if master is None:
         assert contact.obstacle is not None
         return Facing(slave.curve, None, shape_of(contact.obstacle), profile=profile_of(contact))
-    nearest = int(np.argmin(pairing.gap))
-    places = pairing.points[nearest : nearest + 1], pairing.partner[nearest : nearest + 1]
-    curved = [
-        float(abs(surface.curve.curvature(surface.curve.closest(place))[0]))
-        for surface, place in zip((slave, master), places, strict=True)
-    ]
-    is_translated_copy = abs(curved[0] - curved[1]) <= ALIKE * max(curved)
-    slave_first = pairing.names[0] < pairing.names[1] if is_translated_copy else curved[0] > curved[1]
+    touching = pairing.gap <= pairing.gap.min() + TOUCHING * float(np.ptp(pairing.points, axis=0).max())
+    own = _curved(slave.curve, pairing.points, touching)
+    opposite = _curved(master.curve, pairing.partner, touching)
+    slave_first = pairing.names[0] < pairing.names[1]
+    for one, other in zip(own, opposite, strict=True):
+        if abs(one - other) > ALIKE * max(one, other):
+            slave_first = one > other
+            break
     curves = (slave.curve, master.curve) if slave_first else (master.curve, slave.curve)
     return Facing(*curves, None, slave_first, profile=profile_of(contact))
+
+
+def _curved(curve: Curve, points: FloatArray, touching: BoolArray) -> tuple[float, float]:
+    """How curved a surface is where it is ``touching`` (w,) at first, among points (w, 2) on it, and in the
+    mean over all of them: flat faces differ in how their edges are rounded, and a joint has two."""
+    curvature = np.abs(curve.curvature(curve.closest(points)))
+    return float(curvature[touching].min()), float(curvature.mean())
 
 
 def _off_corners(
