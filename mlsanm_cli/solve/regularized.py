@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
-from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
+from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction, Tally
 from mlsanm_cli.contact.laws.set_search import NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.continuation import (
@@ -19,6 +20,7 @@ from mlsanm_cli.continuation import (
     NewtonOptions,
     Step,
     StopReason,
+    correct,
     follow,
 )
 from mlsanm_cli.errors import NumericalError
@@ -33,23 +35,32 @@ from mlsanm_cli.solve.regularized_points import (
     moved,
     restored,
     series_of,
-    start_at_rest,
     state_of,
 )
 from mlsanm_cli.solve.series import (
     at,
     at_target,
+    coupling_of,
+    drawn,
     levels_in,
     path_options,
     path_step,
     previous_piece,
+    problem_of,
+    regularization,
+    start_point,
     states_in,
     stopped,
 )
-from mlsanm_cli.solve.state import Checkpoint, PathStep, wanted_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, wanted_positions
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
+OPENINGS = 20
+FREE = 1e-3
+"""Before the first load tractions are below this part of their limits."""
+APART = "before the first load friction does not hold what contacts alone hold: the surfaces are drawn apart"
+APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
 
 
 def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
@@ -86,6 +97,88 @@ def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterato
 
 def _slides(stage: int, lam: float) -> SlidingError:
     return SlidingError(lam, f" at position {stage + lam:.9g}")
+
+
+def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) -> tuple[Point, PathStep]:
+    """The point before the first load and the path's first row. Raises NumericalError where nothing holds a
+    body or platen."""
+    if len(built.condensed.friction_nodes) and not built.is_holonomic:
+        point = _first(built, options)
+        assert point.friction is not None
+        return point, PathStep(_at_rest(point), (), factorizations=point.friction.tally.taken())
+    problem = problem_of(built, coupling_of(built, regularization(built)), 0)
+    found = correct(problem, start_point(built, problem), 0.0, options)
+    # Dissipation is a matter of history, which the holonomic law does not know.
+    point = Point(problem, found.x, 0.0, np.full(problem.n, np.nan))
+    return point, PathStep(_at_rest(point), (), 0.0, 0, found.updates, found.factorizations, found.solves)
+
+
+def _at_rest(point: Point) -> State:
+    return state_of(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
+
+
+def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
+    """The state before the first load: as drawn, no traction anywhere.
+
+    Pressed nodes stick from the very start; friction of the others begins when they reach the law's
+    threshold. Raises NumericalError where nothing holds a body or platen.
+    """
+    c, coupling = built.condensed, coupling_of(built, regularization(built)).softened()
+    law = coupling.law
+    nothing, begin = np.zeros(len(c.friction_nodes)), built.stages[0]
+    x = np.concatenate([drawn(built, coupling), nothing])
+    pressure = x[: len(c.weight)]
+    full, tally = law.threshold, Tally()
+
+    def problem_at(pressure: FloatArray, sticking: bool, stick_reference: FloatArray) -> RegularizedFriction:
+        pressed = np.zeros(len(pressure), dtype=bool)
+        pressed[c.friction_nodes] = pressure[c.friction_nodes] > -FREE * law.eta[c.friction_nodes]
+        stuck = pressed[c.friction_nodes] & sticking
+        own = 0.5 * np.maximum(pressure[c.friction_nodes], 0.0)
+        threshold = np.where(stuck, np.minimum(full, own), full)
+        base = replace(coupling, law=replace(law, threshold=threshold))
+        return RegularizedFriction(
+            base, begin, begin, ContactStatus(pressed, stuck, nothing), stick_reference, tally
+        )
+
+    drawn_x, stick_reference, pressure = x, nothing, x[: len(c.weight)]
+    for _ in range(OPENINGS):
+        problem = problem_at(pressure, True, stick_reference)
+        try:
+            x = correct(problem, x, 0.0, options).x
+        except NumericalError as error:
+            if not len(c.balance.constant):
+                raise
+            raise NumericalError(APART, APART_HINT) from error
+        pressure, _, motion, traction = problem.split(x)
+        limit = FREE * c.friction * np.maximum(pressure[c.friction_nodes], 0.0)
+        if (np.abs(traction) <= limit)[problem.sets.stuck].all():
+            break
+        traction[:] = 0.0
+        # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
+        stick_reference = c.slip(begin, coupling.split_motions(motion)[0], pressure, nothing)
+    else:
+        # Tractions that go from node to node, as in wedges and grooves: normals alone may hold the bodies.
+        free = _without_friction(problem_at(drawn_x[: len(c.weight)], False, nothing), drawn_x, options)
+        if free is None:
+            problem = problem_at(pressure, True, stick_reference)
+            return inside(Point(problem, correct(problem, x, 0.0, options).x, 0.0, nothing))
+        pressure, _, motion, _ = free[0].split(free[1])
+        rest = c.slip(begin, coupling.split_motions(motion)[0], pressure, nothing)
+        return Point(problem_at(pressure, True, rest), free[1], 0.0, nothing)
+    return Point(problem, x, 0.0, nothing)
+
+
+def _without_friction(
+    problem: RegularizedFriction,
+    x: FloatArray,
+    options: AnmOptions | NewtonOptions,
+) -> tuple[RegularizedFriction, FloatArray] | None:
+    """The state before the first load where nothing rubs; None where only friction holds bodies."""
+    try:
+        return problem, correct(problem, x, 0.0, options).x
+    except (NumericalError, np.linalg.LinAlgError):
+        return None
 
 
 class _StagePath:
@@ -175,7 +268,7 @@ class _StagePath:
             if np.abs(residual).max() <= self._options.goal:
                 break
             x = x - problem.tangent(x, point.lam).solve(residual)
-        self.point = inside(replace(point, x=x), problem)
+        self.point = inside(replace(point, problem=problem, x=x))
 
     def _event(self, step: Step, hits: EventFlags) -> Iterator[PathStep]:
         """A step that ends at an event, its end already as the path goes on from it."""
@@ -186,7 +279,7 @@ class _StagePath:
             self._put_on(point, before.friction, hits)
         except NoStateError as error:
             failure = error
-            self.point = inside(point, before.friction)
+            self.point = inside(point)
         residual = float(np.abs(self.point.problem.residual(self.point.x, step.lam)).max())
         yield self._finished(before, replace(step, residual=residual))
         if failure is not None:
