@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.case import LoadedCase, resolved_mapping
+from mlsanm_cli.closing import Closing
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.path_table import write_path_csv
@@ -36,7 +36,7 @@ class Followed(Protocol):
     def solves(self) -> int: ...
 
 
-class RunWriter:
+class RunWriter(Closing):
     """run.h5, events.jsonl, resolved.toml and VTU files of a run, and its warnings; a context manager."""
 
     def __init__(
@@ -120,14 +120,6 @@ class RunWriter:
             self._file.close()
         finally:
             self._events.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def body_datasets(name: str, cloud: Cloud) -> dict[str, Value]:
