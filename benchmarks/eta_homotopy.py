@@ -13,7 +13,7 @@ from mlsanm_cli.contact.laws.scales import regularize
 from mlsanm_cli.continuation import Correction, correct
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.series import (
-    Memoryless,
+    ContactProblem,
     coupling_of,
     path_options,
     problem_of,
@@ -29,7 +29,7 @@ def lowered(built: CondensedScene, etas: Sequence[float]) -> Iterator[Correction
     """
     law = regularization(built)
     whole = regularize(built.condensed, built.ends, 1.0).eta
-    before: Memoryless | None = None
+    before: ContactProblem | None = None
     x = np.zeros(0)
     for eta in etas:
         problem = problem_of(built, coupling_of(built, replace(law, eta=eta * whole)), stage=0)
@@ -39,7 +39,7 @@ def lowered(built: CondensedScene, etas: Sequence[float]) -> Iterator[Correction
         x, before = found.x, problem
 
 
-def carried(problem: Memoryless, x: FloatArray, eta: FloatArray) -> FloatArray:
+def carried(problem: ContactProblem, x: FloatArray, eta: FloatArray) -> FloatArray:
     """Unknowns on the hyperbola of ``eta`` (m,), pressures, near those on that of ``problem``.
 
     Closed nodes keep their pressure, open ones their gap; tractions stay in proportion to what friction can

@@ -9,14 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.formulas.kirsch import KirschHole
+from benchmarks.formulas.lame import LameRing, press_fit
+from benchmarks.formulas.persson import PinInHole
+from benchmarks.formulas.plates import plates_approach
+from benchmarks.formulas.punch import FlatPunch
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.io.run_reader import ContactData, RunData
-from mlsanm_cli.reference.hertz import HertzLine, plates_approach
-from mlsanm_cli.reference.kirsch import KirschHole
-from mlsanm_cli.reference.lame import LameRing, press_fit
-from mlsanm_cli.reference.persson import PinInHole
-from mlsanm_cli.reference.punch import FlatPunch
+from mlsanm_cli.reference.hertz import HertzLine
 
 Judge = Callable[[RunData], dict[str, float]]
 

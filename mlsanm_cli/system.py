@@ -12,6 +12,9 @@ import platform
 import signal
 import stat
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,9 @@ STOPPING = tuple(
 
 LOCKED_BYTE = 2**30
 """Windows keeps others from reading a locked byte: this one lies behind all that is written."""
+
+RENAMES, PAUSE = 50, 0.1
+"""So often, and after so many seconds each time, a file is renamed again that others are reading."""
 
 MB = 2.0**20
 
@@ -53,6 +59,34 @@ def open_regular(path: Path, flags: int) -> int:
         os.close(fd)
         raise OSError(errno.EINVAL, "it is a device or a pipe, not a file", str(path))
     return fd
+
+
+@contextmanager
+def replacing(path: Path, temporary: Path) -> Iterator[None]:
+    """Rename ``temporary``, of the same directory, to ``path`` when the block that writes it ends well.
+
+    Others see all of the old file or all of the new one. Raises OSError; ``path`` is then as it was.
+    """
+    try:
+        # What lies there is left by a process that was killed, or leads somewhere else.
+        temporary.unlink(missing_ok=True)
+        yield
+        _rename(temporary, path)
+    except BaseException:
+        # Failing to remove it must not hide the error that brought us here.
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
+
+
+def _rename(temporary: Path, path: Path) -> None:
+    """Rename a file to one that somebody may be reading, which Windows refuses for as long as that takes."""
+    for _ in range(RENAMES if os.name == "nt" else 0):
+        with suppress(PermissionError):
+            os.replace(temporary, path)
+            return
+        time.sleep(PAUSE)
+    os.replace(temporary, path)
 
 
 def who_else_may_write(path: Path) -> str:

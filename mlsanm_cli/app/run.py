@@ -23,7 +23,7 @@ from mlsanm_cli.app.assessment.checks import (
 )
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.pressed_ends import end_warnings
-from mlsanm_cli.app.assessment.quality import assess, case_warnings, factor_warnings
+from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_warnings, nodal_warnings
 from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
 from mlsanm_cli.app.clock import Clock
@@ -100,6 +100,23 @@ def run(
     return {**summary, "directory": str(directory)}
 
 
+def set_up(
+    case: Case, prepared: SceneModel, context: RunContext, warn: Warn, refinement: Refinement | None = None
+) -> Adapted:
+    """Condense the scene, and refine it as the case asks or as a ``refinement`` found before.
+
+    Raises NumericalError for a scene that cannot be set up.
+    """
+    if refinement is None:
+        adapted = adapt(case, prepared, context)
+    else:
+        adapted = refine_again(case, refinement, context)
+    nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.near is None]
+    for warning in (*adapted.warnings, *nodal_warnings(adapted.prepared, nodal)):
+        warn(warning)
+    return adapted
+
+
 @contextmanager
 def resumable(directory: Path) -> Iterator[None]:
     """What cannot be written within the block is an UnfinishedError: a run goes on behind its last step."""
@@ -123,32 +140,14 @@ def carry_out(
     built: CondensedScene | None = None
     adapted: Adapted | None = None
     ending = Ending("done", "end of the last stage")
-    with context.phase("cloud"):
-        quality = assess(case, prepared, context.memo)
+    quality = announce(case, prepared, context, recorder.warn)
     try:
-        for note in prepared.notes:
-            context.console.note(note)
-        for warning in (*quality.warnings, *case_warnings(case)):
-            recorder.warn(warning)
-        if refinement is None:
-            adapted = adapt(case, prepared, context)
-        else:
-            adapted = refine_again(case, refinement, context)
+        adapted = set_up(case, prepared, context, recorder.warn, refinement)
         built = adapted.built
-        for warning in adapted.warnings:
-            recorder.warn(warning)
-        by_nodes = {pairing.name for pairing in built.condensed.pairings if pairing.near is None}
-        hoped = adapted.prepared.clear
-        if adapted.refined or by_nodes & set(hoped):
-            # What came to a corner has no grid, and needs what nodes need.
-            kept = {name: one for name, one in hoped.items() if name not in by_nodes}
-            told, quality = (
-                quality.warnings,
-                assess(case, replace(adapted.prepared, clear=kept), context.memo),
-            )
+        if adapted.refined:
+            quality = assess(case, adapted.prepared, context.memo)
             for warning in quality.warnings:
-                if warning not in told:
-                    recorder.warn(warning)
+                recorder.warn(warning)
         context.stop_gently()
         reached = _follow(built, recorder.start(adapted), recorder, context)
         if reached is not None and recorder.last is not None:

@@ -61,8 +61,7 @@ def sweep(
         from mlsanm_cli.app.sweep.run_sweep import SweepOptions
         from mlsanm_cli.app.sweep.run_sweep import sweep as run_sweep
 
-    console = console_for(settings)
-    try:
+    with console_for(settings) as console:
         result = run_sweep(
             case,
             varied,
@@ -72,8 +71,6 @@ def sweep(
             console=console,
             argv=tuple(sys.argv),
         )
-    finally:
-        console.close()
     shown = {key: value for key, value in result.items() if key not in ("trouble", "directories")}
     print_result(settings, result, pretty_result(settings, shown))
     return 3 if result["failed"] else 75 if result["stopped"] else 0

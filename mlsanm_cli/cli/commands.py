@@ -135,8 +135,7 @@ def run(
     with numerics(threads):
         from mlsanm_cli.app.run import run as run_case
 
-    console = console_for(settings)
-    try:
+    with console_for(settings) as console:
         summary = run_case(
             case,
             overrides=overrides,
@@ -148,8 +147,6 @@ def run(
             argv=tuple(sys.argv),
             skip_done=skip_done,
         )
-    finally:
-        console.close()
     if summary.get("skipped"):
         print_result(settings, summary, f"{summary['directory']}: already run to completion, skipped")
         return 0
@@ -179,13 +176,10 @@ def check(
     with numerics(threads):
         from mlsanm_cli.app.check import check as check_case
 
-    console = console_for(settings)
-    try:
+    with console_for(settings) as console:
         result = check_case(
             case, overrides=overrides, write=write, picture=picture, threads=threads, console=console
         )
-    finally:
-        console.close()
     # The warnings are on stderr already.
     shown = {key: value for key, value in result.items() if key != "warnings"}
     print_result(settings, result, pretty_result(settings, shown))
@@ -215,10 +209,7 @@ def warmup(settings: Settings, threads: int) -> int:
     with numerics(threads):
         from mlsanm_cli.app.warmup import warmup as warm_up
 
-    console = console_for(settings)
-    try:
+    with console_for(settings) as console:
         result = warm_up(console)
-    finally:
-        console.close()
     print_result(settings, result, pretty_result(settings, result))
     return 0

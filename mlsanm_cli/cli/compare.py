@@ -72,8 +72,7 @@ def compare(
 
     asked = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
     methods = tuple(name for name, wanted in asked.items() if wanted)
-    console = console_for(settings)
-    try:
+    with console_for(settings) as console:
         result = compare_methods(
             case,
             CompareOptions(methods, analytic, levels, tolerance, repeat, picture),
@@ -84,7 +83,5 @@ def compare(
             console=console,
             argv=tuple(sys.argv),
         )
-    finally:
-        console.close()
     print_result(settings, result, comparison_text(result, settings.paints(sys.stdout)))
     return _STATUS_CODES.get(str(result["status"]), 0)

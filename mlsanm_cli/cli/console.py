@@ -13,6 +13,7 @@ from typing import TextIO
 from mlsanm_cli.cli.heartbeat import INTERVAL, Heartbeat
 from mlsanm_cli.cli.settings import Settings, is_terminal
 from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, printable, table
+from mlsanm_cli.closing import Closing
 
 _COLUMNS = 80
 _CLEAR = "\r\x1b[K"
@@ -20,7 +21,7 @@ _INTERVAL = 1.0  # seconds between two lines of the step table in a log
 _FRAME = 0.05  # seconds between two changes of the line on a terminal
 
 
-class TerminalConsole:
+class TerminalConsole(Closing):
     """Progress, notes, warnings and tables.
 
     With ``quiet`` only warnings are shown. On a terminal, phases and steps rewrite one line, which shows the

@@ -35,11 +35,8 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
     with numerics(threads):
         from mlsanm_cli.app.resume import resume as resume_run
 
-    console = console_for(settings)
-    try:
+    with console_for(settings) as console:
         summary = resume_run(rundir, max_wall=max_wall, console=console)
-    finally:
-        console.close()
     return show_run(settings, summary)
 
 

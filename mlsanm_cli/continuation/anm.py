@@ -9,17 +9,17 @@ tangent and the load factor is an unknown like the others.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct_end, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Series, expand
 from mlsanm_cli.continuation.options import AnmOptions
-from mlsanm_cli.continuation.path import Step, StopReason
-from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
+from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
+from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError
 from mlsanm_cli.continuation.ranges import RangeOfValidity
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.continuation.walker import PathFollower, PathRequest, Stopped
 
 # An end of step that cannot be used is tried again at this part of the length, so often at most.
 _RETREAT = 0.7
@@ -34,13 +34,14 @@ _BEFORE = 0.98
 _SHORT = 1e-6
 
 
-class AnmFollower(PathFollower):
-    """Goes by power series."""
+class AnmFollower(Follower):
+    """Follows a path by power series."""
 
-    def __init__(self, problem: Problem, route: PathRequest, options: AnmOptions) -> None:
-        super().__init__(problem, route, options)
-        self._options = options
-        self._gauge = RangeOfValidity(problem, self._metric, self._lam_end, options)
+    _options: AnmOptions
+
+    @cached_property
+    def _gauge(self) -> RangeOfValidity:
+        return RangeOfValidity(self._problem, self._metric, self._lam_end, self._options)
 
     def _walk(self) -> Iterator[Step]:
         try:

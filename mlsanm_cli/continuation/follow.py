@@ -10,7 +10,6 @@ from mlsanm_cli.continuation.options import AnmOptions, NewtonOptions
 from mlsanm_cli.continuation.path import Follower
 from mlsanm_cli.continuation.problem import FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.continuation.walker import PathRequest
 
 
 def follow(
@@ -37,7 +36,6 @@ def follow(
     levels : load factors at which states are wanted. Steps of Newton's method end there; power series hold
         them anyway
     """
-    route = PathRequest(x0, lam0, lam_end, previous, barrier, levels)
     if isinstance(options, NewtonOptions):
-        return NewtonFollower(problem, route, options)
-    return AnmFollower(problem, route, options or AnmOptions())
+        return NewtonFollower(problem, x0, lam0, lam_end, options, previous, barrier, levels)
+    return AnmFollower(problem, x0, lam0, lam_end, options or AnmOptions(), previous, barrier, levels)

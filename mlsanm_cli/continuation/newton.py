@@ -27,10 +27,9 @@ from mlsanm_cli.continuation.corrector import (
 )
 from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.options import NewtonOptions
-from mlsanm_cli.continuation.path import Step, StopReason
-from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError
+from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
+from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
-from mlsanm_cli.continuation.walker import PathFollower, PathRequest, Stopped
 
 # A step that fails is tried again with half its length; one is shrunk by no more for taking many iterations.
 _HALF = 0.5
@@ -53,12 +52,8 @@ _NEAR = 1e-6
 _AFTER = 2.0
 
 
-class _Failed(Exception):
+class _Failed(Stopped):
     """A step did not come to its end; a shorter one may."""
-
-    def __init__(self, reason: StopReason, message: str) -> None:
-        super().__init__(message)
-        self.reason, self.message = reason, message
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,19 +66,23 @@ class _Leg:
     event: bool = False
 
 
-class NewtonFollower(PathFollower):
-    """Goes from state to state.
+class NewtonFollower(Follower):
+    """Follows a path from state to state.
 
     With load control the path goes straight to ``lam_end``, and on the other side of a fold that it jumps
     over; with arc-length control steps are shortened until they stay on the path.
     """
 
-    def __init__(self, problem: Problem, route: PathRequest, options: NewtonOptions) -> None:
-        super().__init__(problem, route, options)
-        self._options = options
-        self._loaded = options.control == "load"
-        self._levels = sorted({*route.levels, self._lam_end})
-        self._pace = 0.0
+    _options: NewtonOptions
+    _pace = 0.0
+
+    @property
+    def _stops(self) -> list[float]:
+        return sorted({*self._levels, self._lam_end})
+
+    @property
+    def _loaded(self) -> bool:
+        return self._options.control == "load"
 
     def _walk(self) -> Iterator[Step]:
         try:
@@ -123,7 +122,7 @@ class NewtonFollower(PathFollower):
         """Return the next step, as long as the pace, the levels and the equations allow."""
         length, level = self._pace, None
         if self._loaded:
-            level = min((v for v in self._levels if (v - here.lam) * along[1] > 0.0), key=self._away(here))
+            level = min((v for v in self._stops if (v - here.lam) * along[1] > 0.0), key=self._away(here))
             room = abs(level - here.lam)
             length, level = (room, level) if length >= (1.0 - _NEAR) * room else (length, None)
         shortest = self._options.min_length / self._metric.norm(*along)
@@ -208,7 +207,7 @@ class NewtonFollower(PathFollower):
 
     def _at_level(self, here: ExpansionPoint, along: tuple[FloatArray, float], leg: _Leg) -> _Leg:
         """Return the step, or a shorter one to the first level that it crosses (not the one it begins at)."""
-        found = [(leg.piece.first_crossing(v), v) for v in self._levels if v != here.lam]
+        found = [(leg.piece.first_crossing(v), v) for v in self._stops if v != here.lam]
         crossings = [(a, v) for a, v in found if a is not None and a > 0.0]
         return self._solved(here, along, leg.piece, *min(crossings)) if crossings else leg
 

@@ -20,24 +20,14 @@ class SingularTangentError(NumericalError):
 
 
 class Tangent(Protocol):
-    """The factorised derivative dR/dx at one point."""
+    """The factorised derivative dR/dx at one point.
+
+    A tangent may also have a method ``orders(x, lam, slope, normal, size)``, which fills the coefficients
+    ``x`` (N + 1, size) and ``lam`` (N + 1,) of all orders from 2 on faster than order by order.
+    """
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return w, shape (size,), with dR/dx w = rhs. ``rhs``, shape (size,), must be left as it is."""
-        ...
-
-
-class SeriesTangent(Tangent, Protocol):
-    """A tangent that goes through the high orders of a series by itself, faster than order by order."""
-
-    def orders(
-        self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
-    ) -> None:
-        """Fill the coefficients ``x`` (N + 1, size) and ``lam`` (N + 1,) of the orders from 2 on.
-
-        Each is z + lam_k ``slope`` with dR/dx z = ``series_rhs`` of the lower ones and
-        lam_k = -``normal`` z / ``size``.
-        """
         ...
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import re
-import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from mlsanm_cli import system
 from mlsanm_cli.errors import WriteError
 
 if TYPE_CHECKING:
@@ -15,8 +14,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 TEMPORARY_SUFFIX = ".tmp"
-RENAMES, PAUSE = 50, 0.1
-"""So often, and after so many seconds each time, a file is renamed again that others are reading."""
 
 
 @contextmanager
@@ -29,16 +26,10 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     temporary = path.with_name(path.name + TEMPORARY_SUFFIX)
     try:
-        # What lies there is left by a process that was killed, or leads somewhere else.
-        temporary.unlink(missing_ok=True)
-        yield temporary
-        _rename(temporary, path)
+        with system.replacing(path, temporary):
+            yield temporary
     except OSError as error:
-        _discard(temporary)
         raise cannot_write(path, error) from error
-    except BaseException:
-        _discard(temporary)
-        raise
 
 
 def write_text(path: Path, text: str) -> None:
@@ -59,21 +50,3 @@ def cannot_write(path: Path, error: Exception) -> WriteError:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
     hint = "check the free disk space and the permissions of the directory"
     return WriteError(f"cannot write {path}: {reason}", hint=hint)
-
-
-def _rename(temporary: Path, path: Path) -> None:
-    """Rename a file to one that somebody may be reading, which Windows refuses for as long as that takes."""
-    for _ in range(RENAMES if os.name == "nt" else 0):
-        with suppress(PermissionError):
-            os.replace(temporary, path)
-            return
-        time.sleep(PAUSE)
-    os.replace(temporary, path)
-
-
-def _discard(temporary: Path) -> None:
-    """Remove a temporary file; failing to do so must not hide the error that brought us here."""
-    try:
-        temporary.unlink(missing_ok=True)
-    except OSError:
-        return

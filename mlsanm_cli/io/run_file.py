@@ -23,12 +23,13 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 
 from mlsanm_cli import __version__
+from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError, WriteError
 from mlsanm_cli.io.atomic import cannot_write, replacing
 from mlsanm_cli.io.path_table import path_table
@@ -36,7 +37,6 @@ from mlsanm_cli.io.path_table import path_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
-    from types import TracebackType
 
     from numpy.typing import NDArray
 
@@ -67,7 +67,7 @@ class Change:
     latest: Callable[[], Mapping[str, Value]] | None
 
 
-class RunFile:
+class RunFile(Closing):
     """run.h5 open for writing, made with `RunFile.create` or `RunFile.reopen`; a context manager.
 
     What is added is on disk with the next `save`, all of it or nothing. An exception saves what was added and
@@ -187,14 +187,6 @@ class RunFile:
                 self.save()
         finally:
             self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _take_in(self) -> None:
         """Bring all that was added into the file in memory; doing it again after a signal changes nothing."""

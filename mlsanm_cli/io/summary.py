@@ -8,18 +8,17 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomli_w
 
+from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write, write_text
 from mlsanm_cli.system import open_regular
 
 if TYPE_CHECKING:
-    from types import TracebackType
-
     from numpy.typing import NDArray
 
 INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
@@ -98,7 +97,7 @@ def _cells(name: str, column: NDArray[Any]) -> list[str]:
     return [repr(value) for value in array.astype(np.int64 if name == "status" else np.float64).tolist()]
 
 
-class EventLog:
+class EventLog(Closing):
     """events.jsonl: one JSON object per line, each on disk as soon as it is written.
 
     Opened for appending, so that a run that goes on later keeps its history.
@@ -142,14 +141,6 @@ class EventLog:
     def close(self) -> None:
         """Close the file; closing twice is allowed."""
         self._stream.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _is_step_behind(line: bytes, rows: int) -> bool:

@@ -52,14 +52,3 @@ class HertzLine:
         zz = -(p0 / a) * m * (1.0 - ratio)
         xz = -(p0 / a) * n * (m**2 - z**2) / (m**2 + n**2)
         return np.stack([xx, zz, xz], axis=1)
-
-
-def plates_approach(force: float, radius: float, modulus: float) -> float:
-    """By how much two rigid plates come closer that squeeze a cylinder between them (Johnson, eq. 5.57).
-
-    ``modulus`` is the cylinder's E/(1 - nu^2) in plane strain; a is the half-width on either side::
-
-        approach = 2 P / (pi modulus) (2 ln(4 R / a) - 1)
-    """
-    width = HertzLine(force, radius, modulus).half_width
-    return 2.0 * force / (math.pi * modulus) * (2.0 * math.log(4.0 * radius / width) - 1.0)

@@ -28,20 +28,12 @@ def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[
     """The path of the scene, or what of it is left, by the method its contact law asks for."""
     if not built.case.touching:
         return linear_path(built, start)
-    smooth, rough = (
-        built.case.touching[0].regularization.law != "exact",
-        bool(len(built.condensed.friction_nodes)),
-    )
     # The methods of the other laws are imported where a case asks for them: each brings a package along.
-    if smooth and rough and not built.is_holonomic:
-        from mlsanm_cli.solve.regularized import rubbing_path
+    if built.case.touching[0].regularization.law != "exact":
+        from mlsanm_cli.solve.regularized import regularized_path
 
-        return _limited(built, start, rubbing_path(built, start))
-    if smooth:
-        from mlsanm_cli.solve.series import smooth_path
-
-        return _limited(built, start, smooth_path(built, start))
-    if rough:
+        return _limited(built, start, regularized_path(built, start))
+    if len(built.condensed.friction_nodes):
         from mlsanm_cli.solve.event_driven import friction_path
 
         return friction_path(built, start)

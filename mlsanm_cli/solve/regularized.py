@@ -1,8 +1,9 @@
-"""The load path of the smooth contact law with friction, followed from event to event."""
+"""The load path of the regularised contact laws; with friction that has a memory from event to event."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +29,7 @@ from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, contin
 from mlsanm_cli.solve.regularized_points import (
     RETURNS,
     Point,
+    between,
     checkpoint_at,
     inside,
     moved,
@@ -44,11 +46,13 @@ from mlsanm_cli.solve.series import (
     path_options,
     path_step,
     previous_piece,
+    problem_of,
     regularization,
+    start_point,
     states_in,
     stopped,
 )
-from mlsanm_cli.solve.state import Checkpoint, PathStep, wanted_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, wanted_positions
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
@@ -59,43 +63,58 @@ APART = "before the first load friction does not hold what contacts alone hold: 
 APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
 
 
-def rubbing_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """States of the regularised contact with friction; wanted ones come from the series of their step."""
+def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
+    """States of the regularised laws. Wanted ones come from the series of their step, or end one of Newton's.
+
+    Raises NumericalError where the path cannot go on.
+    """
     wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
     if start is None:
-        point = _first(built, options)
-        state = state_of(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
-        saved = (state,) if 0.0 in wanted else ()
-        taken, checkpoint = point.problem.tally.taken(), checkpoint_at(point, state)
-        yield PathStep(state, saved, factorizations=taken, checkpoint=checkpoint)
+        point, first = start_at_rest(built, options)
+        saved = (first.state,) if 0.0 in wanted else ()
+        yield replace(first, saved=saved, checkpoint=checkpoint_at(point, first.state))
     else:
         point = restored(built, start)
     for stage, (begin, end) in enumerate(zip(built.stages[:-1], built.stages[1:], strict=True)):
         if start is not None and stage < start.stage:
             continue
-        walk = _Walk(stage, wanted, options)
+        path = _StagePath(stage, wanted, options)
         if start is not None and stage == start.stage and start.fraction > 0.0:
-            steps = walk.go_on(point, previous_piece(start, point.x))
+            steps = path.go_on(point, previous_piece(start, point.x))
         else:
-            problem = point.problem
-            staged = RegularizedFriction(
-                problem.coupling, begin, end, problem.sets, problem.stick_reference, problem.tally
-            )
-            steps = walk.steps(replace(point, problem=staged, lam=0.0))
+            steps = path.steps(replace(point, problem=point.problem.over(begin, end), lam=0.0))
         try:
             yield from steps
         except NoStateError as error:
-            where = f"beyond position {stage + walk.point.lam:.9g}"
+            where = f"beyond position {stage + path.point.lam:.9g}"
             if error.sliding:
-                raise _slides(stage, walk.point.lam) from error
+                raise _slides(stage, path.point.lam) from error
             raise NumericalError(
                 f"{error.message} {where}", 'use contact.regularization.law = "exact", which can jump'
             ) from error
-        point = walk.point
+        point = path.point
 
 
 def _slides(stage: int, lam: float) -> SlidingError:
     return SlidingError(lam, f" at position {stage + lam:.9g}")
+
+
+def start_at_rest(built: CondensedScene, options: AnmOptions | NewtonOptions) -> tuple[Point, PathStep]:
+    """The point before the first load and the path's first row. Raises NumericalError where nothing holds a
+    body or platen."""
+    if len(built.condensed.friction_nodes) and not built.is_holonomic:
+        point = _first(built, options)
+        assert point.friction is not None
+        return point, PathStep(_at_rest(point), (), factorizations=point.friction.tally.taken())
+    problem = problem_of(built, coupling_of(built, regularization(built)), 0)
+    found = correct(problem, start_point(built, problem), 0.0, options)
+    # Dissipation is a matter of history, which the holonomic law does not know.
+    point = Point(problem, found.x, 0.0, np.full(problem.n, np.nan))
+    return point, PathStep(_at_rest(point), (), 0.0, 0, found.updates, found.factorizations, found.solves)
+
+
+def _at_rest(point: Point) -> State:
+    return state_of(point, 0, float(np.abs(point.problem.residual(point.x, 0.0)).max()))
 
 
 def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
@@ -162,8 +181,8 @@ def _without_friction(
         return None
 
 
-class _Walk:
-    """One stage: pieces of path between events."""
+class _StagePath:
+    """One stage: one piece of path, or, where friction has a memory, pieces between events."""
 
     def __init__(self, stage: int, wanted: tuple[float, ...], options: AnmOptions | NewtonOptions) -> None:
         self.point: Point
@@ -179,7 +198,8 @@ class _Walk:
         if not point.problem.change.any():
             yield from self._waiting()
             return
-        self._put_on(point, EventFlags.none(point.problem.n))
+        if point.friction is not None:
+            self._put_on(point, point.friction, EventFlags.none(point.problem.n))
         yield from self._pieces()
 
     def go_on(self, point: Point, previous: Branch | None) -> Iterator[PathStep]:
@@ -193,14 +213,15 @@ class _Walk:
 
     def _pieces(self) -> Iterator[PathStep]:
         while self.point.lam < 1.0:
-            if self._loosened() and slides_freely(self.point.problem.condensed, self.point.problem.sets):
+            if self._loosened() and self._held and slides_freely(self.point.problem.condensed, self._held):
                 raise _slides(self._stage, self.point.lam)
             self._began = self.point.lam
             yield from self._piece()
 
     def _piece(self, options: AnmOptions | NewtonOptions | None = None) -> Iterator[PathStep]:
         """Steps to the next event, or to the end of the stage."""
-        begin, barrier = self.point, EventLocator(self.point.problem)
+        begin, friction = self.point, self.point.friction
+        locator = None if friction is None else EventLocator(friction)
         follower = follow(
             begin.problem,
             begin.x,
@@ -208,15 +229,16 @@ class _Walk:
             1.0,
             options or self._options,
             self._previous,
-            barrier,
+            locator,
             self._levels,
         )
         for step in follower.steps():
-            if barrier.reached:
-                yield from self._event(step, barrier.hits)
+            if locator is not None and locator.reached:
+                yield from self._event(step, locator.hits)
             else:
                 step = at_target(begin.problem, step) if step.lam == 1.0 else step
-                yield self._step(step, follower)
+                before, self.point = self.point, moved(self.point, step.x, step.lam)
+                yield self._finished(before, step, follower)
         if follower.outcome.reason is not StopReason.EVENT and not follower.outcome.reached:
             raise stopped(self._stage, follower.outcome)
         self._previous = follower.outcome.piece
@@ -230,57 +252,53 @@ class _Walk:
 
     def _loosened(self) -> bool:
         """Whether some node has ceased to stick or to touch: nothing else lets a body go that was held."""
-        before, self._held = self._held, self.point.problem.sets
+        if self.point.friction is None:
+            return False
+        before, self._held = self._held, self.point.friction.sets
         if before is None:
             return True
         return bool((before.stuck & ~self._held.stuck).any() or (before.closed & ~self._held.closed).any())
 
-    def _put_on(self, point: Point, hits: EventFlags) -> None:
+    def _put_on(self, point: Point, problem: RegularizedFriction, hits: EventFlags) -> None:
         """Put the path on the sets that hold beyond a point."""
-        problem, x = continued(point.problem, point.x, point.lam, hits)
+        problem, x = continued(problem, point.x, point.lam, hits)
         # What the event's place, known to the series' tolerance, and the new sets disagree by.
         for _ in range(RETURNS):
-            lack = problem.residual(x, point.lam)
-            if np.abs(lack).max() <= self._options.goal:
+            residual = problem.residual(x, point.lam)
+            if np.abs(residual).max() <= self._options.goal:
                 break
-            x = x - problem.tangent(x, point.lam).solve(lack)
+            x = x - problem.tangent(x, point.lam).solve(residual)
         self.point = inside(replace(point, problem=problem, x=x))
 
     def _event(self, step: Step, hits: EventFlags) -> Iterator[PathStep]:
         """A step that ends at an event, its end already as the path goes on from it."""
         before = self.point
+        assert before.friction is not None
         point, failure = moved(before, step.x, step.lam), None
         try:
-            self._put_on(point, hits)
+            self._put_on(point, before.friction, hits)
         except NoStateError as error:
             failure = error
             self.point = inside(point)
-        problem = self.point.problem
-        residual = float(np.abs(problem.residual(self.point.x, step.lam)).max())
-        yield self._told(before, replace(step, residual=residual))
+        residual = float(np.abs(self.point.problem.residual(self.point.x, step.lam)).max())
+        yield self._finished(before, replace(step, residual=residual))
         if failure is not None:
             raise failure
 
-    def _step(self, step: Step, follower: Follower) -> PathStep:
-        before = self.point
-        self.point = moved(before, step.x, step.lam)
-        return self._told(before, step, follower)
-
-    def _told(self, before: Point, step: Step, follower: Follower | None = None) -> PathStep:
+    def _finished(self, before: Point, step: Step, follower: Follower | None = None) -> PathStep:
         """The step from ``before`` to where the path is now, of a piece that goes on by a follower."""
         stage = self._stage
         end = state_of(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]
-        step, states = states_in(before.problem.aside(), step, stage, places)
-        saved = [
-            state_of(moved(before, before.problem.within_cone(x), lam), stage, residual)
-            for x, lam, residual in states
-        ]
+        # A copy keeps the tangent at hand, which those of the wanted states would take the place of.
+        step, states = states_in(copy(before.problem), step, stage, places)
+        saved = [state_of(between(before, x, lam), stage, residual) for x, lam, residual in states]
         series = series_of(before.problem, step.branch, stage)
-        # Points share tangents, of which the followers know nothing.
-        step = replace(step, factorizations=self.point.problem.tally.taken())
-        told = path_step(step, end, stage, at(places, saved, end), series)
-        return replace(told, checkpoint=checkpoint_at(self.point, end, follower))
+        if self.point.friction is not None:
+            # Points share tangents, of which the followers know nothing.
+            step = replace(step, factorizations=self.point.friction.tally.taken())
+        finished = path_step(step, end, stage, at(places, saved, end), series)
+        return replace(finished, checkpoint=checkpoint_at(self.point, end, follower))
 
     def _waiting(self) -> Iterator[PathStep]:
         """A stage that changes nothing."""

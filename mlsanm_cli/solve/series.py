@@ -1,9 +1,8 @@
-"""The load path of the smooth contact law, followed by power series or by Newton-Raphson."""
+"""Problems of the regularised contact laws, and states from the steps of their paths."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -25,66 +24,17 @@ from mlsanm_cli.continuation import (
     Outcome,
     Problem,
     Step,
-    correct,
-    follow,
 )
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, wanted_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 BRANCH_HINT = (
     'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
 )
 UNLIMITED = sys.maxsize
 
-
-def smooth_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """Laws without memory; wanted states come from the series of their step, or end one of Newton's."""
-    wanted = wanted_positions(built)
-    coupling, options = coupling_of(built, regularization(built)), path_options(built)
-    for stage in range(start.stage if start else 0, len(built.case.stage)):
-        before, piece, problem = 0.0, None, problem_of(built, coupling, stage)
-        if start is not None and stage == start.stage:
-            before, x = start.fraction, _unknowns(problem, start)
-            piece = previous_piece(start, x)
-        elif start is None and stage == 0:
-            corrected = correct(problem, start_point(built, problem), 0.0, options)
-            x = corrected.x
-            first = _regularized_state(problem, x, 0.0, stage, corrected.residual)
-            yield PathStep(
-                first,
-                (first,) if 0.0 in wanted else (),
-                iterations=corrected.updates,
-                factorizations=corrected.factorizations,
-                solves=corrected.solves,
-                checkpoint=Checkpoint(first),
-            )
-        if not problem.change.any():
-            state = _regularized_state(problem, x, 1.0, stage, float(np.abs(problem.residual(x, 1.0)).max()))
-            yield PathStep(
-                state,
-                tuple(replace(state, position=p) for p in wanted if stage < p <= stage + 1),
-                checkpoint=Checkpoint(state),
-            )
-            continue
-        levels = levels_in(wanted, stage)
-        follower = follow(problem, x, before, 1.0, options, piece, levels=levels)
-        for step in follower.steps():
-            if step.lam == 1.0:
-                step = at_target(problem, step)
-            x = step.x
-            end = _regularized_state(problem, x, step.lam, stage, step.residual)
-            places = [p for p in wanted if stage + before < p <= stage + step.lam]
-            step, states = states_in(problem, step, stage, places)
-            saved = [_regularized_state(problem, *one[:2], stage, one[2]) for one in states]
-            told = path_step(step, end, stage, at(places, saved, end), _series(problem, step.branch, stage))
-            yield replace(told, checkpoint=checkpoint_of(end, follower))
-            before = step.lam
-        if not follower.outcome.reached:
-            raise stopped(stage, follower.outcome)
-
-
-Memoryless = RegularizedFriction | HolonomicContact
+ContactProblem = RegularizedFriction | HolonomicContact
 
 
 def checkpoint_of(state: State, follower: Follower) -> Checkpoint:
@@ -109,11 +59,6 @@ def unknowns_of(state: State) -> FloatArray:
     return np.concatenate([state.pressure, state.gap, state.motion, state.displacement, state.traction])
 
 
-def _unknowns(problem: Memoryless, start: Checkpoint) -> FloatArray:
-    x = unknowns_of(start.state)
-    return problem.with_auxiliary(x, start.fraction) if isinstance(problem, HolonomicContact) else x
-
-
 def regularization(built: CondensedScene) -> Regularization:
     """The case's smooth law with the scene's scales."""
     condensed = built.condensed
@@ -132,7 +77,7 @@ def coupling_of(built: CondensedScene, law: Regularization) -> DenseCoupling | S
     return DenseCoupling.of(built.condensed, law)
 
 
-def problem_of(built: CondensedScene, coupling: Coupling, stage: int) -> Memoryless:
+def problem_of(built: CondensedScene, coupling: Coupling, stage: int) -> ContactProblem:
     """The equations of a stage under a law without memory."""
     make = HolonomicContact if len(built.condensed.friction_nodes) else RegularizedFriction.frictionless
     return make(coupling, built.stages[stage], built.stages[stage + 1])
@@ -191,7 +136,7 @@ def _with_updates(step: Step, count: int) -> Step:
     )
 
 
-def start_point(built: CondensedScene, problem: Memoryless) -> FloatArray:
+def start_point(built: CondensedScene, problem: ContactProblem) -> FloatArray:
     """Open gaps as drawn, closed or overlapping ones opened a little, and the pressures that go with them."""
     x = drawn(built, problem.coupling)
     if isinstance(problem, HolonomicContact):
@@ -250,13 +195,6 @@ def path_step(
     )
 
 
-def _series(problem: Memoryless, branch: Branch, stage: int) -> dict[str, FloatArray]:
-    """Coefficients over the path parameter a, 0 <= a <= length; with ``denominator`` the Pade form holds."""
-    pressure, gap, motion, traction, *_ = problem.split(branch.x)
-    parts = {"pressure": pressure, "gap": gap, "motion": problem.coupling.split_motions(motion)[0]}
-    return series_arrays(branch, stage, parts | {"traction": traction} if problem.n else parts)
-
-
 def series_arrays(branch: Branch, stage: int, parts: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """What is stored of a step's series: position, the named parts of the unknowns, denominator."""
     position = branch.lam.copy()
@@ -276,29 +214,3 @@ def smooth_status(
     status = np.where(closed, SLIP, OPEN).astype(np.int8)
     status[held[closed[held]]] = STICK
     return status
-
-
-def _regularized_state(problem: Memoryless, x: FloatArray, lam: float, stage: int, residual: float) -> State:
-    pressure, gap, motion, *rest = problem.split(x)
-    motion, displacement = problem.coupling.split_motions(motion)
-    held = np.zeros(0, dtype=np.int64)
-    traction = slip = work = np.zeros(0)
-    if isinstance(problem, HolonomicContact):
-        traction, slip = rest[0], problem.slip(x, lam)
-        held = problem.condensed.friction_nodes[np.abs(slip) < problem.small]
-        # Dissipation is a matter of history, which this law does not know.
-        work = np.full(problem.n, np.nan)
-    status = smooth_status(problem.law, pressure, gap, held)
-    return State(
-        stage + lam,
-        problem.factors(lam),
-        pressure,
-        gap,
-        motion,
-        traction,
-        slip,
-        work,
-        status,
-        residual,
-        displacement,
-    )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.formulas.lame import LameRing
 from mlsanm_cli.app.assessment import refinement as adapt
 from mlsanm_cli.app.assessment.refinement import ROUGH
 from mlsanm_cli.app.scene import assemble as scene
@@ -25,7 +26,6 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.kernels.aot.jit import Loaded
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
-from mlsanm_cli.reference.lame import LameRing
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from tests.app.scenes import BAR, NODAL, PATCH, Quiet, assert_same_bits, solve
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from benchmarks.formulas.lame import LameRing
 from benchmarks.peers.scenes import REFERENCE, Profile, difference, read_profile
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
@@ -18,7 +19,6 @@ from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.operators.rows import scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.reference.lame import LameRing
 from tests.app.scenes import Quiet
 
 CASES = Path(__file__).parents[2] / "cases"

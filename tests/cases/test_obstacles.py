@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.reference.hertz import plates_approach
-from mlsanm_cli.reference.lame import LameRing, press_fit
-from mlsanm_cli.reference.punch import FlatPunch
+from benchmarks.formulas.lame import LameRing, press_fit
+from benchmarks.formulas.plates import plates_approach
+from benchmarks.formulas.punch import FlatPunch
 from tests.cases.test_published import deviations_of, solve
 
 STEEL = 210e3 / (1.0 - 0.3**2)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.formulas.kirsch import KirschHole
+from benchmarks.formulas.lame import LameRing
+from benchmarks.formulas.persson import PinInHole
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.reference.hertz import HertzLine
-from mlsanm_cli.reference.kirsch import KirschHole
-from mlsanm_cli.reference.lame import LameRing
-from mlsanm_cli.reference.persson import PinInHole
 from tests.app.scenes import Quiet
 
 CASES = Path(__file__).parents[2] / "cases"

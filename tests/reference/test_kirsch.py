@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.formulas.kirsch import KirschHole
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.reference.kirsch import KirschHole
 
 HOLE = KirschHole(0.7, 3.0)
 STEP = 1e-4

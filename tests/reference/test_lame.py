@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.reference.lame import LameRing
+from benchmarks.formulas.lame import LameRing
 
 
 @given(

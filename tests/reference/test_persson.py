@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from benchmarks.formulas.persson import FIT, PinInHole, clearance_ratio
 from mlsanm_cli.reference.hertz import HertzLine
-from mlsanm_cli.reference.persson import FIT, PinInHole, clearance_ratio
 
 
 @pytest.mark.parametrize("clearance", [0.5, 0.05, 0.005])

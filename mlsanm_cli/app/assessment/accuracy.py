@@ -21,7 +21,7 @@ from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, Defect, correct
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.contact_grids import grid_errors
+from mlsanm_cli.solve.grid_refinement import grid_errors
 from mlsanm_cli.solve.state import State
 
 ROUND_OFF = 1e-9

@@ -17,7 +17,7 @@ from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, Corrected, correct
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.contact_grids import grid_errors
+from mlsanm_cli.solve.grid_refinement import grid_errors
 from mlsanm_cli.solve.state import State
 
 

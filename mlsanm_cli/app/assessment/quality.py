@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any
 
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.causes import distance_warnings
 from mlsanm_cli.case import Case
@@ -18,6 +19,8 @@ from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.corners import inward_corners
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo
+
+Warn = Callable[[str], None]
 
 CLOSEST = 0.5
 """Nodes closer than this part of the local spacing make stencils ill-conditioned."""
@@ -66,6 +69,17 @@ class Quality:
         }
 
 
+def announce(case: Case, prepared: SceneModel, context: RunContext, warn: Warn) -> Quality:
+    """The quality of a scene's clouds; tells the notes on it, and warns of what is poor about it."""
+    with context.phase("cloud"):
+        quality = assess(case, prepared, context.memo)
+    for note in prepared.notes:
+        context.console.note(note)
+    for warning in (*quality.warnings, *case_warnings(case)):
+        warn(warning)
+    return quality
+
+
 def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     """Measure the clouds of all bodies and the spacings that face each other in every contact."""
     brought = {body.name for body in case.body if body.has_nodes}
@@ -75,18 +89,10 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     }
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
-    nodal = [
-        pairing for pairing in prepared.pairings if pairing.name not in prepared.clear and not pairing.bonded
-    ]
     warnings = [
         text for name, cloud in bodies.items() for text in _cloud_warnings(name, cloud, name in brought)
     ]
-    warnings += [
-        ratio_message(pairing, ratios[pairing.name])
-        for pairing in nodal
-        if ratios[pairing.name] > RATIO * (1.0 + ROUND_OFF)
-    ]
-    warnings += [text for pairing in nodal for text in _stiffness_warnings(prepared, pairing)]
+    warnings += nodal_warnings(prepared, [p for p in prepared.pairings if p.name not in prepared.clear])
     if any(model.settings.degree == 1 for model in prepared.models.values()):
         warnings.append(
             "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"
@@ -102,6 +108,14 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
         ratios,
         tuple(warnings),
     )
+
+
+def nodal_warnings(prepared: SceneModel, pairings: Iterable[Pairing]) -> list[str]:
+    """What is poor about contacts whose pressures act on the nodes of their slaves."""
+    clouds = {name: model.cloud for name, model in prepared.models.items()}
+    nodal = [(pairing, spacing_ratio(pairing, clouds)) for pairing in pairings if not pairing.bonded]
+    warnings = [ratio_message(one, ratio) for one, ratio in nodal if ratio > RATIO * (1.0 + ROUND_OFF)]
+    return warnings + [text for one, _ in nodal for text in _stiffness_warnings(prepared, one)]
 
 
 def ratio_message(pairing: Pairing, ratio: float) -> str:

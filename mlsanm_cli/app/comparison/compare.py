@@ -12,9 +12,8 @@ from typing import Any
 
 from mlsanm_cli.app.assessment.checks import check_balance, check_energy, check_spacing, force_balance
 from mlsanm_cli.app.assessment.energy import energy_error
-from mlsanm_cli.app.assessment.quality import assess, case_warnings, factor_warnings
+from mlsanm_cli.app.assessment.quality import announce, factor_warnings
 from mlsanm_cli.app.assessment.references import check_reference, reference_profile
-from mlsanm_cli.app.assessment.refinement import adapt
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.comparison.differences import Difference, difference, other_law_limit, same_law_limit
 from mlsanm_cli.app.comparison.measure import Measured, measure
@@ -23,8 +22,8 @@ from mlsanm_cli.app.comparison.precision import draw_precision, precision_curves
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.provenance import attributes
-from mlsanm_cli.app.run import RESULTS
-from mlsanm_cli.app.scene.build import build_scene, condense_scene
+from mlsanm_cli.app.run import RESULTS, set_up
+from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.errors import RunError
@@ -103,15 +102,13 @@ def compare(
     cases = [case_of(method) for method in methods]
     directory = out or RESULTS / case_path.stem
     run_dir.check_comparison(directory, force)
-    if any(method.is_monolithic for method in methods):
-        # Equations of all bodies together have nodal pressures, and all methods need the same ones.
-        whole = load_with_files(case_path, (*overrides, WHOLE))
-        built, warnings = _set_up(whole, context)
-        built = replace(built, case=loaded.case)
-    else:
-        # Contact grids are as fine as the states need that are compared.
-        built, warnings = _set_up(load_with_files(case_path, (*overrides, levels)), context)
-        built = replace(built, case=loaded.case)
+    # Equations of all bodies together have nodal pressures, and all methods need the same ones.
+    whole = (WHOLE,) if any(method.is_monolithic for method in methods) else ()
+    shared = load_with_files(case_path, (*overrides, levels, *whole))
+    warnings: list[str] = []
+    prepared = build_scene(shared, context)
+    announce(shared.case, prepared, context, warnings.append)
+    built = replace(set_up(shared.case, prepared, context, warnings.append).built, case=loaded.case)
     rows = []
     for method, case in zip(methods, cases, strict=True):
         console.phase(f"following the path: {method.name}")
@@ -158,19 +155,6 @@ def _levels(case: Case, count: int) -> list[float]:
     # Rounded, so that a level that the case names too is the same number.
     even = {round(stage + i / count, 12) for stage in stages for i in range(1, count + 1)}
     return sorted(even | {position for position in case.output.at if position > 0.0})
-
-
-def _set_up(loaded: LoadedCase, context: RunContext) -> tuple[CondensedScene, list[str]]:
-    """The scene that all methods share, and what to warn of."""
-    prepared = build_scene(loaded, context)
-    with context.phase("cloud"):
-        warnings = [*assess(loaded.case, prepared).warnings, *case_warnings(loaded.case)]
-    for note in prepared.notes:
-        context.console.note(note)
-    if loaded.case.adapt.passes:
-        adapted = adapt(loaded.case, prepared, context)
-        return adapted.built, [*warnings, *adapted.warnings]
-    return condense_scene(loaded.case, prepared, context), warnings
 
 
 def _judged(built: CondensedScene, base: Measured) -> list[str]:

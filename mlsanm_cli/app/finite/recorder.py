@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -101,15 +100,7 @@ class FiniteRecorder(RunWriter):
     def _row(self, scene: FiniteScene, state: FiniteState, step: FiniteStep) -> dict[str, Any]:
         forces = SceneForces.of(scene, state)
         return row(
-            path={
-                "position": state.position,
-                "step_length": step.length,
-                "residual": state.residual,
-                "order": step.order,
-                "factorizations": step.factorizations,
-                "solves": step.solves,
-                "seconds": time.monotonic() - self._started,
-            },
+            path=self.path_figures(step, state.position, state.residual),
             factors=dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
             resultants=resultants(scene, forces),
             contacts=contact_records(scene, state),
@@ -120,13 +111,10 @@ class FiniteRecorder(RunWriter):
     def _count(self, scene: FiniteScene, step: FiniteStep) -> None:
         self.steps += self.last is not None
         self.last = step.state
-        self.iterations += step.iterations
-        self.factorizations += step.factorizations
-        self.solves += step.solves
+        self.count(step, [step.state.residual, *(one.residual for one in step.saved), 0.0])
         self.renewed += step.renewed
         self.turns += step.turns
         self.stability = min(self.stability, step.state.stability)
-        self.residual = max(self.residual, step.state.residual, *(one.residual for one in step.saved), 0.0)
         forces = SceneForces.of(scene, step.state)
         self._largest = max(self._largest, forces.size)
         self.balance = forces.rest / self._largest if self._largest else 0.0

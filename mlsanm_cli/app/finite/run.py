@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT
-from mlsanm_cli.app.assessment.quality import Quality, assess, case_warnings
+from mlsanm_cli.app.assessment.quality import Quality, announce
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.contact_path import contact_path
@@ -18,7 +18,7 @@ from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.verdict import FEW_WAVES
-from mlsanm_cli.app.output.summary import Ending
+from mlsanm_cli.app.output.summary import Ending, head, probe_figures
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError
@@ -36,13 +36,8 @@ def run_finite(
     """Follow the path and write the run directory; the mapping of summary.json."""
     with context.phase("operators"):
         scene = finite_scene(loaded.case, prepared)
-    with context.phase("cloud"):
-        quality = assess(loaded.case, prepared)
     with FiniteRecorder(directory, loaded, provenance, context) as recorder:
-        for note in prepared.notes:
-            context.console.note(note)
-        for warning in (*quality.warnings, *case_warnings(loaded.case)):
-            recorder.warn(warning)
+        quality = announce(loaded.case, prepared, context, recorder.warn)
         ending = _followed(scene, recorder, context)
         summary = _summary(scene, recorder, ending, quality, context.clock)
         recorder.finish(summary)
@@ -95,15 +90,7 @@ def _summary(
 ) -> dict[str, Any]:
     """The content of summary.json, as far as the run came."""
     state, nodes = recorder.last, scene.unknowns // 2
-    summary: dict[str, Any] = {
-        "status": ending.status,
-        "stop_reason": ending.reason,
-        "position": state.position if state else None,
-        "steps": recorder.steps,
-        "iterations": recorder.iterations,
-        "factorizations": recorder.factorizations,
-        "solves": recorder.solves,
-    }
+    summary = head(ending, recorder, recorder.steps, state.position if state else None)
     if ending.hint:
         summary["hint"] = ending.hint
     summary |= {"nodes": nodes, "unknowns": 2 * nodes, "contact_unknowns": 0, "contacts": {}}
@@ -116,12 +103,7 @@ def _summary(
         summary["forces"] = {name: force.tolist() for name, force in resultants(scene, forces).items()}
         if scene.probes:
             summary["probes"] = {
-                name: {
-                    "displacement": seen.displacement.tolist(),
-                    "stress": seen.stress.tolist(),
-                    "von_mises": seen.von_mises,
-                }
-                for name, seen in probe_records(scene, state).items()
+                name: probe_figures(seen) for name, seen in probe_records(scene, state).items()
             }
         summary["force_balance"] = recorder.balance
         if np.isfinite(recorder.stability):

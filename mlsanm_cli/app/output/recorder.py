@@ -126,7 +126,7 @@ class Recorder(RunWriter):
         from. All of it is written together, some time later."""
         state, index = step.state, self._rows
         with self._clock.phase("output"):
-            rows = [recording.step_row(built, step, time.monotonic() - self._started)]
+            rows = [recording.step_row(built, state, self.path_figures(step, state.position, state.residual))]
             datasets: dict[str, Value] = {}
             attributes: dict[str, Mapping[str, Attribute]] = {}
             if step.series:
@@ -173,11 +173,8 @@ class Recorder(RunWriter):
         """Add a step, fields and all, to what is known of the path."""
         self.last = step.state
         self._rows += 1
-        self.iterations += step.iterations
-        self.factorizations += step.factorizations
-        self.solves += step.solves
         states = (step.state, *step.saved)
-        self.residual = max(self.residual, *(state.residual for state in states))
+        self.count(step, [state.residual for state in states])
         for name in built.condensed.tangential:
             ratios = [recording.cone_ratio(built, name, state) for state in states]
             self.cone[name] = max(self.cone.get(name, 0.0), *ratios)

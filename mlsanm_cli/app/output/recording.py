@@ -24,7 +24,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record, slave_arc, slave_points
-from mlsanm_cli.solve.state import PathStep, State
+from mlsanm_cli.solve.state import State
 
 PRESSED = 1e-9
 """Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
@@ -103,19 +103,10 @@ def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
     return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
 
 
-def step_row(built: CondensedScene, step: PathStep, seconds: float) -> dict[str, Any]:
-    """One row of the path: a value for every column of run.h5."""
-    state = step.state
+def step_row(built: CondensedScene, state: State, path: Mapping[str, float]) -> dict[str, Any]:
+    """One row of the path: a value for every column of run.h5, the figures of its step those of ``path``."""
     return row(
-        path={
-            "position": state.position,
-            "step_length": step.length,
-            "residual": state.residual,
-            "order": step.order,
-            "factorizations": step.factorizations,
-            "solves": step.solves,
-            "seconds": seconds,
-        },
+        path=path,
         factors={name: float(f) for name, f in zip(built.scene.loads, state.factors, strict=True)},
         resultants={name: force(*state.unknowns) for name, force in built.condensed.forces.items()},
         displacements=platen_displacements(built, state),

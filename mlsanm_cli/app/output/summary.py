@@ -21,7 +21,9 @@ from mlsanm_cli.app.assessment.refinement import Adapted
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.output import recording
 from mlsanm_cli.app.output.recorder import Recorder
+from mlsanm_cli.app.output.writer import RunWriter
 from mlsanm_cli.case import Case
+from mlsanm_cli.io.records import ProbeRecord
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import plates_turned, probe_record
@@ -41,21 +43,35 @@ class Ending:
     stopped_by: str = ""
 
 
+def head(ending: Ending, recorder: RunWriter, steps: int, position: float | None) -> dict[str, Any]:
+    """What every summary begins with."""
+    return {
+        "status": ending.status,
+        "stop_reason": ending.reason,
+        "position": position,
+        "steps": steps,
+        "iterations": recorder.iterations,
+        "factorizations": recorder.factorizations,
+        "solves": recorder.solves,
+    }
+
+
+def probe_figures(record: ProbeRecord) -> dict[str, Any]:
+    """A probe's final values."""
+    return {
+        "displacement": record.displacement.tolist(),
+        "stress": record.stress.tolist(),
+        "von_mises": record.von_mises,
+    }
+
+
 def summarise(
     case: Case, ending: Ending, adapted: Adapted | None, quality: Quality, recorder: Recorder, clock: Clock
 ) -> dict[str, Any]:
     """The content of summary.json, as far as the run came."""
     built = adapted.built if adapted is not None else None
     state = recorder.last
-    summary: dict[str, Any] = {
-        "status": ending.status,
-        "stop_reason": ending.reason,
-        "position": state.position if state else None,
-        "steps": recorder.steps,
-        "iterations": recorder.iterations,
-        "factorizations": recorder.factorizations,
-        "solves": recorder.solves,
-    }
+    summary = head(ending, recorder, recorder.steps, state.position if state else None)
     if ending.stopped_by and state is not None:
         factors = zip(case.moved, state.factors.tolist(), strict=True)
         summary |= {"stopped_at": state.position, "stopped_by": ending.stopped_by, "factors": dict(factors)}
@@ -91,7 +107,9 @@ def summarise(
         if built.condensed.moments:
             summary["plates"] = plates_turned(built, state)
         if built.condensed.probes:
-            summary["probes"] = {name: _probe(built, name, state) for name in built.condensed.probes}
+            summary["probes"] = {
+                name: probe_figures(probe_record(built, name, state)) for name in built.condensed.probes
+            }
         summary["force_balance"] = verdict.force_balance
         summary["force_balance_bodies"] = dict(verdict.bodies)
         energies = recorder.energies
@@ -131,15 +149,6 @@ def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:
         "pressure": max(level.pressure for level in levels),
         "traction": max(level.traction for level in levels),
         "factorizations": sum(level.factorizations for level in levels),
-    }
-
-
-def _probe(built: CondensedScene, name: str, state: State) -> dict[str, Any]:
-    record = probe_record(built, name, state)
-    return {
-        "displacement": record.displacement.tolist(),
-        "stress": record.stress.tolist(),
-        "von_mises": record.von_mises,
     }
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any, Protocol
 
 import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.case import LoadedCase, resolved_mapping
+from mlsanm_cli.closing import Closing
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.path_table import write_path_csv
@@ -21,7 +21,22 @@ from mlsanm_cli.io.summary import EventLog, toml_text, write_json_atomic, write_
 from mlsanm_cli.io.vtu import StateWriter
 
 
-class RunWriter:
+class Followed(Protocol):
+    """What all steps of a path know of themselves."""
+
+    @property
+    def length(self) -> float: ...
+    @property
+    def order(self) -> int: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def factorizations(self) -> int: ...
+    @property
+    def solves(self) -> int: ...
+
+
+class RunWriter(Closing):
     """run.h5, events.jsonl, resolved.toml and VTU files of a run, and its warnings; a context manager."""
 
     def __init__(
@@ -61,10 +76,31 @@ class RunWriter:
         self.residual = 0.0
 
     def warn(self, message: str) -> None:
-        """A warning on the console, in the events and in the summary."""
+        """A warning on the console, in the events and in the summary, once."""
+        if message in self.warnings:
+            return
         self.warnings.append(message)
         self._events.write_once("warning", message=message)
         self._console.warning(message)
+
+    def count(self, step: Followed, residuals: Iterable[float]) -> None:
+        """Add what a step took, and the ``residuals`` of its states, to the totals."""
+        self.iterations += step.iterations
+        self.factorizations += step.factorizations
+        self.solves += step.solves
+        self.residual = max(self.residual, *residuals)
+
+    def path_figures(self, step: Followed, position: float, residual: float) -> dict[str, float]:
+        """The columns of the path that all steps have, at the end of a step."""
+        return {
+            "position": position,
+            "step_length": step.length,
+            "residual": residual,
+            "order": step.order,
+            "factorizations": step.factorizations,
+            "solves": step.solves,
+            "seconds": time.monotonic() - self._started,
+        }
 
     def write_path(self) -> None:
         """Write the path as a table."""
@@ -84,14 +120,6 @@ class RunWriter:
             self._file.close()
         finally:
             self._events.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:

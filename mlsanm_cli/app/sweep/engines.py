@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any
 
 from mlsanm_cli.app.sweep.point import Point, outcome, solve_point
+from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError
 
 ATTEMPTS = 3
@@ -23,22 +24,16 @@ ATTEMPTS = 3
 Row = Mapping[str, Any]
 
 
-class Engine(Protocol):
+class Engine(Closing, ABC):
     """Solves points; a context manager."""
 
+    @abstractmethod
     def submit(self, point: Point) -> None:
         """Have a point solved, in the order in which they come as far as possible."""
-        ...
 
+    @abstractmethod
     def results(self) -> Iterator[Row]:
         """Rows of all points submitted, also while this goes on, as they end."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
 
 
 def local_engine(jobs: int) -> Engine:
@@ -46,7 +41,7 @@ def local_engine(jobs: int) -> Engine:
     return HereEngine() if jobs == 1 else PoolEngine(jobs)
 
 
-class HereEngine:
+class HereEngine(Engine):
     """One point after the other in this process."""
 
     def __init__(self) -> None:
@@ -66,16 +61,12 @@ class HereEngine:
             if row["status"] == "stopped":
                 return
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Give up what is not solved."""
         self._waiting.clear()
 
 
-class PoolEngine:
+class PoolEngine(Engine):
     """Spawned processes. When one dies, the pool starts anew and what was not finished is repeated."""
 
     def __init__(self, jobs: int) -> None:
@@ -126,12 +117,8 @@ class PoolEngine:
             else:
                 self.submit(point)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Give up what is not solved."""
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
 
@@ -141,7 +128,7 @@ def _leave_signals() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-class DaskEngine:
+class DaskEngine(Engine):
     """An existing Dask cluster, whose workers see the same files; it repeats what dies with a worker."""
 
     def __init__(self, client: Any, as_completed: Any) -> None:
@@ -168,12 +155,8 @@ class DaskEngine:
                 row = outcome(point, "failed", f"{type(error).__name__}: {error}")
             yield row
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Give up what is not solved."""
         self._client.close()
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.coupling import Coupling, GapTangent, Local
 
 
@@ -69,6 +69,10 @@ class HolonomicContact:
             [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion, limit, slips]
         )
 
+    def over(self, start: FloatArray, end: FloatArray) -> HolonomicContact:
+        """The same problem between other load factors (L,)."""
+        return HolonomicContact(self.coupling, start, end)
+
     def factors(self, lam: float) -> FloatArray:
         """Load factors (L,) at path parameter ``lam``."""
         return self.start + lam * self.change
@@ -85,6 +89,10 @@ class HolonomicContact:
         rows = slice(self.m, self.m + self.n)
         shifted = self.coupling.constant[rows] + self.coupling.load[rows] @ self.factors(lam)
         return np.asarray((shifted + self.coupling.slips @ np.concatenate([p, t, q])) * self.law.slip)
+
+    def sticking(self, x: FloatArray, lam: float) -> BoolArray:
+        """Which nodes with friction (n,) have slipped by less than the law's small slip."""
+        return np.abs(self.slip(x, lam)) < self.small
 
     def with_auxiliary(self, x: FloatArray, lam: float) -> FloatArray:
         """``x`` (2m + k + n,) with the auxiliary unknowns that go with it."""

@@ -27,7 +27,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus
 from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling, GapTangent, Local
 from mlsanm_cli.contact.response.dense import SingularSystemError
@@ -204,6 +204,10 @@ class RegularizedFriction:
         """Load factors (L,) at path parameter ``lam``."""
         return self.start + lam * self.change
 
+    def over(self, start: FloatArray, end: FloatArray) -> RegularizedFriction:
+        """The same problem between other load factors (L,)."""
+        return RegularizedFriction(self.coupling, start, end, self.sets, self.stick_reference, self.tally)
+
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Pressures (m,), gaps (m,), motions (k,), tractions (n,)."""
         m, k = self.m, self.k
@@ -299,10 +303,13 @@ class RegularizedFriction:
         )
         return problem
 
-    def aside(self) -> RegularizedFriction:
-        """The same problem for states that the path does not go on from: it keeps the tangent at hand, which
-        theirs would take the place of."""
-        return copy(self)
+    def slip(self, x: FloatArray, lam: float) -> FloatArray:
+        """Slips (n,)."""
+        return self.stick_coordinate(x, lam) - self.law.stick_compliance * self.split(x)[3]
+
+    def sticking(self, x: FloatArray, lam: float) -> BoolArray:
+        """Which nodes with friction (n,) stick."""
+        return self.sets.stuck
 
     def stick_coordinate(self, x: FloatArray, lam: float) -> FloatArray:
         """Slips less what the asperities' softness explains, s + c t (n,)."""

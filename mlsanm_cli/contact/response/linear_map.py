@@ -108,12 +108,6 @@ class Columns:
         result.pressure[:, span] = pressure
         return result
 
-    def of_tractions(self, span: slice, traction: FloatArray) -> LinearMap:
-        """A map (r, span) of one contact's tractions alone."""
-        result = self.zeros(len(traction))
-        result.traction[:, span] = traction
-        return result
-
 
 def stack(maps: list[LinearMap], columns: Columns) -> LinearMap:
     """Maps below each other."""

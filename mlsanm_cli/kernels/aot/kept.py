@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.kernels.aot.machine import Code, UnloadableError, numba_root
-from mlsanm_cli.system import who_else_may_write
+from mlsanm_cli.system import replacing, who_else_may_write
 
 NAME = "machine-code"
 LEFT = "left-to-numba"
@@ -99,12 +99,9 @@ def write(place: Path, code: Code) -> None:
         raise PermissionError(reason)
     # Not by tempfile, whose files no other user may read: one may compile for all.
     beside = place / f"{NAME}.{os.getpid()}.{os.urandom(8).hex()}"
-    try:
+    with replacing(place / NAME, beside):
         beside.write_bytes(encoded(code))
         _shut(beside)
-        beside.replace(place / NAME)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def left_to_numba(place: Path) -> bool:

@@ -1,0 +1,19 @@
+"""Context managers that end with ``close``."""
+
+from __future__ import annotations
+
+from typing import Self
+
+
+class Closing:
+    """Closed at the end of a ``with`` block."""
+
+    def close(self) -> None:
+        """Release what is held; twice is allowed."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()

@@ -1,0 +1,201 @@
+"""The range of a contact grid: where surfaces come to touch, found coarsely and then narrowed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.response.condensed import Condensed
+
+FIRST = 24
+"""Intervals of an even grid over all that faces."""
+PER_PLACE = 10
+"""Intervals of even grids for each place where surfaces come close, or means over them would not see it."""
+FINEST, GROWTH = 1e-3, 1.3
+"""The first grid has intervals so much finer where surfaces are nearest, growing by this factor: where bodies
+roll on each other, a few places alone cannot balance their loads."""
+SAMPLES = 12
+"""Samples of a range at first."""
+LEAST = 8
+"""Intervals in contact that tell where it is."""
+ENDING = 2e-3
+"""Intervals at the end of a range that something touches are halved down to this part of the range."""
+MARGIN = 0.3
+"""The range goes on past the outermost contact by this part of the width between."""
+NARROWED = 0.6
+"""Ranges that would become narrower than this part of themselves are narrowed."""
+FLAT = 1e-9
+"""Surfaces whose gap varies by less than this part of the range are parallel."""
+UNSEEN = 1e-3
+"""Overlaps between the nodes of grids are looked at closely from this part of the largest approach on."""
+
+
+def first_grid(clear: ContactRange) -> Near:
+    """A coarse grid over all that faces, finer towards where the surfaces are nearest; even where they touch
+    all along."""
+    looks = clear.facing.gap(np.linspace(clear.first, clear.last, FIRST + 1))
+    # Waves might be looked at in their troughs alone.
+    if clear.places == 1 and float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
+        even = clear.hats(np.linspace(clear.first, clear.last, FIRST + 1))
+        return Near(clear.facing, clear.first, clear.last, SAMPLES, even, clear.centers, clear.corners)
+    widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)
+    parts = [np.array([clear.first, clear.nearest, clear.last])]
+    for sign, room in ((-1.0, clear.nearest - clear.first), (1.0, clear.last - clear.nearest)):
+        steps = [FINEST * widest]
+        while sum(steps) < room:
+            steps.append(min(GROWTH * steps[-1], widest))
+        away = np.cumsum(steps)
+        parts.append(clear.nearest + sign * away[:-1] * room / away[-1])
+    hats = clear.hats(np.unique(np.concatenate(parts)))
+    return Near(
+        clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, clear.corners, rough=True
+    )
+
+
+def ranged(
+    condensed: Condensed,
+    grids: Mapping[str, Near],
+    clear: Mapping[str, ContactRange],
+    states: Sequence[ExactState],
+    passed: Mapping[str, FloatArray],
+) -> dict[str, Near] | None:
+    """The grids with ranges that suit what touches, and where it ``passed`` on its way; None where that comes
+    to the end of a clear range."""
+    touched = [
+        condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in states
+    ]
+    result = dict(grids)
+    for pairing in condensed.pairings:
+        name = pairing.name
+        if name not in grids:
+            continue
+        near, room, nodes = grids[name], clear[name], grids[name].hats.nodes
+        closed = np.any([state.active[condensed.spans[name]] for state in states], axis=0)
+        seen = summits(condensed, name, room, states)
+        beyond = np.concatenate(
+            [
+                pairing.arc[np.any([masks[name] for masks in touched], axis=0)],
+                seen[(seen < near.first) | (seen > near.last)],
+            ]
+        )
+        places = np.flatnonzero(closed)
+        if not len(places):
+            if len(beyond):
+                result[name] = first_grid(room)
+            continue
+        low, high = nodes[places[0]], nodes[places[-1] + 2]
+        width = high - low
+        reached = np.concatenate([[low, high], beyond, seen, passed.get(name, np.zeros(0))])
+        low, high = float(reached.min()), float(reached.max())
+        short = low <= room.first and not room.whole[0], high >= room.last and not room.whole[1]
+        if any(short):
+            coarse = _coarse_ends(near, places)
+            if not coarse.any():
+                return None
+            result[name] = replace(near, hats=near.hats.halved(coarse))
+            continue
+        first, last = max(room.first, low - MARGIN * width), min(room.last, high + MARGIN * width)
+        if room.around and (first == room.first or last == room.last):
+            first, last = room.first, room.last
+        outgrown = room.first < near.first >= low or room.last > near.last <= high
+        if outgrown or len(beyond):
+            inner = nodes[(nodes > near.first) & (nodes < near.last)]
+            first, last = min(first, near.first), max(last, near.last)
+            # Not as fine as where something touches at last: it may have come a long way.
+            steps = max(float(np.median(near.hats.steps)), width / FIRST)
+            more = [np.arange(near.first - steps, first, -steps), np.arange(near.last + steps, last, steps)]
+            wider = room.hats(np.unique(np.concatenate([[first], *more, inner, [last]])))
+            result[name] = replace(near, first=first, last=last, hats=wider)
+        elif len(places) < LEAST:
+            middle = np.zeros(len(near.hats.steps), dtype=bool)
+            middle[max(places[0] - 1, 0) : places[-1] + 3] = True
+            result[name] = replace(near, hats=near.hats.halved(middle))
+        elif near.rough or last - first < NARROWED * (near.last - near.first):
+            share = PER_PLACE * room.places * (last - first) / (room.last - room.first)
+            even = room.hats(np.linspace(first, last, max(FIRST, round(share)) + 1))
+            result[name] = replace(near, first=first, last=last, count=SAMPLES, hats=even, rough=False)
+    return result
+
+
+def _coarse_ends(near: Near, places: IntArray) -> BoolArray:
+    """Which intervals (m + 1,) at an end of the range that closed ``places`` come to are too long to tell
+    whether they do."""
+    steps = near.hats.steps
+    ends = np.zeros(len(steps), dtype=bool)
+    ends[:2] |= places[0] == 0
+    ends[-2:] |= places[-1] == len(steps) - 2
+    return ends & (steps > ENDING * (near.last - near.first))
+
+
+def passed_beyond(
+    condensed: Condensed,
+    clear: Mapping[str, ContactRange],
+    states: Sequence[ExactState],
+    passed: dict[str, FloatArray],
+) -> bool:
+    """Whether surfaces touch in some states beyond the ranges of their grids: ``passed`` then has the first
+    and the last of all places."""
+    beyond = False
+    for pairing in condensed.pairings:
+        near, span = pairing.near, condensed.spans[pairing.name]
+        if near is None or pairing.bonded or not states:
+            continue
+        touched = [
+            pairing.arc[condensed.touched(one.factors, one.motion, one.pressure, one.traction)[pairing.name]]
+            for one in states
+        ]
+        seen = summits(condensed, pairing.name, clear[pairing.name], states)
+        closed = near.hats.place[np.any([state.active[span] for state in states], axis=0)]
+        places = np.concatenate([closed, seen, *touched])
+        if len(places) and (places.min() < near.first or places.max() > near.last):
+            passed[pairing.name] = np.array([places.min(), places.max()])
+            beyond = True
+    return beyond
+
+
+def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequence[ExactState]) -> FloatArray:
+    """Places (e,) where surfaces overlap in a state away from all that touches there: summits of a profile
+    that neither means over wide hats nor the nodes beyond them see."""
+    pairing = condensed.pairing_of(name)
+    assert pairing.near is not None
+    hats, span, watched = pairing.near.hats, condensed.spans[name], condensed.watched_of(name)
+    places, drawn = room.looks
+    own = hats.at_places(pairing.near.facing.gap(hats.points)[:, None])[:, 0]
+    beyond_grid = pairing.arc[~pairing.candidate]
+    # Not from the nodes' own gaps: these are measured towards the closest place, not along the directions of
+    # pressures, which is not the same where surfaces come a long way.
+    others = pairing.near.facing.gap(beyond_grid) if len(beyond_grid) else beyond_grid
+    at = np.concatenate([hats.place, beyond_grid])
+    order = np.argsort(at)
+    interval = np.clip(np.searchsorted(hats.nodes, places) - 1, 0, len(hats.steps) - 1)
+    beyond = (places < hats.nodes[0]) | (places > hats.nodes[-1])
+    chosen = np.zeros(len(places), dtype=bool)
+    for state in states:
+        gap = condensed.watched(state.factors, state.motion, state.pressure, state.traction)[watched]
+        moved = np.concatenate([state.gap[span] - own, gap - others])
+        closed = state.active[span]
+        touching = np.pad(closed, 2)
+        apart = ~(touching[:-3] | touching[1:-2] | touching[2:-1] | touching[3:])
+        shallow = UNSEEN * float(np.abs(moved[: len(own)][closed]).max(initial=0.0))
+        way = moved[order]
+        # Between nodes far apart a body that turns moves along a curve.
+        between = np.clip(np.searchsorted(at[order], places) - 1, 0, len(way) - 2)
+        unsure = _bends(at[order], way)[between]
+        overlap = drawn + np.interp(places, at[order], way) < -shallow - unsure
+        chosen |= overlap & (apart[interval] | beyond)
+    return places[chosen]
+
+
+def _bends(at: FloatArray, values: FloatArray) -> FloatArray:
+    """How far (n - 1,) ``values`` (n,) may be off the straight lines between their places ``at`` (n,),
+    increasing, by the second differences at both ends of each."""
+    steps = np.maximum(np.diff(at), np.finfo(float).tiny)
+    second = np.zeros(len(at))
+    second[1:-1] = np.abs(np.diff(np.diff(values) / steps)) / (at[2:] - at[:-2])
+    return np.asarray(0.25 * steps**2 * np.maximum(second[:-1], second[1:]))

@@ -1,0 +1,94 @@
+"""How fine a contact grid is: samples of the bodies' answers, and intervals halved where pressures bend."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.response.condensed import Answers, Condensed
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.solve.grid_ranges import summits
+
+MOST_SAMPLES = 96
+SMOOTH = 1e-4
+"""Samples are doubled until the last coefficients of the answer are below this part of the factor of its
+logarithm. Its variation says nothing: rigid motions and bending make it a hundred times as much in layers."""
+MOST, SHORTEST = 2000, 1e-5
+"""Grids of more intervals are not halved any more, nor intervals below this part of the range: pressures
+under corners of obstacles have no bound."""
+PLENTY = 300
+"""Grids of more intervals are refined to less, by the cube of how many more: obstacles of many corners, or
+of many patches, would cost minutes otherwise."""
+SHARE, WORST = 0.7, 0.1
+"""Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
+
+
+def sampled(scene: Scene, answers: Answers, grids: Mapping[str, Near]) -> dict[str, Near]:
+    """The grids with as many samples as the bodies' answers need."""
+    result = dict(grids)
+    for pairing in answers.observation.pairings:
+        near = pairing.near
+        if near is None or near.count >= MOST_SAMPLES:
+            continue
+        log = sum(
+            np.abs(near.singular(scene.bodies[body].model.kernel, slave)[0]).max()
+            for body, slave, _ in pairing.sides
+        )
+        kernel = answers.smooth(pairing)
+        if near.last_coefficients(kernel) > SMOOTH * float(log):
+            result[pairing.name] = replace(grids[pairing.name], count=2 * near.count)
+    return result
+
+
+def refined(
+    condensed: Condensed,
+    grids: Mapping[str, Near],
+    clear: Mapping[str, ContactRange],
+    states: Sequence[ExactState],
+    accuracy: Mapping[str, float],
+    tractions: bool,
+) -> dict[str, Near]:
+    """The grids halved where the pressures, and ``tractions`` if they count, of the states need it.
+
+    Between the ends of stages tractions do not: every level on the way has its own edges of sticking, and a
+    grid fine at all of them would be fine everywhere.
+    """
+    result = dict(grids)
+    for name, near in grids.items():
+        errors = grid_errors(condensed, name, states, tractions)
+        if len(errors) >= MOST:
+            continue
+        places = summits(condensed, name, clear[name], states)
+        chosen = np.isin(np.arange(len(errors)), np.searchsorted(near.hats.nodes, places) - 1)
+        aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 3
+        if float(np.sqrt((errors**2).sum())) > aim:
+            chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
+        chosen &= near.hats.steps > SHORTEST * (near.last - near.first)
+        if chosen.any():
+            result[name] = replace(near, hats=near.hats.halved(chosen))
+    return result
+
+
+def grid_errors(
+    condensed: Condensed, name: str, states: Sequence[ExactState], tractions: bool = True
+) -> FloatArray:
+    """What every interval of a contact's grid has of the relative L2 error of its pressures, and of tractions
+    if these count, in the worst of some states."""
+    pairing = condensed.pairing_of(name)
+    assert pairing.near is not None
+    hats, worst = pairing.near.hats, np.zeros(len(pairing.near.hats.steps))
+    for state in states:
+        pressure = state.pressure[condensed.spans[name]]
+        size = hats.norm(pressure)
+        parts = [hats.errors(pressure)]
+        if pairing.friction and tractions:
+            parts.append(hats.errors(state.traction[condensed.tangential[name]]) / pairing.friction)
+        if size > 0.0:
+            worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / size)
+    return worst
