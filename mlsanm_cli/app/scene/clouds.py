@@ -7,7 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.app.scene.default_spacing import arc_zones, bond_zones, contact_zone, usual_spacing
+from mlsanm_cli.app.scene.default_spacing import (
+    arc_zones,
+    bond_zones,
+    clamped_zones,
+    contact_zone,
+    usual_spacing,
+)
 from mlsanm_cli.app.scene.surfaces import (
     bond_ends,
     curve_at,
@@ -18,6 +24,7 @@ from mlsanm_cli.app.scene.surfaces import (
     sides_of,
     with_cuts,
 )
+from mlsanm_cli.case import Displacement, Place, Platen
 from mlsanm_cli.case.model.case import Body, Case
 from mlsanm_cli.case.model.files import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
@@ -32,7 +39,12 @@ def spacing_of(case: Case, body: Body) -> Spacing:
     far, zones = body.spacing, []
     if isinstance(far, str):
         far = usual_spacing(outline)
-        zones = [*arc_zones(outline, far), *_contact_zones(case, body, far)]
+        clamped = [curve_at(case, place, "support")[0] for place in _clamped(case, body.name)]
+        zones = [
+            *arc_zones(outline, far),
+            *_contact_zones(case, body, far),
+            *(zone for curve in clamped for zone in clamped_zones(curve, far)),
+        ]
     for refine in body.refine:
         if refine.at is not None:
             zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
@@ -40,6 +52,20 @@ def spacing_of(case: Case, body: Body) -> Spacing:
             for number in numbers_of(outline, str(refine.along).rpartition(".")[2]):
                 zones.append(Zone(outline.curves[number], refine.spacing, refine.radius, refine.growth))
     return Spacing(far, tuple(zones))
+
+
+def _clamped(case: Case, body: str) -> Iterator[Place]:
+    """The sides of a body on which both displacements are given."""
+    given: list[Place | None] = [one.place for one in case.support if None not in (one.ux, one.uy)]
+    for load in case.load:
+        if isinstance(load, Displacement) and None not in load.components:
+            given.append(load.place)
+        elif isinstance(load, Platen) and {"x", "y"} <= set(load.control):
+            given += load.places
+    for place in given:
+        if place is not None and place.body == body:
+            # Boundaries that are clamped need not join.
+            yield from [place] if place.ends else [Place((name,)) for name in place.boundaries]
 
 
 def _contact_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
