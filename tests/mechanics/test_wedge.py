@@ -7,10 +7,11 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces
-from mlsanm_cli.mechanics.material import isotropic
+from mlsanm_cli.mechanics.material import isotropic, orthotropic
 from mlsanm_cli.mechanics.near_field import Kernel, SurfaceForces, kernel_of, traction
 from mlsanm_cli.mechanics.wedge import Wedge
 
+WOOD = kernel_of(orthotropic((12.0, 0.6, 0.6), (0.4, 0.4, 0.3), 0.7, 0.5, "strain"))
 STEEL = kernel_of(isotropic(1.0, 0.3, "strain"))
 SOURCES = np.array([0.05, 0.3, 1.0])
 
@@ -26,28 +27,32 @@ def forces(at: Corner) -> CorneredForces:
     return CorneredForces(SurfaceForces(at.wedge.kernel, places, np.full(3, -1j)), (at,))
 
 
-@pytest.mark.parametrize("angle", [35.0, 60.0, 90.0, 140.0, 214.0, 255.0])
-def test_both_faces_are_free(angle: float) -> None:
-    at, kernel = corner(STEEL, angle), STEEL
+@pytest.mark.parametrize(
+    ("kernel", "angle"),
+    [*((STEEL, angle) for angle in (35.0, 60.0, 90.0, 140.0, 214.0, 255.0)), (WOOD, 90.0), (WOOD, 214.0)],
+)
+def test_both_faces_are_free(kernel: Kernel, angle: float) -> None:
+    at, own_forces = corner(kernel, angle), forces(corner(kernel, angle)).own
     force = np.eye(6).reshape(3, 2, 6)
     x = np.array([0.02, 0.15, 0.7, 3.0])
     size = []
     for face, inward in zip(at.faces, at.wedge.inward, strict=True):
         z = x * face + 1e-6 * x * inward
         stress = sum((line.stress(z) for line in at.lines(SOURCES, force)), start=np.zeros((4, 3, 6)))
-        own = kernel.stress(z[:, None] - SOURCES)
+        own = own_forces.stress(z)
         stress = stress + np.moveaxis(own, 2, 1).reshape(4, 3, 6)
         found = traction(stress.reshape(4, 3, 3, 2).transpose(0, 2, 1, 3), np.full((4, 1), -inward))
         size.append(np.abs(found * x[:, None, None, None]).max())
     assert max(size) < 2e-3
     # Without the corner's forces the other face is anything but free.
-    alone = traction(kernel.stress(at.faces[1] * x[:, None] - SOURCES), np.full((4, 1), -at.wedge.inward[1]))
+    alone = traction(own_forces.stress(at.faces[1] * x), np.full((4, 1), -at.wedge.inward[1]))
     assert np.abs(alone * x[:, None, None, None]).max() > 0.05
 
 
-def test_reciprocity() -> None:
+@pytest.mark.parametrize("kernel", [STEEL, WOOD])
+def test_reciprocity(kernel: Kernel) -> None:
     """A force here moves there as one there does here: what is added to the two half-planes, too."""
-    at = corner(STEEL, 90.0)
+    at = corner(kernel, 90.0)
     for component in (0, 1):
         table = at.wedge.compliance(SOURCES, SOURCES, component, component)
         assert table == pytest.approx(table.T, abs=1e-5 * np.abs(table).max())

@@ -36,6 +36,9 @@ SHALLOW = 1e-3
 SHARPEST, BLUNTEST, HOLLOW, WIDEST = np.radians([25.0, 170.0, 190.0, 255.0]).tolist()
 """Angles of corners whose fields are known: from the first to the second, from the third to the last, and a
 straight line."""
+SHARPEST_OF_OTHERS = np.radians(60.0)
+"""The same of the first where bodies are not isotropic: tractions left on the other face are below 1 % of
+those that are taken off."""
 SIDE, BEYOND, SEEN = 1e-3, 1e2, 40
 """From how far on, how far, in their lengths, and at how many places the lines of a corner's faces and what
 lies outwards of them are followed outside the body."""
@@ -159,10 +162,10 @@ def _ends(model: BodyModel, surface: Surface, held: Restraints) -> Ends:
 
 
 def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
-    """The corner at one end of a surface of an isotropic body, if both its faces are straight and the other
-    one is free, or slides along a wall; and neither blunt nor very sharp."""
-    face = _straight(surface)
-    if face is None or not isinstance(model.kernel, Isotropic):
+    """The corner at one end of a surface, if both its faces are straight and the other one is free, or that
+    of an isotropic body slides along a wall; and neither blunt nor very sharp."""
+    face, isotropic = _straight(surface), isinstance(model.kernel, Isotropic)
+    if face is None:
         return None
     tip, along = (face[1], face[0] - face[1]) if at_end else (face[0], face[1] - face[0])
     for name, beside in model.cloud.surfaces.items():
@@ -181,7 +184,8 @@ def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) 
         inside = float(np.angle(ways[1] / ways[0]) * turn.imag) % (2.0 * np.pi)
         angle = inside * (2.0 if wedge.sliding else 1.0)
         blunt = BLUNTEST < angle < HOLLOW and abs(angle - np.pi) > ALIKE
-        if not SHARPEST <= inside <= angle <= WIDEST or blunt:
+        sharpest = SHARPEST if isotropic else SHARPEST_OF_OTHERS
+        if not sharpest <= inside <= angle <= WIDEST or blunt or (wedge.sliding and not isotropic):
             return None
         length = min(abs(along), abs(far - tip))
         if model.cloud.holds(_behind(wedge, tip, abs(along), abs(far - tip))).any():
