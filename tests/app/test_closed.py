@@ -131,7 +131,7 @@ def test_a_wedge_between_blocks_that_slide(tmp_path: Path) -> None:
     ("setting", "degrees"),
     [
         ((), {"hub": 4, "shaft": 4}),
-        (('solver.formulation="monolithic"',), {"hub": 2, "shaft": 2}),
+        (('mls.scheme="ghost"',), {"hub": 2, "shaft": 2}),
         (("mls.degree=3",), {"hub": 3, "shaft": 3}),
         (("mls.neighbors=18",), {"hub": 2, "shaft": 2}),
     ],

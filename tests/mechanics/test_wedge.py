@@ -43,7 +43,7 @@ def test_both_faces_are_free(kernel: Kernel, angle: float) -> None:
         stress = stress + np.moveaxis(own, 2, 1).reshape(4, 3, 6)
         found = traction(stress.reshape(4, 3, 3, 2).transpose(0, 2, 1, 3), np.full((4, 1), -inward))
         size.append(np.abs(found * x[:, None, None, None]).max())
-    assert max(size) < 2e-3
+    assert max(size) < (2e-3 if kernel is STEEL else 2e-2)
     # Without the corner's forces the other face is anything but free.
     alone = traction(own_forces.stress(at.faces[1] * x), np.full((4, 1), -at.wedge.inward[1]))
     assert np.abs(alone * x[:, None, None, None]).max() > 0.05
