@@ -131,7 +131,6 @@ def test_a_wedge_between_blocks_that_slide(tmp_path: Path) -> None:
     ("setting", "degrees"),
     [
         ((), {"hub": 4, "shaft": 4}),
-        (('mls.scheme="ghost"',), {"hub": 2, "shaft": 2}),
         (("mls.degree=3",), {"hub": 3, "shaft": 3}),
         (("mls.neighbors=18",), {"hub": 2, "shaft": 2}),
     ],
@@ -140,3 +139,10 @@ def test_the_degree_that_is_left_to_us(setting: tuple[str, ...], degrees: dict[s
     case = parse(FIT, setting).case
     models = prepare(case, clouds(case)).models
     assert {name: model.settings.degree for name, model in models.items()} == degrees
+
+
+@pytest.mark.usefixtures("by_nodes")
+def test_bodies_with_nodal_contacts_have_degree_2() -> None:
+    case = parse(FIT).case
+    models = prepare(case, clouds(case)).models
+    assert {model.settings.degree for model in models.values()} == {2}
