@@ -111,7 +111,7 @@ def set_up(
         adapted = adapt(case, prepared, context)
     else:
         adapted = refine_again(case, refinement, context)
-    nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.near is None]
+    nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.grid is None]
     for warning in (*adapted.warnings, *nodal_warnings(adapted.prepared, nodal)):
         warn(warning)
     return adapted

@@ -16,8 +16,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
-from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
@@ -74,7 +74,7 @@ def find_grids(
             answers = Answers.of(scene, some, memo)
         if condensed is None:
             condensed = condense(scene, some, memo, answers)
-        starts = starts or [_near_enough(condensed.pairings)]
+        starts = starts or [_starting_status(condensed.pairings)]
         states = search(condensed, starts, "every" if every else "ends")
         wanted = ranged(condensed, grids, clear, states, passed)
         if wanted is None:
@@ -110,10 +110,10 @@ def find_grids(
 def _turned(
     condensed: Condensed,
     states: Sequence[ExactState],
-    grids: Mapping[str, Near],
+    grids: Mapping[str, ContactGrid],
     held: Sequence[Mapping[str, FloatArray]],
     common: dict[str, float],
-) -> dict[str, Near] | None:
+) -> dict[str, ContactGrid] | None:
     """The grids with directions as the bodies have turned in the last states where they touch, but for the
     angles ``common`` that would push along ``held`` motions, which are brought up to date; None where these
     are so already."""
@@ -149,28 +149,28 @@ def _effort(contact: Contact, count: int) -> float:
     return SMOOTHED if law.law == "hyperbolic" and law.friction_law == "memory" else RUBBING
 
 
-def _same(one: Mapping[str, Near], other: Mapping[str, Near]) -> bool:
+def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
     return all(one[name] is other[name] for name in one)
 
 
-def _on_grids(pairings: Sequence[Pairing], grids: Mapping[str, Near]) -> tuple[Pairing, ...]:
+def _on_grids(pairings: Sequence[Pairing], grids: Mapping[str, ContactGrid]) -> tuple[Pairing, ...]:
     return tuple(
         on_grid(pairing, grids[pairing.name]) if pairing.name in grids else pairing for pairing in pairings
     )
 
 
-def _near_enough(pairings: Sequence[Pairing]) -> ContactStatus:
+def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
     """Sets to begin a search with: wide patches about where surfaces are nearest. Searches from
     few places may roll a body out of its contact."""
     found = [np.zeros(0, dtype=bool)]
     for pairing in pairings:
         gap = pairing.gap[pairing.candidate]
-        if pairing.near is None:
+        if pairing.grid is None:
             found.append(gap <= gap.min())
             continue
-        place, least = pairing.near.hats.place, int(np.argmin(gap))
-        beside = np.abs(place - place[least]) <= WIDE * (pairing.near.last - pairing.near.first)
-        found.append(gap <= gap[beside].max())
+        place, least = pairing.grid.hats.place, int(np.argmin(gap))
+        close = np.abs(place - place[least]) <= WIDE * (pairing.grid.last - pairing.grid.first)
+        found.append(gap <= gap[close].max())
     stuck = [closed for closed, pairing in zip(found[1:], pairings, strict=True) if pairing.friction]
     sticking = np.concatenate([np.zeros(0, dtype=bool), *stuck])
     return ContactStatus(np.concatenate(found), sticking, np.zeros(len(sticking)))
@@ -184,8 +184,8 @@ def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) ->
         own = [state.active[span].astype(float), state.stuck[span].astype(float)]
         if old.friction:
             own.append(np.sign(state.traction[condensed.tangential[old.name]]))
-        if old.near is not None and new.near is not None:
-            place, before = new.near.hats.place, old.near.hats.place
+        if old.grid is not None and new.grid is not None:
+            place, before = new.grid.hats.place, old.grid.hats.place
             own = [np.interp(place, before, values, 0.0, 0.0) for values in own]
         closed.append(own[0])
         if old.friction:

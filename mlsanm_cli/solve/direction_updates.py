@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 
@@ -33,15 +33,15 @@ def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
     for pairing in condensed.pairings:
         span = condensed.spans[pairing.name]
         closed = np.flatnonzero(state.active[span])
-        if pairing.near is None or not len(closed) or closed[-1] - closed[0] >= len(closed):
+        if pairing.grid is None or not len(closed) or closed[-1] - closed[0] >= len(closed):
             continue
-        share = pairing.near.hats.weight * state.pressure[span]
+        share = pairing.grid.hats.weight * state.pressure[span]
         if share.sum() > 0.0:
-            found[pairing.name] = _turn(pairing.near, float(share @ pairing.near.hats.place / share.sum()))
+            found[pairing.name] = _turn(pairing.grid, float(share @ pairing.grid.hats.place / share.sum()))
     return found
 
 
-def _turn(near: Near, middle: float) -> float:
+def _turn(near: ContactGrid, middle: float) -> float:
     """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved."""
     aside = ASIDE * (near.last - near.first)
     base = near.facing.slave_first
@@ -74,12 +74,12 @@ def unturned(
     for pairing in condensed.pairings:
         span = condensed.spans[pairing.name]
         size = float(condensed.weight[span] @ state.pressure[span])
-        if pairing.near is None or not size:
+        if pairing.grid is None or not size:
             continue
-        force = pairing.near.resultants(True, (0.0, 0.0))[0] @ state.pressure[span]
-        middle = condensed.weight[span] * state.pressure[span] @ pairing.near.hats.place / size
-        places = pairing.near.facing.side(np.array([middle]), True)[0][0]
-        more = turned.get(pairing.name, 0.0) - pairing.near.facing.turn
+        force = pairing.grid.resultants(True, (0.0, 0.0))[0] @ state.pressure[span]
+        middle = condensed.weight[span] * state.pressure[span] @ pairing.grid.hats.place / size
+        places = pairing.grid.facing.side(np.array([middle]), True)[0][0]
+        more = turned.get(pairing.name, 0.0) - pairing.grid.facing.turn
         # As the force turns about the middle of its patch.
         push = complex(force[0], force[1]) * np.exp(1j * more)
         moment = force[2] + (np.conj(places) * (push - complex(force[0], force[1]))).imag

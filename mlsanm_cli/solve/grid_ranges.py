@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.grid import Hats
-from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 
@@ -37,14 +37,14 @@ UNSEEN = 1e-3
 """Overlaps between the nodes of grids are looked at closely from this part of the largest approach on."""
 
 
-def first_grid(clear: ContactRange) -> Near:
+def first_grid(clear: ContactRange) -> ContactGrid:
     """A coarse grid over all that faces, finer towards where the surfaces are nearest; even where they touch
     all along."""
     looks = clear.facing.gap(np.linspace(clear.first, clear.last, FIRST + 1))
     # Waves might be looked at in their troughs alone.
     if clear.places == 1 and float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
         even = _hats(np.linspace(clear.first, clear.last, FIRST + 1), clear)
-        return Near(clear.facing, clear.first, clear.last, SAMPLES, even, clear.centers, clear.corners)
+        return ContactGrid(clear.facing, clear.first, clear.last, SAMPLES, even, clear.centers, clear.corners)
     widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)
     parts = [np.array([clear.first, clear.nearest, clear.last])]
     for sign, room in ((-1.0, clear.nearest - clear.first), (1.0, clear.last - clear.nearest)):
@@ -54,7 +54,7 @@ def first_grid(clear: ContactRange) -> Near:
         away = np.cumsum(steps)
         parts.append(clear.nearest + sign * away[:-1] * room / away[-1])
     hats = _hats(np.unique(np.concatenate(parts)), clear)
-    return Near(
+    return ContactGrid(
         clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, clear.corners, rough=True
     )
 
@@ -67,11 +67,11 @@ def _hats(nodes: FloatArray, clear: ContactRange) -> Hats:
 
 def ranged(
     condensed: Condensed,
-    grids: Mapping[str, Near],
+    grids: Mapping[str, ContactGrid],
     clear: Mapping[str, ContactRange],
     states: Sequence[ExactState],
     passed: Mapping[str, FloatArray],
-) -> dict[str, Near] | None:
+) -> dict[str, ContactGrid] | None:
     """The grids with ranges that suit what touches, and where it ``passed`` on its way; None where that comes
     to the end of a clear range."""
     touched = [
@@ -128,7 +128,7 @@ def ranged(
     return result
 
 
-def _coarse_ends(near: Near, places: IntArray) -> BoolArray:
+def _coarse_ends(near: ContactGrid, places: IntArray) -> BoolArray:
     """Which intervals (m + 1,) at an end of the range that closed ``places`` come to are too long to tell
     whether they do."""
     steps = near.hats.steps
@@ -148,7 +148,7 @@ def passed_beyond(
     and the last of all places."""
     beyond = False
     for pairing in condensed.pairings:
-        near, span = pairing.near, condensed.spans[pairing.name]
+        near, span = pairing.grid, condensed.spans[pairing.name]
         if near is None or pairing.bonded or not states:
             continue
         touched = [
@@ -168,14 +168,14 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
     """Places (e,) where surfaces overlap in a state away from all that touches there: summits of a profile
     that neither means over wide hats nor the nodes beyond them see."""
     pairing = condensed.pairing_of(name)
-    assert pairing.near is not None
-    hats, span, watched = pairing.near.hats, condensed.spans[name], condensed.watched_of(name)
+    assert pairing.grid is not None
+    hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
     places, drawn = room.looks
-    own = hats.at_places(pairing.near.facing.gap(hats.points)[:, None])[:, 0]
+    own = hats.at_places(pairing.grid.facing.gap(hats.points)[:, None])[:, 0]
     beyond_grid = pairing.arc[~pairing.candidate]
     # Not from the nodes' own gaps: these are measured towards the closest place, not along the directions of
     # pressures, which is not the same where surfaces come a long way.
-    others = pairing.near.facing.gap(beyond_grid) if len(beyond_grid) else beyond_grid
+    others = pairing.grid.facing.gap(beyond_grid) if len(beyond_grid) else beyond_grid
     at = np.concatenate([hats.place, beyond_grid])
     order = np.argsort(at)
     interval = np.clip(np.searchsorted(hats.nodes, places) - 1, 0, len(hats.steps) - 1)

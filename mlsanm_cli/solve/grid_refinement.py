@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
-from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Answers, Condensed
 from mlsanm_cli.mechanics.scene import Scene
@@ -29,11 +29,11 @@ SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 
 
-def sampled(scene: Scene, answers: Answers, grids: Mapping[str, Near]) -> dict[str, Near]:
+def sampled(scene: Scene, answers: Answers, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
     """The grids with as many samples as the bodies' answers need."""
     result = dict(grids)
     for pairing in answers.observation.pairings:
-        near = pairing.near
+        near = pairing.grid
         if near is None or near.count >= MOST_SAMPLES:
             continue
         log = sum(
@@ -48,12 +48,12 @@ def sampled(scene: Scene, answers: Answers, grids: Mapping[str, Near]) -> dict[s
 
 def refined(
     condensed: Condensed,
-    grids: Mapping[str, Near],
+    grids: Mapping[str, ContactGrid],
     clear: Mapping[str, ContactRange],
     states: Sequence[ExactState],
     accuracy: Mapping[str, float],
     tractions: bool,
-) -> dict[str, Near]:
+) -> dict[str, ContactGrid]:
     """The grids halved where the pressures, and ``tractions`` if they count, of the states need it.
 
     Between the ends of stages tractions do not: every level on the way has its own edges of sticking, and a
@@ -81,8 +81,8 @@ def grid_errors(
     """What every interval of a contact's grid has of the relative L2 error of its pressures, and of tractions
     if these count, in the worst of some states."""
     pairing = condensed.pairing_of(name)
-    assert pairing.near is not None
-    hats, worst = pairing.near.hats, np.zeros(len(pairing.near.hats.steps))
+    assert pairing.grid is not None
+    hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.steps))
     for state in states:
         pressure = state.pressure[condensed.spans[name]]
         size = hats.norm(pressure)

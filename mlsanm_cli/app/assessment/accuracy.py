@@ -102,7 +102,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         return Accuracy(None, untold, untold, state, largest, defects, solutions)
     from_contact = {
         pair.name: distance(built, pair, state, halved)
-        if pair.near is None
+        if pair.grid is None
         else float(np.linalg.norm(grid_errors(condensed, pair.name, [state])))
         for pair in condensed.pairings
     }

@@ -227,9 +227,9 @@ def check_held(built: CondensedScene) -> str:
     worst, where = 0.0, ""
     for pairing in built.condensed.pairings:
         bodies = held & set(pairing.bodies)
-        if pairing.near is None or pairing.name not in turned or not bodies:
+        if pairing.grid is None or pairing.name not in turned or not bodies:
             continue
-        angle = abs(turned[pairing.name] - pairing.near.facing.turn)
+        angle = abs(turned[pairing.name] - pairing.grid.facing.turn)
         if angle > max(worst, HELD_WARNING):
             worst, where = angle, " and ".join(sorted(bodies))
     if not where:
@@ -267,10 +267,10 @@ def check_estimates(
         )
     for pairing in built.condensed.pairings:
         error = pressures.get(pairing.name)
-        limit = ESTIMATE_WARNING if pairing.near is not None and not pairing.friction else LARGE_ERROR
+        limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:
             keys = [f"body.{body}.spacing" for body in pairing.bodies]
-            if pairing.near is not None and pairing.friction:
+            if pairing.grid is not None and pairing.friction:
                 keys.append(f"contact.{pairing.name}.accuracy")
             texts.append(
                 f"contact {pairing.name}: its pressures are estimated to be off by {100 * error:.2g} %; "
@@ -292,7 +292,7 @@ def check_spacing(built: CondensedScene, state: State) -> None:
     """NumericalError where surfaces press on each other whose spacings are too unlike."""
     clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
     for pairing in built.condensed.pairings:
-        if pairing.near is not None:
+        if pairing.grid is not None:
             continue
         closed = np.zeros_like(pairing.candidate)
         closed[pairing.candidate] = state.closed[built.condensed.spans[pairing.name]]

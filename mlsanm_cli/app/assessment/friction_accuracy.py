@@ -54,7 +54,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
     from_contact: dict[str, float | None] = {}
     for pair in condensed.pairings:
         from_bulk[pair.name] = distance(built, pair, last, state.pressure + change.pressure)
-        if pair.near is not None:
+        if pair.grid is not None:
             from_contact[pair.name] = float(np.linalg.norm(grid_errors(condensed, pair.name, [last])))
         else:
             from_contact[pair.name] = None if halved is None else distance(built, pair, last, halved)
@@ -90,7 +90,7 @@ def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
     """Pressures (m,) from every second node, with the tractions of the state as loads; None where such
     contacts are balanced by tractions alone."""
     condensed = built.condensed
-    if all(pair.near is not None for pair in condensed.pairings):
+    if all(pair.grid is not None for pair in condensed.pairings):
         return None
     pushed = replace(
         condensed,

@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.app.scene.loads import Acting
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact.geometry.near import turned
+from mlsanm_cli.contact.geometry.contact_grid import turned
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.functionals import resultant
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.near import Facing
+from mlsanm_cli.contact.geometry.contact_grid import Facing
 from mlsanm_cli.mechanics.corner import Corner
 
 SIGHTS = 2000

@@ -46,9 +46,9 @@ class Forces:
     def contact(self, pairing: Pairing, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
         """What a contact exerts on one of its bodies."""
         drivers = self.drivers
-        if pairing.near is not None:
+        if pairing.grid is not None:
             result = drivers.unknowns.zeros(3)
-            pressure, traction = pairing.near.resultants(body == pairing.slave_body, center)
+            pressure, traction = pairing.grid.resultants(body == pairing.slave_body, center)
             result.pressure[:, drivers.spans[pairing.name]] = pressure
             if pairing.friction:
                 result.traction[:, drivers.tangential[pairing.name]] = traction

@@ -205,7 +205,7 @@ class Condensed:
         place = as_complex(model.nodes if points is None else points)
         displacement, stress = np.zeros((len(place), 2)), np.zeros((len(place), 3))
         for pairing in self.reported:
-            if pairing.near is None or body not in pairing.bodies:
+            if pairing.grid is None or body not in pairing.bodies:
                 continue
             pressure, traction = self.contact_values(pairing, unknowns)
             if not (pressure.any() or traction.any()):
@@ -213,7 +213,7 @@ class Condensed:
             for own, slave, sign in pairing.sides:
                 if own == body:
                     loads = pressure[:, None], traction[:, None]
-                    found = fields_of(pairing.near, model.kernel, slave, place, *loads)
+                    found = fields_of(pairing.grid, model.kernel, slave, place, *loads)
                     displacement, stress = (
                         displacement + sign * found[0][:, :, 0],
                         stress + sign * found[1][:, :, 0],
@@ -273,13 +273,13 @@ class Answers:
         observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
         sources = {name: body_load_vectors(scene, name, pairings, drivers.columns) for name in scene.bodies}
         observed, solutions = observe(observation, sources, drivers.columns, memo)
-        if any(pairing.near is not None for pairing in pairings):
+        if any(pairing.grid is not None for pairing in pairings):
             observed += near_answers(observation, drivers)
         return cls(observation, sources, observed, solutions)
 
     def smooth(self, pairing: Pairing) -> FloatArray:
         """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""
-        near, drivers = pairing.near, _drivers(self.observation.scene, self.observation.pairings)
+        near, drivers = pairing.grid, _drivers(self.observation.scene, self.observation.pairings)
         assert near is not None
         columns = drivers.of_samples(pairing)
         seen = self.observation.parted(self.observed).gaps[pairing.name]
@@ -325,7 +325,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
     drivers, sources = _drivers(scene, pairings), answers.sources
     seen = answers.observation.parted(answers.observed)
 
-    nodal = tuple(pairing for pairing in pairings if pairing.near is None)
+    nodal = tuple(pairing for pairing in pairings if pairing.grid is None)
     candidate = _candidates(pairings)
     gaps = [_gaps(scene, drivers, pairing, seen.gaps[pairing.name]) for pairing in pairings]
     gap = stack(gaps, drivers.unknowns)
@@ -394,7 +394,7 @@ def _tied(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolArray:
 
 def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray) -> LinearMap:
     """A contact's gaps (w,) by what was seen of them."""
-    if pairing.near is None:
+    if pairing.grid is None:
         return drivers.by_unknowns(seen, pairing.gap)
     result = drivers.by_unknowns(_means(pairing, seen, 0), pairing.gap)
     add_singular(result, scene, drivers, pairing, 0)
@@ -403,7 +403,7 @@ def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray) ->
 
 def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> LinearMap:
     """The slips (w,) of a contact with friction."""
-    if pairing.near is None:
+    if pairing.grid is None:
         return drivers.by_unknowns(seen.slips[pairing.name])
     result = drivers.by_unknowns(_means(pairing, seen.gaps[pairing.name], 1))
     add_singular(result, scene, drivers, pairing, 1)
@@ -412,8 +412,8 @@ def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> 
 
 def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
     """Gaps, or slips, of a contact on a grid of its own and of what is watched beyond (w, drivers)."""
-    assert pairing.near is not None
-    means = pairing.near.means[which]
+    assert pairing.grid is not None
+    means = pairing.grid.means[which]
     return np.concatenate([means @ seen[: means.shape[1]], seen[means.shape[1] :]])
 
 

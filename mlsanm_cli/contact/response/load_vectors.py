@@ -8,7 +8,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.near import turned
+from mlsanm_cli.contact.geometry.contact_grid import turned
 from mlsanm_cli.contact.geometry.pairing import (
     OPPOSED,
     Pairing,
@@ -57,11 +57,11 @@ def body_load_vectors(
     sampled = {
         pairing.name: np.hsplit(_sample_sources(body, name, pairing), 2)
         for pairing in pairings
-        if pairing.near is not None
+        if pairing.grid is not None
     }
     for tangential in (False, True):
         for pairing in pairings:
-            if pairing.near is not None:
+            if pairing.grid is not None:
                 blocks.append(sparse.csc_array(sampled[pairing.name][tangential]))
             elif pairing.friction or not tangential:
                 blocks.append(_contact_sources(body, name, pairing, tangential))
@@ -72,7 +72,7 @@ def _sample_sources(body: ElasticBody, name: str, pairing: Pairing) -> FloatArra
     """Right-hand sides (r, 2 drivers) of the remainders of what forces x, then y, on the slave at a contact's
     samples, and the opposite ones on the master, do to the body called ``name``; and of tractions all along
     its surface where their mean is a driver."""
-    near = pairing.near
+    near = pairing.grid
     assert near is not None
     total = np.zeros((body.rows, 2, near.drivers))
     surfaces = (pairing.slave, pairing.master)

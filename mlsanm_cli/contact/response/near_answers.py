@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -28,12 +28,12 @@ def near_answers(observation: ResponseFunctionals, drivers: Drivers) -> FloatArr
     total = np.zeros((sum(observation.counts), drivers.columns.total))
     firsts = np.concatenate([[0], np.cumsum(observation.counts)])
     for pairing in drivers.pairings:
-        if pairing.near is None:
+        if pairing.grid is None:
             continue
         columns = drivers.of_samples(pairing)
         for body, slave, sign in pairing.sides:
             elastic = scene.bodies[body]
-            forces = pairing.near.forces(elastic.model.kernel, slave)
+            forces = pairing.grid.forces(elastic.model.kernel, slave)
             blocks = [
                 *(_on_contact(scene, one, pairing, body, forces, slave) for one in observation.pairings),
                 *(_along(one, body, forces, one.tangent) for one in observation.rough),
@@ -62,16 +62,16 @@ def _on_contact(
     field in one body."""
     if body not in seen.bodies:
         return None
-    if seen.near is None:
+    if seen.grid is None:
         return _along(seen, body, forces, seen.normal)
-    total = np.zeros((2 * seen.near.count, 2 * len(forces.place)))
+    total = np.zeros((2 * seen.grid.count, 2 * len(forces.place)))
     for own, is_slave, sign in seen.sides:
         if own != body:
             continue
         if seen.name == by.name and is_slave == slave:
-            total += sign * seen.near.smooth(scene.bodies[body].model.kernel, slave)
+            total += sign * seen.grid.smooth(scene.bodies[body].model.kernel, slave)
         else:
-            place = seen.near.facing.side(seen.near.samples, is_slave)[0]
+            place = seen.grid.facing.side(seen.grid.samples, is_slave)[0]
             total += sign * by_component(forces.displacement(place))
     beyond = _along(seen, body, forces, seen.normal, ~seen.candidate)
     return np.concatenate([total, beyond])
@@ -98,7 +98,7 @@ def _along(
 def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int) -> None:
     """Add to the gaps (``which`` 0) or slips (1) of a contact what its own pressures and tractions do by the
     singular part of their fields."""
-    near = pairing.near
+    near = pairing.grid
     assert near is not None
     log, turn = np.zeros((2, 2)), np.zeros((2, 2))
     for body, slave, _ in pairing.sides:
@@ -122,7 +122,7 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
 def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:
     """Add to what a probe observes the fields in closed form."""
     for pairing in drivers.pairings:
-        near = pairing.near
+        near = pairing.grid
         if near is None:
             continue
         for body, slave, sign in pairing.sides:
@@ -136,7 +136,7 @@ def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) 
 
 
 def _probed(
-    near: Near,
+    near: ContactGrid,
     scene: Scene,
     body: str,
     slave: bool,

@@ -55,7 +55,7 @@ class ResponseFunctionals:
     @classmethod
     def of(cls, scene: Scene, pairings: tuple[Pairing, ...]) -> ResponseFunctionals:
         """All that the contact problem of a scene needs and reports."""
-        rough = tuple(pairing for pairing in pairings if pairing.friction and pairing.near is None)
+        rough = tuple(pairing for pairing in pairings if pairing.friction and pairing.grid is None)
         held = tuple((name, s) for name, body in scene.bodies.items() for s in body.gripped)
         sprung = tuple((name, s) for name, body in scene.bodies.items() for s in body.soft_springs)
         return cls(scene, pairings, rough, held, sprung)
@@ -80,7 +80,7 @@ class ResponseFunctionals:
         scene, body = self.scene, self.scene.bodies[name]
         gaps = [
             gap_rows(body, name, (pairing,))
-            if pairing.near is None
+            if pairing.grid is None
             else sampled_rows(body, name, pairing, pairing.normal)
             for pairing in self.pairings
         ]
@@ -118,9 +118,9 @@ class ResponseFunctionals:
 
 def _rows_of(pairing: Pairing) -> int:
     """How many rows are observed of a contact's gaps, or of its samples and what is watched."""
-    if pairing.near is None:
+    if pairing.grid is None:
         return len(pairing.position)
-    return 2 * pairing.near.count + int((~pairing.candidate).sum())
+    return 2 * pairing.grid.count + int((~pairing.candidate).sum())
 
 
 def observe(

@@ -133,15 +133,15 @@ def _given_tractions(
             total[load.surface] += factors[load.number] * load.values
     for pairing in condensed.reported:
         pressure, traction = condensed.contact_values(pairing, unknowns)
-        if pairing.near is not None:
+        if pairing.grid is not None:
             kernel = scene.bodies[body].model.kernel
             for own, slave, sign in pairing.sides:
                 if own == body:
                     for name, surface in surfaces.items():
-                        beside = traction_beside(pairing.near, kernel, slave, surface, pressure, traction)
+                        beside = traction_beside(pairing.grid, kernel, slave, surface, pressure, traction)
                         total[name] -= sign * beside
-                    if pairing.near.covers:
-                        mean = pairing.near.mean_traction(pressure, traction)
+                    if pairing.grid.covers:
+                        mean = pairing.grid.mean_traction(pressure, traction)
                         total[pairing.surface_of(slave).name] += sign * mean
         elif pairing.slave_body == body:
             given, chosen = _on_slave(pairing, pressure, traction), pairing.candidate
@@ -160,7 +160,7 @@ def _on_master(
     total = 0.0
     for pairing in condensed.reported:
         master = pairing.master
-        if pairing.master_body != body or master is None or pairing.near is not None:
+        if pairing.master_body != body or master is None or pairing.grid is not None:
             continue
         pressure, traction = condensed.contact_values(pairing, unknowns)
         given, slave = _on_slave(pairing, pressure, traction), pairing.slave
