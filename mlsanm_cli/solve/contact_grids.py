@@ -34,7 +34,7 @@ ROUNDS = 60
 TURNED, SETTLED, TURNINGS = 3e-3, 3e-4, 4
 """Directions turn where they are off by the first angle, and then until they are off by less than the second,
 so many times at most, or twice as many where a motion is held that they push along."""
-ACCURACY, RUBBING, SMOOTHED = 0.3, 2.0, 10.0
+ACCURACY, FRICTIONAL, SMOOTHED = 0.3, 2.0, 10.0
 """Grids are refined until their estimated error is this many times the accuracy asked for: without friction,
 which costs next to nothing; with it, where every place that begins to slide is an event of the path; and
 where friction is smoothed, which is 0.6 % off partial slip whatever the grid."""
@@ -52,15 +52,15 @@ def find_grids(
     case: Case,
     scene: Scene,
     pairings: tuple[Pairing, ...],
-    clear: Mapping[str, ContactRange],
+    ranges: Mapping[str, ContactRange],
     search: Search,
     memo: Memo,
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """The scene condensed on grids that are wide and fine enough, and the exact states at the ends of its
     stages; None where a contact comes too close to a corner, or where it is does not settle."""
-    places = len(case.contact) + sum(one.places - 1 for one in clear.values())
+    places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
-    grids = {name: first_grid(one) for name, one in clear.items()}
+    grids = {name: first_grid(one) for name, one in ranges.items()}
     answers: Answers | None = None
     starts: list[ContactStatus] = []
     common: dict[str, float] = {}
@@ -76,19 +76,19 @@ def find_grids(
             condensed = condense(scene, some, memo, answers)
         starts = starts or [_starting_status(condensed.pairings)]
         states = search(condensed, starts, "every" if every else "ends")
-        wanted = ranged(condensed, grids, clear, states, passed)
+        wanted = ranged(condensed, grids, ranges, states, passed)
         if wanted is None:
             return None
         if _same(wanted, grids):
             wanted = sampled(scene, answers, grids)
         if _same(wanted, grids):
-            wanted = refined(condensed, grids, clear, states, accuracy, tractions=not every)
+            wanted = refined(condensed, grids, ranges, states, accuracy, tractions=not every)
         if _same(wanted, grids):
             turned = None
             if every and turnings:
                 turned = _turned(condensed, states, grids, scene.held_motions, common)
             if turned is None and every:
-                if looked or not passed_beyond(condensed, clear, search(condensed, (), "between"), passed):
+                if looked or not passed_beyond(condensed, ranges, search(condensed, (), "between"), passed):
                     return condensed, search(condensed, starts, "ends")
                 looked = True
                 continue
@@ -97,7 +97,7 @@ def find_grids(
                 continue
             turnings -= 1
             wanted = turned
-            clear = {name: replace(one, facing=turned[name].facing) for name, one in clear.items()}
+            ranges = {name: replace(one, facing=turned[name].facing) for name, one in ranges.items()}
         if any(wanted[name].samples_differ(grids[name]) for name in grids):
             answers = None
         grids = wanted
@@ -146,7 +146,7 @@ def _effort(contact: Contact, count: int) -> float:
     if not contact.friction:
         return ACCURACY if count <= FEW else 1.0
     law = contact.regularization
-    return SMOOTHED if law.law == "hyperbolic" and law.friction_law == "memory" else RUBBING
+    return SMOOTHED if law.law == "hyperbolic" and law.friction_law == "memory" else FRICTIONAL
 
 
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:

@@ -41,13 +41,13 @@ def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
     return found
 
 
-def _turn(near: ContactGrid, middle: float) -> float:
+def _turn(grid: ContactGrid, middle: float) -> float:
     """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved."""
-    aside = ASIDE * (near.last - near.first)
-    base = near.facing.slave_first
+    aside = ASIDE * (grid.last - grid.first)
+    base = grid.facing.slave_first
     s = np.array([middle, middle - aside, middle + aside])
-    place, inward = near.facing.side(s, base)
-    there, outward = near.facing.side(s, not base)
+    place, inward = grid.facing.side(s, base)
+    there, outward = grid.facing.side(s, not base)
     bends = [
         abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1]) for at, one in ((place, inward), (there, outward))
     ]

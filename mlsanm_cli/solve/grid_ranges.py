@@ -37,43 +37,52 @@ UNSEEN = 1e-3
 """Overlaps between the nodes of grids are looked at closely from this part of the largest approach on."""
 
 
-def first_grid(clear: ContactRange) -> ContactGrid:
+def first_grid(limits: ContactRange) -> ContactGrid:
     """A coarse grid over all that faces, finer towards where the surfaces are nearest; even where they touch
     all along."""
-    looks = clear.facing.gap(np.linspace(clear.first, clear.last, FIRST + 1))
+    gaps = limits.facing.gap(np.linspace(limits.first, limits.last, FIRST + 1))
     # Waves might be looked at in their troughs alone.
-    if clear.places == 1 and float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
-        even = _hats(np.linspace(clear.first, clear.last, FIRST + 1), clear)
-        return ContactGrid(clear.facing, clear.first, clear.last, SAMPLES, even, clear.centers, clear.corners)
-    widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)
-    parts = [np.array([clear.first, clear.nearest, clear.last])]
-    for sign, room in ((-1.0, clear.nearest - clear.first), (1.0, clear.last - clear.nearest)):
+    if limits.places == 1 and float(np.ptp(gaps)) <= FLAT * (limits.last - limits.first):
+        even = _hats(np.linspace(limits.first, limits.last, FIRST + 1), limits)
+        return ContactGrid(
+            limits.facing, limits.first, limits.last, SAMPLES, even, limits.centers, limits.corners
+        )
+    widest = (limits.last - limits.first) / max(FIRST, PER_PLACE * limits.places)
+    parts = [np.array([limits.first, limits.nearest, limits.last])]
+    for sign, room in ((-1.0, limits.nearest - limits.first), (1.0, limits.last - limits.nearest)):
         steps = [FINEST * widest]
         while sum(steps) < room:
             steps.append(min(GROWTH * steps[-1], widest))
         away = np.cumsum(steps)
-        parts.append(clear.nearest + sign * away[:-1] * room / away[-1])
-    hats = _hats(np.unique(np.concatenate(parts)), clear)
+        parts.append(limits.nearest + sign * away[:-1] * room / away[-1])
+    hats = _hats(np.unique(np.concatenate(parts)), limits)
     return ContactGrid(
-        clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, clear.corners, rough=True
+        limits.facing,
+        limits.first,
+        limits.last,
+        SAMPLES,
+        hats,
+        limits.centers,
+        limits.corners,
+        provisional=True,
     )
 
 
-def _hats(nodes: FloatArray, clear: ContactRange) -> Hats:
+def _hats(nodes: FloatArray, limits: ContactRange) -> Hats:
     """Hats on ``nodes``, increasing, up to the ends of surfaces that they reach."""
-    whole = clear.whole[0] and nodes[0] == clear.first, clear.whole[1] and nodes[-1] == clear.last
+    whole = limits.whole[0] and nodes[0] == limits.first, limits.whole[1] and nodes[-1] == limits.last
     return Hats.on(nodes, whole)
 
 
 def ranged(
     condensed: Condensed,
     grids: Mapping[str, ContactGrid],
-    clear: Mapping[str, ContactRange],
+    ranges: Mapping[str, ContactRange],
     states: Sequence[ExactState],
     passed: Mapping[str, FloatArray],
 ) -> dict[str, ContactGrid] | None:
     """The grids with ranges that suit what touches, and where it ``passed`` on its way; None where that comes
-    to the end of a clear range."""
+    to the end of the range that it may have."""
     touched = [
         condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in states
     ]
@@ -82,13 +91,13 @@ def ranged(
         name = pairing.name
         if name not in grids:
             continue
-        near, room, nodes = grids[name], clear[name], grids[name].hats.nodes
+        grid, room, nodes = grids[name], ranges[name], grids[name].hats.nodes
         closed = np.any([state.active[condensed.spans[name]] for state in states], axis=0)
         seen = summits(condensed, name, room, states)
         beyond = np.concatenate(
             [
                 pairing.arc[np.any([masks[name] for masks in touched], axis=0)],
-                seen[(seen < near.first) | (seen > near.last)],
+                seen[(seen < grid.first) | (seen > grid.last)],
             ]
         )
         places = np.flatnonzero(closed)
@@ -102,45 +111,45 @@ def ranged(
         low, high = float(reached.min()), float(reached.max())
         short = low <= room.first and not room.whole[0], high >= room.last and not room.whole[1]
         if any(short):
-            coarse = _coarse_ends(near, places)
+            coarse = _coarse_ends(grid, places)
             if not coarse.any():
                 return None
-            result[name] = replace(near, hats=near.hats.halved(coarse))
+            result[name] = replace(grid, hats=grid.hats.halved(coarse))
             continue
         first, last = max(room.first, low - MARGIN * width), min(room.last, high + MARGIN * width)
-        outgrown = room.first < near.first >= low or room.last > near.last <= high
+        outgrown = room.first < grid.first >= low or room.last > grid.last <= high
         if outgrown or len(beyond):
-            inner = nodes[(nodes > near.first) & (nodes < near.last)]
-            first, last = min(first, near.first), max(last, near.last)
+            inner = nodes[(nodes > grid.first) & (nodes < grid.last)]
+            first, last = min(first, grid.first), max(last, grid.last)
             # Not as fine as where something touches at last: it may have come a long way.
-            steps = max(float(np.median(near.hats.steps)), width / FIRST)
-            more = [np.arange(near.first - steps, first, -steps), np.arange(near.last + steps, last, steps)]
+            steps = max(float(np.median(grid.hats.steps)), width / FIRST)
+            more = [np.arange(grid.first - steps, first, -steps), np.arange(grid.last + steps, last, steps)]
             wider = _hats(np.unique(np.concatenate([[first], *more, inner, [last]])), room)
-            result[name] = replace(near, first=first, last=last, hats=wider)
+            result[name] = replace(grid, first=first, last=last, hats=wider)
         elif len(places) < LEAST:
-            middle = np.zeros(len(near.hats.steps), dtype=bool)
+            middle = np.zeros(len(grid.hats.steps), dtype=bool)
             middle[max(places[0] - 1, 0) : places[-1] + 3] = True
-            result[name] = replace(near, hats=near.hats.halved(middle))
-        elif near.rough or last - first < NARROWED * (near.last - near.first):
+            result[name] = replace(grid, hats=grid.hats.halved(middle))
+        elif grid.provisional or last - first < NARROWED * (grid.last - grid.first):
             share = PER_PLACE * room.places * (last - first) / (room.last - room.first)
             even = _hats(np.linspace(first, last, max(FIRST, round(share)) + 1), room)
-            result[name] = replace(near, first=first, last=last, count=SAMPLES, hats=even, rough=False)
+            result[name] = replace(grid, first=first, last=last, count=SAMPLES, hats=even, provisional=False)
     return result
 
 
-def _coarse_ends(near: ContactGrid, places: IntArray) -> BoolArray:
+def _coarse_ends(grid: ContactGrid, places: IntArray) -> BoolArray:
     """Which intervals (m + 1,) at an end of the range that closed ``places`` come to are too long to tell
     whether they do."""
-    steps = near.hats.steps
+    steps = grid.hats.steps
     ends = np.zeros(len(steps), dtype=bool)
     ends[:2] |= places[0] == 0
     ends[-2:] |= places[-1] == len(steps) - 2
-    return ends & (steps > ENDING * (near.last - near.first))
+    return ends & (steps > ENDING * (grid.last - grid.first))
 
 
 def passed_beyond(
     condensed: Condensed,
-    clear: Mapping[str, ContactRange],
+    ranges: Mapping[str, ContactRange],
     states: Sequence[ExactState],
     passed: dict[str, FloatArray],
 ) -> bool:
@@ -148,17 +157,17 @@ def passed_beyond(
     and the last of all places."""
     beyond = False
     for pairing in condensed.pairings:
-        near, span = pairing.grid, condensed.spans[pairing.name]
-        if near is None or pairing.bonded or not states:
+        grid, span = pairing.grid, condensed.spans[pairing.name]
+        if grid is None or pairing.bonded or not states:
             continue
         touched = [
             pairing.arc[condensed.touched(one.factors, one.motion, one.pressure, one.traction)[pairing.name]]
             for one in states
         ]
-        seen = summits(condensed, pairing.name, clear[pairing.name], states)
-        closed = near.hats.place[np.any([state.active[span] for state in states], axis=0)]
+        seen = summits(condensed, pairing.name, ranges[pairing.name], states)
+        closed = grid.hats.place[np.any([state.active[span] for state in states], axis=0)]
         places = np.concatenate([closed, seen, *touched])
-        if len(places) and (places.min() < near.first or places.max() > near.last):
+        if len(places) and (places.min() < grid.first or places.max() > grid.last):
             passed[pairing.name] = np.array([places.min(), places.max()])
             beyond = True
     return beyond
@@ -170,7 +179,7 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
     pairing = condensed.pairing_of(name)
     assert pairing.grid is not None
     hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
-    places, drawn = room.looks
+    places, drawn = room.drawn_gaps
     own = hats.at_places(pairing.grid.facing.gap(hats.points)[:, None])[:, 0]
     beyond_grid = pairing.arc[~pairing.candidate]
     # Not from the nodes' own gaps: these are measured towards the closest place, not along the directions of

@@ -33,23 +33,23 @@ def sampled(scene: Scene, answers: Answers, grids: Mapping[str, ContactGrid]) ->
     """The grids with as many samples as the bodies' answers need."""
     result = dict(grids)
     for pairing in answers.observation.pairings:
-        near = pairing.grid
-        if near is None or near.count >= MOST_SAMPLES:
+        grid = pairing.grid
+        if grid is None or grid.count >= MOST_SAMPLES:
             continue
         log = sum(
-            np.abs(near.singular(scene.bodies[body].model.kernel, slave)[0]).max()
+            np.abs(grid.singular(scene.bodies[body].model.kernel, slave)[0]).max()
             for body, slave, _ in pairing.sides
         )
         kernel = answers.smooth(pairing)
-        if near.last_coefficients(kernel) > SMOOTH * float(log):
-            result[pairing.name] = replace(grids[pairing.name], count=2 * near.count)
+        if grid.last_coefficients(kernel) > SMOOTH * float(log):
+            result[pairing.name] = replace(grids[pairing.name], count=2 * grid.count)
     return result
 
 
 def refined(
     condensed: Condensed,
     grids: Mapping[str, ContactGrid],
-    clear: Mapping[str, ContactRange],
+    ranges: Mapping[str, ContactRange],
     states: Sequence[ExactState],
     accuracy: Mapping[str, float],
     tractions: bool,
@@ -60,18 +60,18 @@ def refined(
     grid fine at all of them would be fine everywhere.
     """
     result = dict(grids)
-    for name, near in grids.items():
+    for name, grid in grids.items():
         errors = grid_errors(condensed, name, states, tractions)
         if len(errors) >= MOST:
             continue
-        places = summits(condensed, name, clear[name], states)
-        chosen = np.isin(np.arange(len(errors)), np.searchsorted(near.hats.nodes, places) - 1)
+        places = summits(condensed, name, ranges[name], states)
+        chosen = np.isin(np.arange(len(errors)), np.searchsorted(grid.hats.nodes, places) - 1)
         aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 3
         if float(np.sqrt((errors**2).sum())) > aim:
             chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
-        chosen &= near.hats.steps > SHORTEST * (near.last - near.first)
+        chosen &= grid.hats.steps > SHORTEST * (grid.last - grid.first)
         if chosen.any():
-            result[name] = replace(near, hats=near.hats.halved(chosen))
+            result[name] = replace(grid, hats=grid.hats.halved(chosen))
     return result
 
 

@@ -135,10 +135,10 @@ class EventLocator:
 
 def _expected(problem: RegularizedFriction, x: FloatArray, lam: float, hits: EventFlags) -> ContactStatus:
     """The sets that an event most likely leads to: closing nodes slip on as they did when they were open."""
-    before, rub = problem.sets, problem.condensed.friction_nodes
+    before, nodes = problem.sets, problem.condensed.friction_nodes
     closed = before.closed.copy()
-    opens, closes = hits.bare & closed[rub], hits.bare & ~closed[rub]
-    closed[rub[hits.bare]] = closes[hits.bare]
+    opens, closes = hits.bare & closed[nodes], hits.bare & ~closed[nodes]
+    closed[nodes[hits.bare]] = closes[hits.bare]
     stuck = (before.stuck | hits.rested) & ~opens & (hits.limit == 0.0)
     slip_sign = np.where(hits.rested | opens, 0.0, np.where(hits.limit != 0.0, hits.limit, before.slip_sign))
     if closes.any():

@@ -87,7 +87,7 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     warnings = [
         text for name, cloud in bodies.items() for text in _cloud_warnings(name, cloud, name in brought)
     ]
-    warnings += nodal_warnings(prepared, [p for p in prepared.pairings if p.name not in prepared.clear])
+    warnings += nodal_warnings(prepared, [p for p in prepared.pairings if p.name not in prepared.ranges])
     if any(model.settings.degree == 1 for model in prepared.models.values()):
         warnings.append(
             "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"

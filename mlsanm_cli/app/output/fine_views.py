@@ -91,9 +91,9 @@ def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -
                     yield Zone.around(point, half / ACROSS, REACH * half, GROWTH)
 
 
-def _patches(near: ContactGrid, closed: BoolArray) -> list[tuple[float, float]]:
+def _patches(grid: ContactGrid, closed: BoolArray) -> list[tuple[float, float]]:
     """Where stretches of ``closed`` places (m,) begin and end."""
     steps = np.diff(np.concatenate([[False], closed, [False]]).astype(np.int64))
     firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) + 1
-    nodes = near.hats.nodes
+    nodes = grid.hats.nodes
     return [(float(nodes[a]), float(nodes[b])) for a, b in zip(firsts, lasts, strict=True)]

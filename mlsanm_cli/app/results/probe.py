@@ -56,11 +56,11 @@ def probe_contact(
     """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them unless told."""
     run, case = _read(rundir)
     _known(name, run.contacts, "contact")
-    rough = bool(_friction(case)[name])
+    frictional = bool(_friction(case)[name])
     for wanted in quantities:
-        if wanted in ("traction", "slip") and not rough:
+        if wanted in ("traction", "slip") and not frictional:
             raise RunError(f'contact "{name}" has no friction and so no {wanted}', "ask for pressure or gap")
-    chosen = quantities or (QUANTITIES if rough else ("pressure", "gap"))
+    chosen = quantities or (QUANTITIES if frictional else ("pressure", "gap"))
     contact = run.contacts[name]
     place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
     levels = _levels(run, at)
@@ -223,11 +223,11 @@ def _mapped(run: RunData, level: Level, kind: str, name: str) -> FloatArray:
     return result
 
 
-def _span(run: RunData, case: Case, name: str, rough_only: bool) -> slice:
+def _span(run: RunData, case: Case, name: str, frictional_only: bool) -> slice:
     """Places of a contact among the nodes of all contacts, or of those with friction."""
     first = 0
     for contact, friction in _friction(case).items():
-        if contact not in run.maps["bonds"] and (friction or not rough_only):
+        if contact not in run.maps["bonds"] and (friction or not frictional_only):
             count = len(run.contacts[contact].arc_length)
             if contact == name:
                 return slice(first, first + count)
@@ -246,9 +246,9 @@ def _on_contact(run: RunData, case: Case, level: Level, name: str, quantity: str
     if quantity == "slip":
         return _mapped(run, level, "slip", name)
     if quantity == "traction":
-        return level.traction[_span(run, case, name, rough_only=True)]
+        return level.traction[_span(run, case, name, frictional_only=True)]
     values: FloatArray = level.pressure if quantity == "pressure" else level.gap
-    return values[_span(run, case, name, rough_only=False)]
+    return values[_span(run, case, name, frictional_only=False)]
 
 
 def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatArray:

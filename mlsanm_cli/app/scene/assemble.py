@@ -53,7 +53,7 @@ class SceneModel:
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
     by one, ``acting`` the loads' values, ``rigid_constraints`` all that moves rigidly, ``probes`` the points
     to observe,
-    ``notes`` what a person should know, ``clear`` the contacts that may have grids of their own,
+    ``notes`` what a person should know, ``ranges`` the contacts that may have grids of their own,
     ``held_motions`` what of loose bodies is held although nothing resists it, as a scene has them, ``weak``
     warnings of what is hardly resisted.
     """
@@ -66,7 +66,7 @@ class SceneModel:
     probes: tuple[Probe, ...]
     rigid_constraints: tuple[mechanics.RigidConstraint, ...]
     notes: tuple[str, ...]
-    clear: Mapping[str, ContactRange] = field(default_factory=dict)
+    ranges: Mapping[str, ContactRange] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     weak: tuple[str, ...] = ()
 
@@ -137,7 +137,7 @@ def prepare(
         _probes(case, clouds),
         found.rigid_constraints,
         (*_beside(case, clouds), *found.notes),
-        clear=clear,
+        ranges=clear,
         held_motions=found.held,
         weak=found.weak,
     )
@@ -147,7 +147,7 @@ def _touching(prepared: SceneModel) -> dict[str, tuple[str, ...]]:
     """The surfaces of every body that are in contact."""
     found: dict[str, set[str]] = {name: set() for name in prepared.models}
     for pairing in prepared.pairings:
-        if pairing.name in prepared.clear:
+        if pairing.name in prepared.ranges:
             continue
         parts = facing_parts(pairing.slave, pairing.position, pairing.normal)
         found[pairing.slave_body].update(part.name for part, own, _ in parts if len(own))

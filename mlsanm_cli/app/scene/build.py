@@ -189,12 +189,12 @@ def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Sc
         scene = assemble_bodies(case, prepared, direct_solver(case), factorising, context.memo, bodies)
     stages = stage_factors(case)
     found = None
-    if prepared.clear:
+    if prepared.ranges:
         with context.phase("condensation", "finding the contacts' grids"):
             search = partial(searched_ends, case, scene, stages)
-            found = find_grids(case, scene, prepared.pairings, prepared.clear, search, context.memo)
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo)
     if found is None:
-        if prepared.clear:
+        if prepared.ranges:
             with context.phase("operators"):
                 placed = {name: model.cloud for name, model in prepared.models.items()}
                 prepared = prepare(case, placed, context.memo, prepared.models, grids=False)

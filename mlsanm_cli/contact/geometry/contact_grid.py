@@ -145,7 +145,7 @@ class Facing:
 class ContactGrid:
     """A contact's range from ``first`` to ``last``, the ``count`` of its samples, and the ``hats`` of its
     pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one,
-    ``corners`` those at the ends of their surfaces. A ``rough`` grid only serves to find out where the
+    ``corners`` those at the ends of their surfaces. A ``provisional`` grid only serves to find out where the
     contact is."""
 
     facing: Facing
@@ -155,7 +155,7 @@ class ContactGrid:
     hats: Hats
     centers: tuple[complex | None, complex | None] = (None, None)
     corners: tuple[tuple[Corner, ...], tuple[Corner, ...]] = ((), ())
-    rough: bool = False
+    provisional: bool = False
 
     def around(self, s: FloatArray) -> FloatArray:
         """Places (e,), on a closed base those turns away that are nearest to the range."""

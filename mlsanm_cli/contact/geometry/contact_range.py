@@ -32,7 +32,7 @@ class ContactRange:
     places: int = 1
 
     @cached_property
-    def looks(self) -> tuple[FloatArray, FloatArray]:
+    def drawn_gaps(self) -> tuple[FloatArray, FloatArray]:
         """Places (e,) close to each other all over the range, and the gaps (e,) as drawn there."""
         places = np.linspace(self.first, self.last, SIGHTS)
         return places, self.facing.gap(places)

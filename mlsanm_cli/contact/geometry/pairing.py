@@ -153,12 +153,12 @@ def _weights(slave: Surface, position: IntArray, normal: FloatArray) -> FloatArr
     return weight
 
 
-def on_grid(pairing: Pairing, near: ContactGrid) -> Pairing:
+def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
     """The contact of nodes ``pairing`` with pressures on a contact grid; its nodes beyond are watched."""
-    hats, facing = near.hats, near.facing
-    place = near.around(facing.locate(pairing.points))
-    slack = SLACK * (near.last - near.first)
-    beyond = (place < near.first - slack) | (place > near.last + slack)
+    hats, facing = grid.hats, grid.facing
+    place = grid.around(facing.locate(pairing.points))
+    slack = SLACK * (grid.last - grid.first)
+    beyond = (place < grid.first - slack) | (place > grid.last + slack)
     points, partner, _ = facing.opposite(hats.place)
     gap = hats.at_places(facing.gap(hats.points)[:, None])[:, 0] - pairing.closed_by
     count = len(hats.place)
@@ -173,11 +173,11 @@ def on_grid(pairing: Pairing, near: ContactGrid) -> Pairing:
         arc=joined(hats.place, place),
         weight=joined(hats.weight, pairing.weight),
         partner=joined(partner, pairing.partner),
-        normal=joined(hats.at_places(near.directions[0]), pairing.normal),
+        normal=joined(hats.at_places(grid.directions[0]), pairing.normal),
         gap=joined(gap, pairing.gap),
         spacing=joined(hats.weight, pairing.spacing),
         candidate=np.arange(count + int(beyond.sum())) < count,
-        grid=near,
+        grid=grid,
     )
 
 

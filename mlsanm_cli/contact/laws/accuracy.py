@@ -41,18 +41,18 @@ def lacking(
     """What a ``correction`` (2n,) per body of the displacements changes of gaps (m,) and slips (n,), and of
     what the movers lack (k,)."""
     paired = sum(len(pairing.position) for pairing in condensed.pairings)
-    rough = tuple(pairing for pairing in condensed.pairings if pairing.friction)
-    gaps, slips = np.zeros(paired), np.zeros(sum(len(pairing.position) for pairing in rough))
+    frictional = tuple(pairing for pairing in condensed.pairings if pairing.friction)
+    gaps, slips = np.zeros(paired), np.zeros(sum(len(pairing.position) for pairing in frictional))
     for name, body in scene.bodies.items():
         gaps += gap_rows(body, name, condensed.pairings) @ correction[name]
-        slips += slip_rows(body, name, rough) @ correction[name]
+        slips += slip_rows(body, name, frictional) @ correction[name]
     lack = np.zeros(len(condensed.balance.constant))
     for row, (mover, motion) in enumerate(scene.unknown_motions):
         if isinstance(mover, Platen) and not motion.alone:
             for owner, surface in mover.held:
                 rows = reaction_rows(scene.bodies[owner], surface, mover.center)
                 lack[row] += (rows @ correction[owner])[motion.component]
-    return gaps[_candidates(condensed.pairings)], slips[_candidates(rough)], lack
+    return gaps[_candidates(condensed.pairings)], slips[_candidates(frictional)], lack
 
 
 def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:

@@ -184,16 +184,16 @@ def _contact_rows(
     """Rows of gaps, slips and balances (m + n + k, r), their constants and what loads do to them."""
     m, n, k = len(condensed.weight), len(condensed.friction_nodes), len(law.motion)
     chosen = np.concatenate([pairing.candidate for pairing in condensed.pairings])
-    rough = tuple(pairing for pairing in condensed.pairings if pairing.friction)
+    frictional = tuple(pairing for pairing in condensed.pairings if pairing.friction)
     elastic = scene.bodies.items()
     gaps = sparse.hstack([gap_rows(body, name, condensed.pairings) for name, body in elastic], format="csr")
     beyond = sparse.csr_array(condensed.beyond)
     unseen = [beyond[:m], sparse.csr_array((m, k))]
     rows = [sparse.hstack([*unseen, gaps[chosen]])]
     if n:
-        sliding = np.concatenate([pairing.candidate for pairing in rough])
-        slips = sparse.hstack([slip_rows(body, name, rough) for name, body in elastic], format="csr")
-        fit = sparse.block_diag([slip_fit(pairing) for pairing in rough], format="csr")
+        sliding = np.concatenate([pairing.candidate for pairing in frictional])
+        slips = sparse.hstack([slip_rows(body, name, frictional) for name, body in elastic], format="csr")
+        fit = sparse.block_diag([slip_fit(pairing) for pairing in frictional], format="csr")
         unseen = [beyond[m:], sparse.csr_array((n, k))]
         rows.append(sparse.hstack([*unseen, fit @ slips[sliding]]))
     balance = _balance(scene, condensed, columns)

@@ -279,11 +279,11 @@ class Answers:
 
     def smooth(self, pairing: Pairing) -> FloatArray:
         """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""
-        near, drivers = pairing.grid, _drivers(self.observation.scene, self.observation.pairings)
-        assert near is not None
+        grid, drivers = pairing.grid, _drivers(self.observation.scene, self.observation.pairings)
+        assert grid is not None
         columns = drivers.of_samples(pairing)
         seen = self.observation.parted(self.observed).gaps[pairing.name]
-        return seen[: 2 * near.count, columns]
+        return seen[: 2 * grid.count, columns]
 
 
 def condense(
@@ -341,14 +341,16 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
     )
     modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
-    slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.rough]
-    slip = stack(slips, drivers.unknowns) + of_obstacles(scene, drivers.rough, drivers.unknowns, "tangent")
-    slip = slip.take(_candidates(drivers.rough))
-    rough = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
-    along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
-    gap, slip, beyond = resolved(gap, slip, rough, drivers.spans, drivers.tangential, along)
+    slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.frictional]
+    slip = stack(slips, drivers.unknowns) + of_obstacles(
+        scene, drivers.frictional, drivers.unknowns, "tangent"
+    )
+    slip = slip.take(_candidates(drivers.frictional))
+    frictional = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
+    along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in frictional}
+    gap, slip, beyond = resolved(gap, slip, frictional, drivers.spans, drivers.tangential, along)
     bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _loose(pairings))
-    reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.rough)
+    reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.frictional)
     kept, looked_at = np.flatnonzero(np.concatenate([free, sliding])), ~_tied(pairings, watched=True)
     return Condensed(
         pairings=loose.pairings,
@@ -356,7 +358,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
         weight=weight[free],
         modulus=modulus[free],
         tangential=loose.tangential,
-        friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.rough]),
+        friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.frictional]),
         friction=_friction(loose.pairings),
         gap=reduced(gap.take(free)),
         slip=reduced(slip.take(sliding)),

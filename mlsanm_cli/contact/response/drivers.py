@@ -34,7 +34,7 @@ class Drivers:
     pairings: tuple[Pairing, ...]
 
     @property
-    def rough(self) -> tuple[Pairing, ...]:
+    def frictional(self) -> tuple[Pairing, ...]:
         """The contacts with friction."""
         return tuple(pairing for pairing in self.pairings if pairing.friction)
 
@@ -52,8 +52,8 @@ class Drivers:
     @cached_property
     def tangential(self) -> dict[str, slice]:
         """Places of the contacts with friction among the unknown tractions."""
-        counts = [int(pairing.candidate.sum()) for pairing in self.rough]
-        return spans([pairing.name for pairing in self.rough], counts)
+        counts = [int(pairing.candidate.sum()) for pairing in self.frictional]
+        return spans([pairing.name for pairing in self.frictional], counts)
 
     @cached_property
     def normal_drivers(self) -> dict[str, slice]:
@@ -68,7 +68,7 @@ class Drivers:
     @cached_property
     def unknowns(self) -> Columns:
         """The columns of the unknowns."""
-        counts = [sum(int(one.candidate.sum()) for one in some) for some in (self.pairings, self.rough)]
+        counts = [sum(int(one.candidate.sum()) for one in some) for some in (self.pairings, self.frictional)]
         return Columns(self.loads, self.motions, counts[0], counts[1])
 
     @cached_property

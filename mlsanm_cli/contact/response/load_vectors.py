@@ -72,16 +72,16 @@ def _sample_sources(body: ElasticBody, name: str, pairing: Pairing) -> FloatArra
     """Right-hand sides (r, 2 drivers) of the remainders of what forces x, then y, on the slave at a contact's
     samples, and the opposite ones on the master, do to the body called ``name``; and of tractions all along
     its surface where their mean is a driver."""
-    near = pairing.grid
-    assert near is not None
-    total = np.zeros((body.rows, 2, near.drivers))
+    grid = pairing.grid
+    assert grid is not None
+    total = np.zeros((body.rows, 2, grid.drivers))
     surfaces = (pairing.slave, pairing.master)
     for (own, slave, sign), surface in zip(pairing.sides, surfaces, strict=False):
         if own != name:
             continue
-        sources = remainder_sources(body, near.forces(body.model.kernel, slave))
-        total[:, :, : near.count] += sign * sources.reshape(body.rows, 2, near.count)
-        if near.covers and surface is not None:
+        sources = remainder_sources(body, grid.forces(body.model.kernel, slave))
+        total[:, :, : grid.count] += sign * sources.reshape(body.rows, 2, grid.count)
+        if grid.covers and surface is not None:
             for component, axis in enumerate(np.eye(2)):
                 along = np.tile(axis, (len(surface.index), 1))
                 total[:, component, -1] += sign * body.source(surface.name, along, held=False)

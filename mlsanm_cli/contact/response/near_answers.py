@@ -36,7 +36,7 @@ def near_answers(observation: ResponseFunctionals, drivers: Drivers) -> FloatArr
             forces = pairing.grid.forces(elastic.model.kernel, slave)
             blocks = [
                 *(_on_contact(scene, one, pairing, body, forces, slave) for one in observation.pairings),
-                *(_along(one, body, forces, one.tangent) for one in observation.rough),
+                *(_along(one, body, forces, one.tangent) for one in observation.frictional),
                 *(
                     reaction_of(elastic, surface, scene.center(owner, surface), forces)
                     if owner == body
@@ -98,21 +98,21 @@ def _along(
 def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int) -> None:
     """Add to the gaps (``which`` 0) or slips (1) of a contact what its own pressures and tractions do by the
     singular part of their fields."""
-    near = pairing.grid
-    assert near is not None
+    grid = pairing.grid
+    assert grid is not None
     log, turn = np.zeros((2, 2)), np.zeros((2, 2))
     for body, slave, _ in pairing.sides:
-        more = near.singular(scene.bodies[body].model.kernel, slave)
+        more = grid.singular(scene.bodies[body].model.kernel, slave)
         log, turn = log + more[0], turn + more[1]
-    count = len(near.hats.place)
-    means = 1.0 / near.hats.weight[:, None]
-    own = near.directions[which]
+    count = len(grid.hats.place)
+    means = 1.0 / grid.hats.weight[:, None]
+    own = grid.directions[which]
 
     def by(other: int) -> FloatArray:
-        total = near.hats.pairs(log, turn, own, near.directions[other])
+        total = grid.hats.pairs(log, turn, own, grid.directions[other])
         for _, slave, _ in pairing.sides:
-            total += near.cornered(slave, which, other)
-        return means * (total @ near.uneven(np.eye(count)) if near.covers else total)
+            total += grid.cornered(slave, which, other)
+        return means * (total @ grid.uneven(np.eye(count)) if grid.covers else total)
 
     linear.pressure[:count, drivers.spans[pairing.name]] += by(0)
     if pairing.friction:
@@ -122,21 +122,21 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
 def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:
     """Add to what a probe observes the fields in closed form."""
     for pairing in drivers.pairings:
-        near = pairing.grid
-        if near is None:
+        grid = pairing.grid
+        if grid is None:
             continue
         for body, slave, sign in pairing.sides:
             if body == probe.body:
-                unit, nothing = np.eye(len(near.hats.place)), np.zeros((len(near.hats.place),) * 2)
-                pressed = _probed(near, scene, body, slave, probe, unit, nothing)
+                unit, nothing = np.eye(len(grid.hats.place)), np.zeros((len(grid.hats.place),) * 2)
+                pressed = _probed(grid, scene, body, slave, probe, unit, nothing)
                 linear.pressure[:, drivers.spans[pairing.name]] += sign * pressed
                 if pairing.friction:
-                    rubbed = _probed(near, scene, body, slave, probe, nothing, unit)
+                    rubbed = _probed(grid, scene, body, slave, probe, nothing, unit)
                     linear.traction[:, drivers.tangential[pairing.name]] += sign * rubbed
 
 
 def _probed(
-    near: ContactGrid,
+    grid: ContactGrid,
     scene: Scene,
     body: str,
     slave: bool,
@@ -146,5 +146,5 @@ def _probed(
 ) -> FloatArray:
     """Displacement and stress (5, c) at a probe by nodal ``pressure`` and ``traction`` (m, c)."""
     kernel = scene.bodies[body].model.kernel
-    displacement, stress = fields_of(near, kernel, slave, as_complex(probe.point), pressure, traction)
+    displacement, stress = fields_of(grid, kernel, slave, as_complex(probe.point), pressure, traction)
     return np.concatenate([displacement[0], stress[0]])

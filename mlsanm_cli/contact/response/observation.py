@@ -43,12 +43,11 @@ class Observed:
 @dataclass(frozen=True)
 class ResponseFunctionals:
     """Rows in this order: of the ``pairings`` the gaps of nodes, or what is sampled of contacts on grids of
-    their own; slips of the ``rough`` ones, which have friction and pressures of nodes; reactions of ``held``
-    surfaces; what the scene's probes see; pulls of ``sprung`` surfaces."""
+    their own; slips of the ``frictional`` ones with pressures of nodes; reactions of ``held`` surfaces; what the scene's probes see; pulls of ``sprung`` surfaces."""
 
     scene: Scene
     pairings: tuple[Pairing, ...]
-    rough: tuple[Pairing, ...]
+    frictional: tuple[Pairing, ...]
     held: tuple[Surface, ...]
     sprung: tuple[Surface, ...]
 
@@ -65,14 +64,14 @@ class ResponseFunctionals:
         """Rows of every contact's gaps, every rough one's slips, every held surface, every probe and every
         sprung surface."""
         gaps = [_rows_of(pairing) for pairing in self.pairings]
-        slips = [len(pairing.position) for pairing in self.rough]
+        slips = [len(pairing.position) for pairing in self.frictional]
         pulls = [3] * len(self.sprung)
         return [*gaps, *slips, *(3 for _ in self.held), *(ROWS for _ in self.scene.probes), *pulls]
 
     @property
     def of_stress(self) -> slice:
         """Rows that stresses make, of held surfaces: free expansion, which has none, is no part of them."""
-        counts, first = self.counts, len(self.pairings) + len(self.rough)
+        counts, first = self.counts, len(self.pairings) + len(self.frictional)
         return slice(sum(counts[:first]), sum(counts[: first + len(self.held)]))
 
     def rows(self, name: str) -> sparse.csr_array:
@@ -84,7 +83,7 @@ class ResponseFunctionals:
             else sampled_rows(body, name, pairing, pairing.normal)
             for pairing in self.pairings
         ]
-        slips = [slip_rows(body, name, (pairing,)) for pairing in self.rough]
+        slips = [slip_rows(body, name, (pairing,)) for pairing in self.frictional]
         reactions = [
             reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None
             for owner, surface in self.held
@@ -108,7 +107,7 @@ class ResponseFunctionals:
             return some
 
         gaps = dict(zip((p.name for p in self.pairings), taken(len(self.pairings)), strict=True))
-        slips = dict(zip((p.name for p in self.rough), taken(len(self.rough)), strict=True))
+        slips = dict(zip((p.name for p in self.frictional), taken(len(self.frictional)), strict=True))
         held = dict(zip(self.held, taken(len(self.held)), strict=True))
         probes = taken(len(self.scene.probes))
         return Observed(
