@@ -203,9 +203,9 @@ def _windows_peak() -> float:
         return float("nan")
     current = windows.kernel32.GetCurrentProcess
     current.restype = ctypes.c_void_p
-    told = windows.kernel32.K32GetProcessMemoryInfo
-    told.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)
-    return float(found.peak) if told(current(), ctypes.byref(found), found.size) else float("nan")
+    query = windows.kernel32.K32GetProcessMemoryInfo
+    query.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)
+    return float(found.peak) if query(current(), ctypes.byref(found), found.size) else float("nan")
 
 
 def _windows_memory() -> float:

@@ -130,7 +130,7 @@ class RunData:
         return self.attributes.get("strain") == "finite"
 
     @property
-    def loose_contacts(self) -> tuple[str, ...]:
+    def unilateral_contacts(self) -> tuple[str, ...]:
         """The contacts that are not bonded."""
         return tuple(name for name in self.contacts if name not in self.maps["bonds"])
 

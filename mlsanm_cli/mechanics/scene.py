@@ -158,7 +158,7 @@ class Scene:
     heatings: tuple[Heating, ...] = ()
     probes: tuple[Probe, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
-    loose: tuple[FloatingBody, ...] = ()
+    floating: tuple[FloatingBody, ...] = ()
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
 
     def surface(self, body: str, name: str) -> Surface:
@@ -209,18 +209,23 @@ class Scene:
     @property
     def rigid_constraints(self) -> tuple[RigidConstraint, ...]:
         """All that moves rigidly."""
-        return (*self.platens, *self.obstacles, *self.loose)
+        return (*self.platens, *self.obstacles, *self.floating)
 
     @property
     def unknown_motions(self) -> list[tuple[RigidConstraint, RigidMotion]]:
         """Motions to be solved for, in the order of the unknowns q."""
-        return [(mover, m) for mover in self.rigid_constraints for m in mover.motions if m.prescribed is None]
+        return [
+            (constraint, m)
+            for constraint in self.rigid_constraints
+            for m in constraint.motions
+            if m.prescribed is None
+        ]
 
-    def loose_patterns(self, body: str) -> FloatArray:
+    def floating_patterns(self, body: str) -> FloatArray:
         """Displacements (2N, k) of a body under the unknown motions q that it is loose in, 0 for others."""
         nodes = self.bodies[body].model.nodes
         patterns = np.zeros((2 * len(nodes), len(self.unknown_motions)))
-        for column, (mover, motion) in enumerate(self.unknown_motions):
-            if isinstance(mover, FloatingBody) and mover.body == body:
-                patterns[:, column] = rigid_pattern(nodes, mover.center, motion.component).ravel()
+        for column, (constraint, motion) in enumerate(self.unknown_motions):
+            if isinstance(constraint, FloatingBody) and constraint.body == body:
+                patterns[:, column] = rigid_pattern(nodes, constraint.center, motion.component).ravel()
         return patterns

@@ -43,9 +43,9 @@ def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
 
 def _turn(grid: ContactGrid, middle: float) -> float:
     """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved."""
-    aside = ASIDE * (grid.last - grid.first)
+    offset = ASIDE * (grid.last - grid.first)
     base = grid.facing.slave_first
-    s = np.array([middle, middle - aside, middle + aside])
+    s = np.array([middle, middle - offset, middle + offset])
     place, inward = grid.facing.side(s, base)
     there, outward = grid.facing.side(s, not base)
     bends = [

@@ -72,7 +72,7 @@ class EventLocator:
             for column in np.flatnonzero(levels[row] + slack < 0.0).tolist()
         ]
         a, column = min(found)
-        self.hits, self.reached = self._told(column, values.shape[1]), a < piece.length
+        self.hits, self.reached = self._flags(column, values.shape[1]), a < piece.length
         return a
 
     def _conditions(self, piece: Branch) -> tuple[FloatArray, FloatArray]:
@@ -121,7 +121,7 @@ class EventLocator:
 
         return float(brentq(level, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps, maxiter=200))
 
-    def _told(self, column: int, levels: int) -> EventFlags:
+    def _flags(self, column: int, levels: int) -> EventFlags:
         hits, n, held = EventFlags.none(self._problem.n), self._problem.n, len(self._stuck)
         if column < n:
             hits.bare[column] = True

@@ -85,11 +85,11 @@ class EnergyVerdict:
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
     """Sum of the forces on each body over the largest force on it, in one state."""
-    lack = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
+    unbalanced = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
     per_body = {}
     for number, name in enumerate(built.scene.bodies):
         largest = largest_force(built, name, state.unknowns)
-        size = float(np.hypot(*lack[number]))
+        size = float(np.hypot(*unbalanced[number]))
         per_body[name] = 0.0 if largest == 0.0 else size / largest
     # Unlike max of Python, that of numpy loses no nan.
     return Verdict(float(np.max(list(per_body.values()))), per_body)
@@ -203,7 +203,7 @@ def check_energy(verdict: EnergyVerdict) -> str:
     return f"{message}; {hint}" if abs(error) > ENERGY_WARNING else ""
 
 
-def judge_points(verdict: EnergyVerdict) -> Iterator[str]:
+def check_points(verdict: EnergyVerdict) -> Iterator[str]:
     """Warnings of bodies that single nodes hold against so much force that displacements hang on the
     spacing."""
     for name, part in verdict.pointed.items():

@@ -58,7 +58,7 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
             if step is None:
                 break
             recorder.step(scene, step)
-        _judge(scene, recorder)
+        _check_end(scene, recorder)
     except NumericalError as error:
         context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, scene)
@@ -68,7 +68,7 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
     return Ending("done", "end of the last stage")
 
 
-def _judge(scene: FiniteScene, recorder: FiniteRecorder) -> None:
+def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
     """Warn of, or refuse, a last state that cannot be believed."""
     assert recorder.last is not None
     waves = extremes(scene, recorder.last)["ellipticity"]

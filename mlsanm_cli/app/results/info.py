@@ -46,16 +46,16 @@ def _unfinished(run: RunData) -> dict[str, Any]:
     age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
     writer = holder(run.directory)
     if writer is not None:
-        told = {"stop_reason": f"no summary: still going on, {writer}; last written {age:.0f} s ago"}
+        ending = {"stop_reason": f"no summary: still going on, {writer}; last written {age:.0f} s ago"}
     else:
-        told = {
+        ending = {
             "stop_reason": f"killed or out of disk space: ended without a summary {age:.0f} s ago",
             "hint": f"go on with: mlsanm resume {run.directory}",
         }
     path = run.path
     known: dict[str, Any] = {
         "status": run.status,
-        **told,
+        **ending,
         "steps": max(path.rows - 1, 0),
         "nodes": int(run.attributes.get("nodes", 0)),
     }

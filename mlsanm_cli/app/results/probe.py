@@ -65,7 +65,7 @@ def probe_contact(
     place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
     levels = _levels(run, at)
     return [
-        _told(level) | place | {key: _on_contact(run, case, level, name, key) for key in chosen}
+        _position(level) | place | {key: _on_contact(run, case, level, name, key) for key in chosen}
         for level in levels
     ]
 
@@ -91,7 +91,7 @@ def probe_force(
             force = _mapped(run, level, "forces", name)
         else:
             force = level.between(run.path.resultants[name])
-        rows.append(_told(level) | {"fx": float(force[0]), "fy": float(force[1])})
+        rows.append(_position(level) | {"fx": float(force[0]), "fy": float(force[1])})
     return rows
 
 
@@ -112,9 +112,9 @@ def probe_named(
             )
         if run.is_finite:
             seen = np.append(seen, level.between(run.probes[name].von_mises))
-            rows.append(_told(level) | _columns(seen, field))
+            rows.append(_position(level) | _columns(seen, field))
             continue
-        rows.append(_told(level) | _fields(case, body, level, point, seen, field))
+        rows.append(_position(level) | _fields(case, body, level, point, seen, field))
     return rows
 
 
@@ -143,12 +143,12 @@ def probe_point(
             for level, (displacement, how) in zip(levels, found, strict=True)
         ]
     place = np.array([point])
-    rows, told = _rows_at(run, case, body, place), []
+    rows, rows_found = _rows_at(run, case, body, place), []
     for level, (displacement, how) in zip(levels, found, strict=True):
         seen = _stressed(case, body, level, place, rows @ displacement.ravel())
         fields = _fields(case, body, level, place, seen, field)
-        told.append({"position": level.position, "how": how} | fields)
-    return told
+        rows_found.append({"position": level.position, "how": how} | fields)
+    return rows_found
 
 
 def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Level) -> FloatArray:
@@ -203,7 +203,7 @@ def _known(name: str, names: Any, what: str) -> None:
         raise RunError(f'the run has no {what} "{name}"', there)
 
 
-def _told(level: Level) -> ContactState:
+def _position(level: Level) -> ContactState:
     return {"position": level.position, "how": level.how}
 
 

@@ -153,8 +153,10 @@ def _checks(summary: Mapping[str, Any]) -> str:
         if value is None:
             continue
         passes = limit is None or (float(value) >= limit if word == "above" else abs(float(value)) <= limit)
-        told = "" if limit is None else f"{word} {_number(limit)}"
-        rows.append([what, _number(value), told, html.GOOD + "passes" if passes else html.BAD + "fails"])
+        limit_text = "" if limit is None else f"{word} {_number(limit)}"
+        rows.append(
+            [what, _number(value), limit_text, html.GOOD + "passes" if passes else html.BAD + "fails"]
+        )
     estimate: Mapping[str, Any] = summary.get("error_estimate") or {}
     limit = limits.get("error_estimate")
     named = {"displacement": estimate.get("displacement"), **(estimate.get("pressure") or {})}
@@ -164,12 +166,12 @@ def _checks(summary: Mapping[str, Any]) -> str:
             continue
         what = f"error estimate, {name if name == 'displacement' else f'pressures of {name}'}"
         large = limit is not None and float(value) > limit
-        told = "" if limit is None else f"below {100.0 * float(limit):g} %"
+        limit_text = "" if limit is None else f"below {100.0 * float(limit):g} %"
         rows.append(
             [
                 what,
                 f"{100.0 * float(value):.2g} %",
-                told,
+                limit_text,
                 html.BAD + "large" if large else html.GOOD + "passes",
             ]
         )

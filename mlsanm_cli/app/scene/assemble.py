@@ -136,7 +136,7 @@ def prepare(
         loads,
         _probes(case, clouds),
         found.rigid_constraints,
-        (*_beside(case, clouds), *found.notes),
+        (*_support_notes(case, clouds), *found.notes),
         ranges=clear,
         held_motions=found.held,
         weak=found.weak,
@@ -201,14 +201,22 @@ def assemble_bodies(
         bodies=bodies,
         loads=case.moved,
         surface_loads=prepared.acting.surface_loads,
-        platens=tuple(mover for mover in prepared.rigid_constraints if isinstance(mover, mechanics.Platen)),
+        platens=tuple(
+            constraint
+            for constraint in prepared.rigid_constraints
+            if isinstance(constraint, mechanics.Platen)
+        ),
         supports=supports,
         held_nodes={name: components(nodes) for name, nodes in prepared.held_nodes.items()},
         obstacles=tuple(
-            mover for mover in prepared.rigid_constraints if isinstance(mover, mechanics.Obstacle)
+            constraint
+            for constraint in prepared.rigid_constraints
+            if isinstance(constraint, mechanics.Obstacle)
         ),
-        loose=tuple(
-            mover for mover in prepared.rigid_constraints if isinstance(mover, mechanics.FloatingBody)
+        floating=tuple(
+            constraint
+            for constraint in prepared.rigid_constraints
+            if isinstance(constraint, mechanics.FloatingBody)
         ),
         body_forces=prepared.acting.body_forces,
         heatings=prepared.acting.heatings,
@@ -255,7 +263,7 @@ def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
     return int(np.flatnonzero(away <= away.min() + TIED * cloud.spacing.min())[0])
 
 
-def _beside(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
+def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
     """Notes of supports that hold a node beside the point that they name."""
     for support in case.support:
         if support.body is None or support.near is None:

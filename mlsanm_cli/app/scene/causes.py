@@ -36,9 +36,9 @@ def unfacing_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> 
         places.append(clouds[side.body].points[surface.index])
         directions.append(surface.normal.mean(axis=0))
     distance = float(nearest(cKDTree(places[1]), places[0])[0].min())
-    told = [f"{side} looks {_direction(way)}" for side, way in zip(contact.names, directions, strict=True)]
+    facing = [f"{side} looks {_direction(way)}" for side, way in zip(contact.names, directions, strict=True)]
     return (
-        f"{' and '.join(told)}, {distance:.3g} apart at least: surfaces in contact look at each other; turn "
+        f"{' and '.join(facing)}, {distance:.3g} apart at least: surfaces in contact look at each other; turn "
         "a body (shape.side, for instance), move it, or choose another boundary"
     )
 

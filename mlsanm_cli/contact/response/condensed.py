@@ -28,7 +28,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.balance import (
     Forces,
-    balance_of_movers,
+    balance_of_constraints,
     body_imbalance,
     body_sums,
     moments_of_plates,
@@ -193,7 +193,7 @@ class Condensed:
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
         """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts included and last."""
         solution = self.solution(scene, body, unknowns)[0][:, 0]
-        rest = (solution + scene.loose_patterns(body) @ unknowns[1]).reshape(-1, 2)
+        rest = (solution + scene.floating_patterns(body) @ unknowns[1]).reshape(-1, 2)
         return np.asarray(rest + self.near_fields(scene, body, unknowns)[0])
 
     def near_fields(
@@ -244,7 +244,7 @@ class Condensed:
 
         They are solved for together, from a ``start`` (2N, 1) if a solution near them is known.
         """
-        system, patterns = scene.bodies[body].system, scene.loose_patterns(body)
+        system, patterns = scene.bodies[body].system, scene.floating_patterns(body)
         stacked = [self.source(body, *state) for state in states]
         sources = sparse.csc_array(sparse.hstack(stacked, format="csc"))
         if body in self.solutions:
@@ -363,7 +363,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
         gap=reduced(gap.take(free)),
         slip=reduced(slip.take(sliding)),
         watched=reduced(watched.take(looked_at)),
-        balance=reduced(balance_of_movers(forces)),
+        balance=reduced(balance_of_constraints(forces)),
         beyond=beyond[np.ix_(kept, kept)] if bonds.pairings else beyond,
         forces={name: reduced(one) for name, one in reported_forces(forces).items()},
         contact_forces={

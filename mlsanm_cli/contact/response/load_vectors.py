@@ -132,9 +132,9 @@ def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential:
             lines = body.condition_rows(part.name, component)[rows]
             values = -some.data * own[rows, component]
             source = source + sparse.csc_array((values, (lines, columns)), shape=source.shape)
-    lack = _on_pieces(body, pairing, master, direction) - body.loads @ source
-    nodal = sparse.csc_array((body.rows - lack.shape[0], lack.shape[1]))
-    return sparse.csc_array(source + sparse.vstack([nodal, lack], format="csc"))
+    missing = _on_pieces(body, pairing, master, direction) - body.loads @ source
+    nodal = sparse.csc_array((body.rows - missing.shape[0], missing.shape[1]))
+    return sparse.csc_array(source + sparse.vstack([nodal, missing], format="csc"))
 
 
 def _on_pieces(

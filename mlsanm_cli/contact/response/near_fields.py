@@ -108,9 +108,11 @@ def fields_of(
             forces, on = sampled.own_forces(kernel, slave), _on_samples(sampled, pressure, traction)
             for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
                 total[some] = np.einsum("ekcd,kdm->ecm", field(z[some]), on, optimize=True)
-    beside = away <= BEYOND
-    if beside.any():
-        displacement[beside], stress[beside] = _beside(grid, kernel, slave, z[beside], pressure, traction)
+    adjacent = away <= BEYOND
+    if adjacent.any():
+        displacement[adjacent], stress[adjacent] = _close_fields(
+            grid, kernel, slave, z[adjacent], pressure, traction
+        )
     for corner in grid.corners_of(slave):
         # The other ends of what a corner adds lie off the body, beyond the tip.
         beyond = np.abs(z - corner.tip) > BEYOND * (grid.last - grid.first)
@@ -140,7 +142,7 @@ def _on_samples(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -
     return np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
 
 
-def _beside(
+def _close_fields(
     grid: ContactGrid,
     kernel: Kernel,
     slave: bool,
@@ -221,7 +223,7 @@ def _add_close(
             np.add.at(stress, row, length[:, None, None] * (stressed @ traction))
 
 
-def traction_beside(
+def adjacent_traction(
     grid: ContactGrid,
     kernel: Kernel,
     slave: bool,

@@ -43,7 +43,8 @@ class Observed:
 @dataclass(frozen=True)
 class ResponseFunctionals:
     """Rows in this order: of the ``pairings`` the gaps of nodes, or what is sampled of contacts on grids of
-    their own; slips of the ``frictional`` ones with pressures of nodes; reactions of ``held`` surfaces; what the scene's probes see; pulls of ``sprung`` surfaces."""
+    their own; slips of the ``frictional`` ones with pressures of nodes; reactions of ``held`` surfaces;
+    what the scene's probes see; pulls of ``sprung`` surfaces."""
 
     scene: Scene
     pairings: tuple[Pairing, ...]
@@ -144,7 +145,7 @@ def observe(
                 solved[:, some] = answer["solution"]
         if not quick:
             solutions[name] = solved
-        observed[:, columns.motion_places] += rows @ scene.loose_patterns(name)
+        observed[:, columns.motion_places] += rows @ scene.floating_patterns(name)
     return observed, solutions
 
 

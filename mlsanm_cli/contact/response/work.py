@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts, opposed
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.near_fields import traction_beside
+from mlsanm_cli.contact.response.near_fields import adjacent_traction
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
@@ -138,8 +138,8 @@ def _given_tractions(
             for own, slave, sign in pairing.sides:
                 if own == body:
                     for name, surface in surfaces.items():
-                        beside = traction_beside(pairing.grid, kernel, slave, surface, pressure, traction)
-                        total[name] -= sign * beside
+                        adjacent = adjacent_traction(pairing.grid, kernel, slave, surface, pressure, traction)
+                        total[name] -= sign * adjacent
                     if pairing.grid.covers:
                         mean = pairing.grid.mean_traction(pressure, traction)
                         total[pairing.surface_of(slave).name] += sign * mean

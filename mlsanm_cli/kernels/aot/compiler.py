@@ -112,12 +112,12 @@ def _check_layout(kernel: Kernel, types: tuple[Any, ...], result: Any) -> None:
 
     parts = getattr(result, "types", (result,))
     found = [(getattr(part, "dtype", part), getattr(part, "ndim", 0)) for part in parts]
-    told = [(numba.from_dtype(value.dtype), value.ndim) for value in kernel.signature.results]
-    if found != (told or [(numba.types.none, 0)]):
+    declared = [(numba.from_dtype(value.dtype), value.ndim) for value in kernel.signature.results]
+    if found != (declared or [(numba.types.none, 0)]):
         raise TypeError(f"{kernel.name} returns {result}")
     models = registry.cpu_target.target_context.data_model_manager
     passed = "".join(_kinds(models[one].get_argument_type()) for one in types)
-    back = _kinds(models[result].get_return_type()) if told else ""
+    back = _kinds(models[result].get_return_type()) if declared else ""
     for kinds, values in ((passed, kernel.signature.arguments), (back, kernel.signature.results)):
         if kinds != "".join(value.kinds for value in values):
             raise UnloadableError(f"numba {numba.__version__} passes values as {kinds} to {kernel.name}")

@@ -161,7 +161,7 @@ def _compiled() -> Loaded:
     except RuntimeError as error:
         place, missing = None, error
     try:
-        code = _beside(compiler.compiled, every_kernel())
+        code = _compiled_apart(compiler.compiled, every_kernel())
         compiler.prove(code)
         machine = Machine(code)
     except UnloadableError as error:
@@ -186,7 +186,7 @@ def _left_to_numba(place: Path | None, reason: UnloadableError) -> Loaded:
     return Loaded(None, place, f"numba itself keeps the compiled kernels ({reason}); runs start later for it")
 
 
-def _beside(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
+def _compiled_apart(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
     """``compiled(kernels)`` in a thread of its own, which when interrupted ends before the next kernel.
 
     An interrupt that comes while LLVM calls Python, as it often does, would be printed and lost; while we
