@@ -1,4 +1,4 @@
-"""Results that need not be found twice, told apart by the content of what they were made from.
+"""Results that need not be found twice, distinguished by the content of what they were made from.
 
 A key is a digest of the numbers that go in, not of the case that they come from: whatever changes them gives
 another key, and whatever does not, as a friction coefficient, finds what is there.

@@ -54,7 +54,7 @@ class Contact:
     name: str
 
     def at(self, position: float | None = None) -> ContactState:
-        """The contact at a position of the path, the end unless told; any position where there are series.
+        """The contact at a position of the path, the end by default; any position where there are series.
 
         Raises RunError where the path does not reach, or where nothing is known of it.
         """
@@ -99,7 +99,7 @@ class Run:
 
     @cached_property
     def summary(self) -> Mapping[str, Any]:
-        """Figures, checks, times and provenance, as ``mlsanm info`` tells them."""
+        """Figures, checks, times and provenance, as ``mlsanm info`` shows them."""
         from mlsanm_cli.app.results.info import info
 
         return info(self.directory)

@@ -43,7 +43,7 @@ def check(
     threads: int = 1,
     console: Console,
 ) -> Mapping[str, Any]:
-    """Validate a case, place its nodes, build stencils and pairs, and tell sizes, quality and cost.
+    """Validate a case, place its nodes, build stencils and pairs, and report sizes, quality and cost.
 
     ``write`` names a VTU file for a look at the model, ``picture`` a picture of it. Raises what ``run`` would
     raise before it solves.

@@ -168,7 +168,7 @@ def carry_out(
         context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, adapted.prepared if adapted else prepared, built)
     except KeyboardInterrupt as stop:
-        ending = Ending("stopped", str(stop), f"go on with: mlsanm resume {recorder.directory}")
+        ending = Ending("stopped", str(stop), f"continue with: mlsanm resume {recorder.directory}")
         context.console.note(ending.hint)
     if built is not None:
         recorder.interfaces(built)

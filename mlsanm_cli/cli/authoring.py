@@ -21,7 +21,7 @@ from mlsanm_cli.errors import RunError
 
 DEFAULT_KIND = "hertz"
 SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
-"""Tells editors where the schema is: `mlsanm schema > mlsanm.schema.json` writes it."""
+"""Shows editors where the schema is: `mlsanm schema > mlsanm.schema.json` writes it."""
 
 
 @click.command()

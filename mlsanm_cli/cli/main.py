@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             sys.stderr.flush()
         except OSError:
-            # Python would fail again at exit and change the exit code.
+            # Python resuming would repeat the failure at exit and change the exit code.
             silence(sys.stderr)
 
 

@@ -126,7 +126,7 @@ class RunData:
 
     @property
     def is_finite(self) -> bool:
-        """Whether the run is one at finite strain, whose states between two rows no rule tells."""
+        """Whether the run is one at finite strain, whose states between two rows follow no rule."""
         return self.attributes.get("strain") == "finite"
 
     @property

@@ -62,7 +62,7 @@ class Pieces:
 
     ``levels`` tell the piece of every node (n,), those behind the first only of some, and -1 of the others:
     the first division is into connected pieces, the second has pairs of neighbours at contact surfaces.
-    ``whole`` measures the pieces. Their loads and fluxes are told in 3k rows: forces x of all, forces y, and
+    ``whole`` measures the pieces. Their loads and fluxes are 3k rows: forces x of all, forces y, and
     moments about the middles over the pieces' ``size`` (k,), the root of their areas.
     """
 
@@ -299,7 +299,7 @@ class Pieces:
 
 
 def _rule(model: BodyModel) -> Rule:
-    """As many of Gauss's points as tell the moments of stresses of the degree exactly."""
+    """As many of Gauss's points as integrate the moments of stresses of the degree exactly."""
     return GAUSS[model.settings.degree // 2 + 1]
 
 

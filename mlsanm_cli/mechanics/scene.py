@@ -51,7 +51,7 @@ class RigidMotion:
     about the mover's centre).
 
     ``prescribed`` (L,) gives the motion per load factor, or is None when the motion is unknown and ``force``
-    (L,) balances it. ``alone`` tells that nothing else holds a platen's body in this component: the platen
+    (L,) balances it. ``alone`` means that nothing else holds a platen's body in this component: the platen
     then carries exactly what the other forces on the body leave; otherwise its force comes from the stress
     field.
     """
@@ -143,7 +143,7 @@ class Scene:
     """Factorised bodies with all that acts on them, contact apart.
 
     ``supports`` maps a support's name to its body and surfaces; ``held_nodes`` tells for each body whether
-    single nodes hold it in x and y (their forces cannot be told from the stress field). ``held_motions`` are
+    single nodes hold it in x and y (their forces do not follow from the stress field). ``held_motions`` are
     those of loose bodies that are held as nothing resists them: velocities (3,) of each body in one, x, y and
     the rotation about the origin.
     """

@@ -142,8 +142,8 @@ class LeastSquares:
     def _refined(
         self, force: FloatArray, misfit: FloatArray, tolerance: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) of N x = ``force`` + what ``misfit`` (e + g, c) of the rows gathers to, and the lack
-        that is left.
+        """Solutions (n, c) of N x = ``force`` + what ``misfit`` (e + g, c) of the rows gathers to, and the
+        lack that is left.
 
         ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem.
         """
@@ -181,8 +181,8 @@ class LeastSquares:
         return relative(np.linalg.norm(update, axis=0), solutions)
 
     def _answer(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows, and what the conditions
-        want (s, c)."""
+        """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows, and what the
+        conditions want (s, c)."""
         return self.conditions.met(self.factor.solve(self._gather(misfit)), wanted)
 
     def _sums(self, scaled: FloatArray) -> FloatArray:

@@ -64,7 +64,7 @@ def unturned(
     ``turned``, so that what they exert in a state does no work along motions that are ``held``, as rigid
     motions (3,) of bodies about the origin; those that do none already are left out.
 
-    Bodies held against turning feel a moment, and no force: directions tell nothing of it.
+    Bodies held against turning feel a moment, and no force: directions do not matter to it.
     """
     held = [motion for motion in held if not any(way[2] for way in motion.values())]
     if not held:

@@ -86,7 +86,7 @@ def _improved(built: CondensedScene, polish: Polisher, state: State) -> PathStep
 
 def _overall(built: CondensedScene, pressure: FloatArray, traction: FloatArray) -> float:
     """Changes of pressures (m,) and tractions (n,) over the largest pressures at the ends of the stages, as
-    norms over the surfaces: at edges of contacts single places tell little."""
+    norms over the surfaces: at edges of contacts single places mean little."""
     weight, friction_nodes = built.condensed.weight, built.condensed.friction_nodes
     whole = max(float(weight @ end.pressure**2) for end in built.ends)
     changed = max(float(weight @ pressure**2), float(weight[friction_nodes] @ traction**2))

@@ -21,7 +21,7 @@ SLACK = 1e-9
 """What begins at its limit may go past it by this much before it counts, relative to the reference pressure:
 states are known to no more, and a node that hardly leaves its limit would come to it again and again."""
 SMALL = 1e-6
-"""Friction limits below this part of the reference pressure are not told apart."""
+"""Friction limits below this part of the reference pressure are not distinguished."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class EventFlags:
 class EventLocator:
     """Finds the first event on a piece of path.
 
-    Afterwards ``reached`` tells whether there was one, ``hits`` what it was.
+    Afterwards ``reached`` says whether there was one, ``hits`` what it was.
     """
 
     def __init__(self, problem: RegularizedFriction) -> None:

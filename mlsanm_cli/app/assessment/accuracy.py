@@ -25,7 +25,7 @@ from mlsanm_cli.solve.grid_refinement import grid_errors
 from mlsanm_cli.solve.state import State
 
 ROUND_OFF = 1e-9
-"""Estimates below this tell of round-off only."""
+"""Estimates below this are round-off."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Accuracy:
     contacts to relative L2 norms of what the bodies' errors and the contact's own spacing do to the pressure.
     None where no estimate can be given. ``defects`` are the bodies' own, none for other degrees than those
     that an estimate is known for. ``largest`` is the largest displacement, looked for where
-    the clouds may be refined or the errors are told. ``solutions`` (2N, 1) are the bodies' own in that state,
-    none where they are not known.
+    the clouds may be refined or the errors are reported. ``solutions`` (2N, 1) are the bodies' own in that
+    state, none where they are not known.
     """
 
     displacement: float | None
@@ -49,7 +49,7 @@ class Accuracy:
     solutions: Mapping[str, FloatArray]
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
-        """As summary.json tells them, of ``state`` where its pressures may lie away from the exact ones.
+        """As in summary.json, of ``state`` where its pressures may lie away from the exact ones.
 
         Nearly incompressible bodies have none: the defect of their mean pressure is that of their change of
         volume times a modulus without bound, 5 times the error at a Poisson ratio of 0.45, 3000 at 0.4999.

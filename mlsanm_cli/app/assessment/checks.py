@@ -236,7 +236,7 @@ def check_held(built: CondensedScene) -> str:
         return ""
     return (
         f"the surfaces that press on {where} have turned so far that {100.0 * worst:.2g} % of what presses "
-        f"would push it along a motion that nothing resists and that is held at 0; hold it there with a "
+        f"would push it along a motion that nothing resists and that is fixed at 0; hold it there with a "
         f"[[support]], or give the contact some friction"
     )
 

@@ -65,7 +65,7 @@ class Quality:
 
 
 def announce(case: Case, prepared: SceneModel, context: RunContext, warn: Warn) -> Quality:
-    """The quality of a scene's clouds; tells the notes on it, and warns of what is poor about it."""
+    """The quality of a scene's clouds; prints the notes on it, and warns of what is poor about it."""
     with context.phase("cloud"):
         quality = assess(case, prepared, context.memo)
     for note in prepared.notes:
@@ -167,11 +167,11 @@ def factor_warnings(scene: Scene) -> Iterator[str]:
 
 
 def case_warnings(case: Case) -> Iterator[str]:
-    """What the contact laws of a case cannot do with its loads, and its materials do not tell."""
+    """What the contact laws of a case cannot do with its loads, and what its materials leave open."""
     for name, material in case.material.items():
         if case.model.plane == "strain" and material.form == "stiffness":
             yield (
-                f"material {name}: a plane stiffness does not tell the stress across the plane, so that von "
+                f"material {name}: a plane stiffness leaves open the stress across the plane, so that von "
                 f"Mises stresses are nan; give E1, E2, G12, nu12 and those of the third axis for them"
             )
     turning = [load.name for load in case.load if _turns(case, load.name)]

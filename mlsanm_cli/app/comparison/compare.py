@@ -199,7 +199,7 @@ def _figures(
     clock: Clock,
     analytic: bool,
 ) -> dict[str, Any]:
-    """One method as comparison.json tells it."""
+    """One method as in comparison.json."""
     phases = SHARED if row.method.is_monolithic else (*SHARED, *CONDENSED)
     sparse = row.method.is_monolithic
     found: dict[str, Any] = {

@@ -185,7 +185,7 @@ class _Path:
         return step
 
     def state(self, position: float, found: Pressed) -> FiniteState:
-        """As the path tells it."""
+        """As a step of the path."""
         factors: FloatArray = factors_at(self._scene.stages, position)
         self.now = found
         args = (found.residual, found, self._slip, self._work)

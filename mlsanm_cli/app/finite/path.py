@@ -73,7 +73,7 @@ class FiniteStep:
     """A finished step: the state at its end, wanted states in it as they follow each other (its end may be
     one), what it cost, limit points in it.
 
-    ``renewed`` tells that the equations were renewed at its end.
+    ``renewed`` means that the equations were renewed at its end.
     """
 
     state: FiniteState

@@ -76,7 +76,7 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
         recorder.warn(
             f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
         )
-    # What single nodes hold a body with is not told by its stress.
+    # What single nodes hold a body with is not known from its stress.
     single = any(body.elastic.held_nodes for body in scene.bodies.values())
     if recorder.balance > BALANCE_LIMIT and not single:
         raise NumericalError(

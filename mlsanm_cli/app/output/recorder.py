@@ -248,7 +248,7 @@ class Recorder(RunWriter):
         return self.linear_residual or 0.0
 
     def failure(self, error: NumericalError, prepared: SceneModel, built: CondensedScene | None) -> None:
-        """Tell of a failure, and write failure.vtu: the state that was judged last, or the model if none was.
+        """Record a failure, and write failure.vtu: the state that was judged last, or the model if none was.
 
         That state is the last good one where the path itself broke off, or where the other has no numbers.
         """

@@ -165,7 +165,7 @@ def _on_boundary(
 
 
 def _names(runs: Sequence[RunData]) -> list[str]:
-    """What runs are called: the last parts of their directories, as many as tell them apart."""
+    """What runs are called: the last parts of their directories, as many as distinguish them."""
     parts = [run.directory.resolve().parts for run in runs]
     for count in range(1, max(map(len, parts)) + 1):
         names = ["/".join(part[-count:]) for part in parts]

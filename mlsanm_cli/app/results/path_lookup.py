@@ -56,8 +56,8 @@ class Level:
 def level_at(run: RunData, position: float) -> Level:
     """The level of a path position.
 
-    Raises RunError where the path does not reach the position, and where the run tells nothing of it: between
-    two stored states under the exact law, or by another method than series.
+    Raises RunError where the path does not reach the position, and where the run says nothing about it:
+    between two stored states under the exact law, or by another method than series.
     """
     rows = np.asarray(run.path.position)
     finite = run.is_finite

@@ -28,7 +28,7 @@ from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
 from mlsanm_cli.io.run_reader import ContactData, RunData, read_run
 
 MOST_LEVELS = 6
-"""More load levels in one picture cannot be told apart."""
+"""More load levels in one picture cannot be distinguished."""
 CURVE_POINTS = 801
 REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
 

@@ -53,7 +53,7 @@ def contents(rundir: Path) -> Mapping[str, Any]:
 def probe_contact(
     rundir: Path | RunData, at: Sequence[float], name: str, quantities: Sequence[str] = ()
 ) -> list[ContactState]:
-    """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them unless told."""
+    """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them by default."""
     run, case = _read(rundir)
     _known(name, run.contacts, "contact")
     frictional = bool(_friction(case)[name])

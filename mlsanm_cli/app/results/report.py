@@ -220,7 +220,7 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     first = keys.index("status") + 1
     last = next((index for index, key in enumerate(keys) if key == "position"), len(keys))
     varied = keys[first:last]
-    # Cases that have little in common are told apart by their files, further down.
+    # Cases that have little in common are distinguished by their files, further down.
     varied = varied if len(varied) <= MOST_VARIED else []
     chosen = [*varied, *(key for key in COMPARED if key in keys), *figures]
     lines = [[key, *(_number(row[key]) for row in rows)] for key in chosen]

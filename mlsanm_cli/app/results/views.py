@@ -78,7 +78,7 @@ def field_of(
 
 
 def chosen_state(run: RunData, position: float | None) -> SavedState:
-    """The state saved at a position, the last one if none is told. RunError where none is."""
+    """The state saved at a position, by default the last one. RunError where none is."""
     if position is None:
         return run.states[-1]
     for state in run.states:

@@ -43,7 +43,7 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 TIED = 1e-9
 """Distances that differ by less than this part of the spacing are the same."""
 BESIDE = 1e-3
-"""Nodes held farther than this part of the spacing from where a support was put are told."""
+"""Nodes held farther than this part of the spacing from where a support was put are reported."""
 
 
 @dataclass(frozen=True)

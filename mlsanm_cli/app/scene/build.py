@@ -128,7 +128,7 @@ def condense_scene(
                 if _carry_nothing(built, group):
                     motions_held = ", ".join(f"body {body}: u{'xy'[component]}" for body, component in group)
                     context.console.note(
-                        f"{motions_held} is held at 0, for no load drives it and what touches does not resist it"
+                        f"{motions_held} is fixed at 0 (no load and no stiffness in this direction)"
                     )
                     return built
         hint = pull_hint(case, prepared.pairings)

@@ -17,7 +17,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.startup import cKDTree
 
 FAR = 0.25
-"""Surfaces drawn apart by this part of the smaller body's size are told of."""
+"""Surfaces drawn apart by this part of the smaller body's size are reported of."""
 STRAIN = 0.1
 """Strains from which on a linear model has errors of that order."""
 MOST = 0.99
@@ -38,7 +38,7 @@ def unfacing_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> 
     distance = float(nearest(cKDTree(places[1]), places[0])[0].min())
     facing = [f"{side} looks {_direction(way)}" for side, way in zip(contact.names, directions, strict=True)]
     return (
-        f"{' and '.join(facing)}, {distance:.3g} apart at least: surfaces in contact look at each other; turn "
+        f"{' and '.join(facing)}, {distance:.3g} apart at least: contact surfaces must face each other; turn "
         "a body (shape.side, for instance), move it, or choose another boundary"
     )
 
@@ -84,7 +84,7 @@ def pull_hint(case: Case, pairings: tuple[Pairing, ...]) -> str:
 
 
 def _force(load: object) -> FloatArray | None:
-    """The direction of a load's force, where numbers tell it."""
+    """The direction of a load's force, where it is given by numbers."""
     if isinstance(load, Platen):
         moved = load.control
         held = [moved.get(axis, ("force", 0.0)) for axis in "xy"]

@@ -161,13 +161,10 @@ def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -
     one, together = unknown[pivot], _together(unknown, pivot, direction)
     if together:
         return (
-            f"{_owner(one)}: {_way(one)} is held at 0, for nothing resists that it moves together with "
-            f"{together}, and no force drives them; they still move against each other"
+            f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness): it moves together with "
+            f"{together}; the motion of one against the other stays free"
         )
-    return (
-        f"{_owner(one)}: {_way(one)} is held at 0, for no force is applied in {_way(one)} and nothing "
-        f"resists it"
-    )
+    return f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness in this direction)"
 
 
 def _hardly(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:

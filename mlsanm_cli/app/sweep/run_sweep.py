@@ -139,7 +139,7 @@ def _plan(
 
 
 def _named(problem: CaseProblem, values: Sequence[str]) -> CaseProblem:
-    """A problem of a value that varies, told as such."""
+    """A problem of a value that varies, reported as such."""
     texts = dict(text.split("=", 1) for text in values)
     if problem.source != "--set" or problem.key not in texts:
         return problem

@@ -39,7 +39,7 @@ def changes_of(
     condensed: Condensed, scene: Scene, correction: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What a ``correction`` (2n,) per body of the displacements changes of gaps (m,) and slips (n,), and of
-    what the movers lack (k,)."""
+    the force imbalance of the rigid constraints (k,)."""
     paired = sum(len(pairing.position) for pairing in condensed.pairings)
     frictional = tuple(pairing for pairing in condensed.pairings if pairing.friction)
     gaps, slips = np.zeros(paired), np.zeros(sum(len(pairing.position) for pairing in frictional))

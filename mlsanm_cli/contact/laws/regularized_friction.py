@@ -272,8 +272,8 @@ class RegularizedFriction:
         """Rates of the state and of s + c t (n,), in the form in which :func:`primal_dual_active_set` judges
         them.
 
-        An open node closes where its pressure grows, which is told as the gap that its own compliance needs
-        for that. Raises SingularSystemError where nothing resists the load.
+        An open node closes where its pressure grows, which is expressed as the gap that its own compliance
+        needs for that. Raises SingularSystemError where nothing resists the load.
         """
         slope = -self.tangent(x, lam).solve(self._load_derivative)
         p, _, q, t = self.split(slope)

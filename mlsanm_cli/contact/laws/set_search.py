@@ -72,7 +72,7 @@ class FloatingError(NoStateError):
     def __init__(self) -> None:
         NumericalError.__init__(
             self,
-            "nothing tells where what contacts alone hold goes, as nothing presses on it yet",
+            "the position of a body held by contact only is undetermined: no contact is loaded yet",
             "move it by a force instead of a displacement, or draw the surfaces touching",
         )
         self.sliding = False

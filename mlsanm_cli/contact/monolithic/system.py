@@ -207,7 +207,7 @@ def _contact_rows(
 
 
 def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
-    """What the platens lack, the stress behind them told by the displacements."""
+    """The force imbalance of the platens, the stress behind them from the displacements."""
     first, measured, springs = len(scene.unknown_motions), {}, {}
 
     def measured_by(body: str, rows: sparse.csr_array) -> LinearMap:

@@ -148,7 +148,7 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
                 elif number == next(
                     (n for n in constraint.loads if motion.prescribed[n]), constraint.loads[0]
                 ):
-                    # Several loads may move one platen in this component: its force is told once.
+                    # Several loads may move one platen in this component: its force is reported once.
                     rows[motion.component] = forces.constraint(constraint, motion)
             report[scene.loads[number]] = stack(rows, columns)
     for force in scene.body_forces:
@@ -182,7 +182,7 @@ def body_imbalance(forces: Forces) -> LinearMap:
     """Sum of all forces on each body (2 rows per body), those of held surfaces from the stress there, and on
     masters the opposite of what their slaves receive.
 
-    Least squares keep it to round-off; of square schemes it tells the discretisation error.
+    Least squares keep it to round-off; of square schemes it measures the discretisation error.
     Components held at single nodes are left out.
     """
     rows, sums = [], body_sums(forces)

@@ -64,8 +64,8 @@ class Condensed:
     a contact with friction among the tractions (n,); ``friction_nodes`` (n,) are the numbers of these nodes
     among the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,),
     ``slip`` to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to
-    what the movers lack (k,). ``beyond`` (m + n, m + n) is what of the gaps and slips the displacements' own
-    do not tell (:func:`resolved`).
+    the force imbalance of the rigid constraints (k,). ``beyond`` (m + n, m + n) is what of the gaps and slips
+    the displacements' own do not tell (:func:`resolved`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave and ``mismatches`` to what that on the master differs by from the opposite of
@@ -112,7 +112,7 @@ class Condensed:
 
     @cached_property
     def whole(self) -> FloatArray:
-        """Gaps, slips and lacking balance (m + n + k) per pressure, traction and motion."""
+        """Gaps, slips and force imbalance (m + n + k) per pressure, traction and motion."""
         parts = (self.gap, self.slip, self.balance)
         return np.block([[part.pressure, part.traction, part.motion] for part in parts])
 
@@ -200,7 +200,7 @@ class Condensed:
         self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2) and stresses (e, 3) of the fields in closed form at ``points`` (e, 2) of a
-        body, or at its nodes, in a state f, q, p, t. What its elastic system tells is the rest of both."""
+        body, or at its nodes, in a state f, q, p, t. What its elastic system gives is the rest of both."""
         model = scene.bodies[body].model
         place = as_complex(model.nodes if points is None else points)
         displacement, stress = np.zeros((len(place), 2)), np.zeros((len(place), 3))

@@ -37,7 +37,7 @@ def work_on(
 
     ``displacement`` (n, 2) and ``stress`` (n, 3), that of strain beyond the free one, are nodal; ``single``
     are (node, component) pairs held at zero. What is held has the displacements prescribed. Displacements
-    ``near`` (n, 2) in closed form are taken off all of it: of the rest the work is told.
+    ``near`` (n, 2) in closed form are taken off all of it: of the rest the work is returned.
     """
     elastic = scene.bodies[body]
     cloud, material = elastic.model.cloud, elastic.model.material
@@ -177,7 +177,7 @@ def _on_master(
 
 def _beyond_nodes(body: ElasticBody, load: SurfaceLoad, path: FloatArray) -> float:
     """What a load does along a ``path`` (n, 2) beyond what its nodal values do, per unit factor: of a load
-    that few nodes see, these tell little."""
+    that few nodes see, these mean little."""
     if load.between is None:
         return 0.0
     surface = body.model.cloud.surfaces[load.surface]
