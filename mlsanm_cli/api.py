@@ -178,7 +178,7 @@ def sweep(
             argv=_argv(),
         )
     if result["stopped"]:
-        raise Interrupted("the sweep was stopped", "the same call goes on with what is not done")
+        raise Interrupted("the sweep was stopped", "repeat the call to continue with the remaining points")
     return [Run(Path(place)) for place in result["directories"]]
 
 

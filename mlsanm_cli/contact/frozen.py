@@ -93,7 +93,7 @@ def _solved(
     try:
         found = np.linalg.solve(matrix / scale[:, None], right / scale)
     except (np.linalg.LinAlgError, ZeroDivisionError) as error:
-        raise NumericalError("nothing resists a change of the contact state") from error
+        raise NumericalError("the contact state is singular") from error
     if not np.isfinite(found).all():
-        raise NumericalError("nothing resists a change of the contact state")
+        raise NumericalError("the contact state is singular")
     return Change(found[:m], found[m : m + n], found[m + n :])

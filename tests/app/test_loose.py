@@ -165,7 +165,7 @@ def test_a_plate_that_moves_finds_the_disk_where_it_floats(tmp_path: Path) -> No
     assert solve(moving, tmp_path / "smooth", *SMOOTH, *APART, "output.at=[0.3, 1.0]")["status"] == "done"
     summary = solve(moving, tmp_path / "exact", *APART, "output.at=[0.3, 1.0]")
     assert summary["status"] == "failed"
-    assert "may be loose there" in summary["hint"]
+    assert "may be free there" in summary["hint"]
 
 
 def test_friction_does_not_find_a_floating_disk(tmp_path: Path) -> None:

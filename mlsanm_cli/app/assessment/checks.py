@@ -235,9 +235,9 @@ def check_held(built: CondensedScene) -> str:
     if not where:
         return ""
     return (
-        f"the surfaces that press on {where} have turned so far that {100.0 * worst:.2g} % of what presses "
-        f"would push it along a motion that nothing resists and that is fixed at 0; hold it there with a "
-        f"[[support]], or give the contact some friction"
+        f"the contact surfaces of {where} have rotated so far that {100.0 * worst:.2g} % of the contact "
+        f"force acts along a motion without stiffness that is fixed at 0; add a [[support]] in that direction, "
+        f"or friction to the contact"
     )
 
 

@@ -225,12 +225,12 @@ class Recorder(RunWriter):
         moved = {name: one.displacement for name, one in fields.items()}
         check_overlaps(built, state, clouds, moved)
         for name, message in large_slides(built, state, clouds, moved):
-            if not any(texts.startswith(f"the sides of contact {name} slide") for texts in self._reported):
+            if not any(one.startswith(f"the sides of contact {name} slide") for one in self._reported):
                 self._reported.append(message)
                 self.warn(message)
         for name, (x, y) in within_themselves(clouds, moved).items():
             text = f"body {name} lies inside itself"
-            if not any(texts.startswith(text) for texts in self._reported):
+            if not any(one.startswith(text) for one in self._reported):
                 message = (
                     f"{text} near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: contact of a "
                     f"body with itself is not there yet, and results beyond that mean nothing"

@@ -79,7 +79,7 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
         yield html.listing(warnings)
     yield html.heading(3, "Figures")
     yield from _figures(summary, case)
-    yield html.heading(3, "How far it can be believed")
+    yield html.heading(3, "Error estimates and checks")
     yield _checks(summary)
     if run.path.rows:
         yield html.heading(3, "Pictures")

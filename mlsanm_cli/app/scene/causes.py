@@ -27,7 +27,7 @@ MOST = 0.99
 def unfacing_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
     """Why no node of a contact's slave may face its partner."""
     if isinstance(contact.obstacle, PolylineObstacle):
-        return "the obstacle lies on the left of the way along its points: turn their order round"
+        return "the obstacle lies on the left of the direction of its points: reverse their order"
     if contact.obstacle is not None:
         return "bodies must lie on the side of the obstacle to which its normal points, or outside its circle"
     places, directions = [], []

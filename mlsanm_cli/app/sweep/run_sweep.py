@@ -79,7 +79,7 @@ def sweep(
                 reason = f": {row['stop_reason']}" if row["status"] != "done" else ""
                 console.note(f"{len(rows)}/{len(todo)} {row['name']} {row['status']}{warned}{reason}")
         except KeyboardInterrupt:
-            console.warning("stopped by a signal; the same command goes on with what is not done")
+            console.warning("stopped by a signal; repeat the command to continue with the remaining points")
     table = directory / TABLE_FILE
     write_rows(table, collect([point.directory for group in planned for point in group]))
     statuses = [row["status"] for row in rows]

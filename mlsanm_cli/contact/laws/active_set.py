@@ -121,8 +121,8 @@ def _solve_active(
 def _unbalanced() -> UnbalancedError:
     return UnbalancedError(
         "no contact pressure balances the loads",
-        "a force-controlled platen may push its body away from the contact, or a body that only contacts "
-        "hold may be loose there; prescribe the displacement instead, or use "
+        "a force-controlled platen may push its body away from the contact, or a body held by contact "
+        "only may be free there; prescribe the displacement instead, or use "
         'contact.regularization.law = "hyperbolic"',
     )
 

@@ -60,8 +60,8 @@ class EndlessError(NoStateError):
         NumericalError.__init__(
             self,
             f"the active set found no contact state in {passes} passes",
-            "the clouds may be too coarse where the surfaces touch, or unlike on the two of them; with much "
-            "friction there may also be no gradual way on",
+            "the clouds may be too coarse where the surfaces touch, or differ between the two; at high "
+            "friction there may also be no continuous path",
         )
         self.sliding = False
 

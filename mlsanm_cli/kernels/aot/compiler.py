@@ -87,7 +87,9 @@ def compiled(kernels: Iterable[Kernel]) -> Code:
         machine_code = next(iter(results.values())).library.codegen._tm.emit_object(whole)
         math = tuple(intrinsics.INTR_MATH)
     except (AttributeError, ImportError) as error:
-        raise UnloadableError(f"numba {numba.__version__} does not give its code away: {error}") from error
+        raise UnloadableError(
+            f"numba {numba.__version__} does not expose its machine code: {error}"
+        ) from error
     symbols = [one.name for one in whole.functions if one.is_declaration and not one.name.startswith("llvm.")]
     entries = {name: result.fndesc.llvm_func_name for name, result in results.items()}
     return Code(machine_code, entries, tuple(symbols), math)

@@ -105,7 +105,7 @@ class Loaded:
             machine,
             None,
             f"compiled kernels cannot be kept ({reason}); every run compiles them again. "
-            "Set MLSANM_CACHE_DIR to a directory to which you, and nobody else, may write.",
+            "Set MLSANM_CACHE_DIR to a directory that only you may write to.",
         )
 
     def function(self, kernel: Kernel) -> Callable[..., Any]:
@@ -183,7 +183,7 @@ def _left_to_numba(place: Path | None, reason: UnloadableError) -> Loaded:
         kept.leave_to_numba(place, str(reason))
     except OSError as error:
         return Loaded.unkept(None, f"{reason}; {error}")
-    return Loaded(None, place, f"numba itself keeps the compiled kernels ({reason}); runs start later for it")
+    return Loaded(None, place, f"numba itself keeps the compiled kernels ({reason}); runs start more slowly")
 
 
 def _compiled_apart(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
