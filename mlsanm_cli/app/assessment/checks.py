@@ -236,8 +236,8 @@ def check_held(built: CondensedScene) -> str:
         return ""
     return (
         f"the contact surfaces of {where} have rotated so far that {100.0 * worst:.2g} % of the contact "
-        f"force acts along a motion without stiffness that is fixed at 0; add a [[support]] in that direction, "
-        f"or friction to the contact"
+        f"force acts along a motion without stiffness that is fixed at 0; add a [[support]] in that "
+        f"direction, or friction to the contact"
     )
 
 
