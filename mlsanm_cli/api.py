@@ -104,7 +104,7 @@ def resume(
     cache: bool = True,
     progress: bool = False,
 ) -> Run:
-    """Go on with a run that was stopped or killed, to the same result; `run` tells the rest."""
+    """Continue a run that was stopped or killed, to the same result; see `run`."""
     with _numerics(threads):
         from mlsanm_cli.app.resume import resume as resume_run
     with _console(progress) as console:
@@ -178,7 +178,7 @@ def sweep(
             argv=_argv(),
         )
     if result["stopped"]:
-        raise Interrupted("the sweep was stopped", "the same call goes on with what is not done")
+        raise Interrupted("the sweep was stopped", "repeat the call to continue with the remaining points")
     return [Run(Path(place)) for place in result["directories"]]
 
 

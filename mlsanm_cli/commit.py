@@ -11,7 +11,7 @@ FILE = "commit.txt"
 
 @lru_cache(maxsize=1)
 def commit() -> str:
-    """The commit, "+" behind it if files differ from it; "" where nothing tells."""
+    """The commit, "+" behind it if files differ from it; "" where it is unknown."""
     package = Path(__file__).resolve().parent
     found = git_state(package.parent)
     if found:

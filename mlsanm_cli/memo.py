@@ -1,4 +1,4 @@
-"""Results that need not be found twice, told apart by the content of what they were made from.
+"""Results that need not be found twice, distinguished by the content of what they were made from.
 
 A key is a digest of the numbers that go in, not of the case that they come from: whatever changes them gives
 another key, and whatever does not, as a friction coefficient, finds what is there.
@@ -88,7 +88,9 @@ def _add(found: hashlib.blake2b, part: object) -> None:
         found.update(f"{type(part).__name__} {len(text)} ".encode() + text)
     elif is_dataclass(part) and not isinstance(part, type):
         found.update(f"dataclass {type(part).__qualname__} ".encode())
-        told = getattr(part, "content", None)
-        _add(found, told if isinstance(told, str) else [getattr(part, one.name) for one in fields(part)])
+        content = getattr(part, "content", None)
+        _add(
+            found, content if isinstance(content, str) else [getattr(part, one.name) for one in fields(part)]
+        )
     else:
         raise TypeError(f"no digest of a {type(part).__name__}")

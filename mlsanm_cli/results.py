@@ -54,7 +54,7 @@ class Contact:
     name: str
 
     def at(self, position: float | None = None) -> ContactState:
-        """The contact at a position of the path, the end unless told; any position where there are series.
+        """The contact at a position of the path, the end by default; any position where there are series.
 
         Raises RunError where the path does not reach, or where nothing is known of it.
         """
@@ -99,7 +99,7 @@ class Run:
 
     @cached_property
     def summary(self) -> Mapping[str, Any]:
-        """Figures, checks, times and provenance, as ``mlsanm info`` tells them."""
+        """Figures, checks, times and provenance, as ``mlsanm info`` shows them."""
         from mlsanm_cli.app.results.info import info
 
         return info(self.directory)
@@ -151,14 +151,14 @@ class Run:
         """What a ``[[probe]]`` of the case has seen: ux, uy, xx, yy, xy, von_mises. Raises RunError."""
         from mlsanm_cli.app.results.probe import probe_named
 
-        return _told(probe_named(self.data, _levels(at), name))
+        return _values(probe_named(self.data, _levels(at), name))
 
     def point(self, body: str, x: float, y: float, at: float | None = None) -> dict[str, float]:
         """Displacement and stress of a body at any place, at a position whose fields are saved: ux, uy, xx,
         yy, xy, von_mises. Raises RunError for other places and positions."""
         from mlsanm_cli.app.results.probe import probe_point
 
-        return _told(probe_point(self.data, _levels(at), body, (float(x), float(y))))
+        return _values(probe_point(self.data, _levels(at), body, (float(x), float(y))))
 
     def fields(self, body: str, at: float | None = None) -> dict[str, NDArray[Any]]:
         """Saved fields of a body: ``points`` (n, 2) before loading, ``triangles`` (t, 3) that fill it, and by
@@ -174,8 +174,8 @@ class Run:
         wanted = at if at is not None else max(places, default=0.0)
         states = [state for state in self.data.states if abs(state.position - wanted) < 1e-9]
         if not states:
-            told = ", ".join(f"{place:g}" for place in places) or "no position"
-            raise RunError(f"fields are saved at {told}, not at {wanted:g}", "name it in output.at")
+            known = ", ".join(f"{place:g}" for place in places) or "no position"
+            raise RunError(f"fields are saved at {known}, not at {wanted:g}", "name it in output.at")
         own = self.data.bodies[body]
         return {"points": own.points, "triangles": triangles_of(own), **states[0].bodies[body]}
 
@@ -212,7 +212,7 @@ def _levels(at: float | None) -> list[float]:
     return [] if at is None else [float(at)]
 
 
-def _told(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def _values(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     return {key: value for key, value in rows[0].items() if key not in ("position", "how")}
 
 

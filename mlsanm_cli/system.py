@@ -168,7 +168,7 @@ def _lock_on_windows(fd: int) -> bool:
 
 
 def peak_memory_mb() -> float:
-    """Largest memory the process has held so far; nan where the system does not tell."""
+    """Largest memory the process has held so far; nan where the system does not report it."""
     try:
         import resource
     except ImportError:
@@ -179,7 +179,7 @@ def peak_memory_mb() -> float:
 
 
 def physical_memory_mb() -> float:
-    """Memory of the machine; inf where the system does not tell."""
+    """Memory of the machine; inf where the system does not report it."""
     if hasattr(os, "sysconf"):
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / MB
     return _windows_memory() / MB
@@ -203,9 +203,9 @@ def _windows_peak() -> float:
         return float("nan")
     current = windows.kernel32.GetCurrentProcess
     current.restype = ctypes.c_void_p
-    told = windows.kernel32.K32GetProcessMemoryInfo
-    told.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)
-    return float(found.peak) if told(current(), ctypes.byref(found), found.size) else float("nan")
+    query = windows.kernel32.K32GetProcessMemoryInfo
+    query.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)
+    return float(found.peak) if query(current(), ctypes.byref(found), found.size) else float("nan")
 
 
 def _windows_memory() -> float:

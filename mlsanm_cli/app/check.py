@@ -43,7 +43,7 @@ def check(
     threads: int = 1,
     console: Console,
 ) -> Mapping[str, Any]:
-    """Validate a case, place its nodes, build stencils and pairs, and tell sizes, quality and cost.
+    """Validate a case, place its nodes, build stencils and pairs, and report sizes, quality and cost.
 
     ``write`` names a VTU file for a look at the model, ``picture`` a picture of it. Raises what ``run`` would
     raise before it solves.
@@ -89,7 +89,7 @@ def check(
 
 def _contact_unknowns(prepared: SceneModel) -> int | None:
     """How many pressures and tractions there will be; None where a run finds out, for a grid of their own."""
-    if prepared.clear:
+    if prepared.ranges:
         return None
     return sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
 
@@ -178,7 +178,7 @@ def _remarks(prepared: SceneModel, quality: Quality) -> list[str]:
         message = ratio_message(pairing, ratio)
         if ratio > REMARKABLE_RATIO and message not in quality.warnings:
             remarks.append(message)
-        if pairing.name in prepared.clear:
+        if pairing.name in prepared.ranges:
             remarks.append(
                 f"contact {pairing.name}: pressures get a grid of their own unless they reach a corner"
             )

@@ -1,4 +1,4 @@
-"""How the commands tell a person what is happening; the command line supplies one, tests another."""
+"""How the commands show what is happening; the command line supplies one, tests another."""
 
 from __future__ import annotations
 

@@ -46,7 +46,8 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
             return {**read_json(summary_file), "directory": str(rundir)}
         if ended == "failed":
             raise RunError(
-                f"the run in {rundir} failed, and would fail again", "change the case and run it with --force"
+                f"the run in {rundir} failed, and resuming would repeat the failure",
+                "change the case and run it with --force",
             )
         loaded = stored_case(origin, rundir)
         if loaded.case.model.strain == "finite":

@@ -14,12 +14,12 @@ from mlsanm_cli.app.assessment.checks import (
     check_estimates,
     check_held,
     check_linear,
+    check_points,
     check_polish,
     check_spacing,
     check_state,
     check_transfer,
     force_balance,
-    judge_points,
 )
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.pressed_ends import end_warnings
@@ -111,7 +111,7 @@ def set_up(
         adapted = adapt(case, prepared, context)
     else:
         adapted = refine_again(case, refinement, context)
-    nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.near is None]
+    nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.grid is None]
     for warning in (*adapted.warnings, *nodal_warnings(adapted.prepared, nodal)):
         warn(warning)
     return adapted
@@ -152,7 +152,7 @@ def carry_out(
         reached = _follow(built, recorder.start(adapted), recorder, context)
         if reached is not None and recorder.last is not None:
             at = f"at position {recorder.last.position:.9g}"
-            ending = Ending("done", f"{reached.told}, {at}", stopped_by=reached.told)
+            ending = Ending("done", f"{reached.description}, {at}", stopped_by=reached.description)
         if recorder.last is not None and len(built.condensed.friction_nodes):
             from mlsanm_cli.app.assessment.friction_accuracy import with_friction
 
@@ -168,7 +168,7 @@ def carry_out(
         context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, adapted.prepared if adapted else prepared, built)
     except KeyboardInterrupt as stop:
-        ending = Ending("stopped", str(stop), f"go on with: mlsanm resume {recorder.directory}")
+        ending = Ending("stopped", str(stop), f"continue with: mlsanm resume {recorder.directory}")
         context.console.note(ending.hint)
     if built is not None:
         recorder.interfaces(built)
@@ -199,7 +199,7 @@ def _follow(
         if step is None:
             break
         for state in (*step.saved, step.state):
-            recorder.judged = state
+            recorder.checked = state
             check_state(built, state)
         recorder.step(built, step)
     assert recorder.last is not None
@@ -218,7 +218,7 @@ def _follow(
         *check_transfer(built, recorder.last),
         check_balance(force_balance(built, recorder.last)),
         check_energy(recorder.energies),
-        *judge_points(recorder.energies),
+        *check_points(recorder.energies),
         check_held(built),
         check_polish(recorder.polished),
     ):

@@ -35,11 +35,11 @@ class Stopper:
     def check(self) -> None:
         """Raise KeyboardInterrupt if a signal has come or the time is over."""
         if self._end is not None and time.monotonic() >= self._end:
-            self.reason = self.reason or self._told(None)
+            self.reason = self.reason or self._reason_of(None)
         if self.reason:
             raise KeyboardInterrupt(self.reason)
 
-    def _told(self, number: int | None) -> str:
+    def _reason_of(self, number: int | None) -> str:
         # Where there is no alarm clock another signal stands for it, when the time is over.
         timed = number == self._alarm and (self._timer is None or time.monotonic() >= (self._end or 0.0))
         if self._max_wall is not None and (number is None or timed):
@@ -48,7 +48,7 @@ class Stopper:
         return f"stopped by a signal ({signal.Signals(number).name})"
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        again, self.reason = bool(self.reason), self.reason or self._told(number)
+        again, self.reason = bool(self.reason), self.reason or self._reason_of(number)
         if again or not self.gentle:
             raise KeyboardInterrupt(self.reason)
 

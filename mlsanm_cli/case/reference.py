@@ -20,21 +20,21 @@ def everything() -> list[Explanation]:
     schema, found = json_schema(), dict[str, None]()
     walk(schema, lambda path, node, table: found.setdefault(".".join(path)))
     # Tables first, then their keys.
-    told = [one for key in found for one in explain(key)]
-    places = list(dict.fromkeys(["the top of the file", *(one.place for one in told)]))
-    return sorted(told, key=lambda one: (places.index(one.place), not one.keys))
+    explanations = [one for key in found for one in explain(key)]
+    places = list(dict.fromkeys(["the top of the file", *(one.place for one in explanations)]))
+    return sorted(explanations, key=lambda one: (places.index(one.place), not one.keys))
 
 
-def markdown(told: Sequence[Explanation]) -> str:
+def markdown(explanations: Sequence[Explanation]) -> str:
     """The reference as a page of Markdown."""
-    return f"# Keys of the case file\n\nMade by `mlsanm explain --all`.\n{sections(told, '##')}"
+    return f"# Keys of the case file\n\nMade by `mlsanm explain --all`.\n{sections(explanations, '##')}"
 
 
-def sections(told: Sequence[Explanation], level: str) -> str:
+def sections(explanations: Sequence[Explanation], level: str) -> str:
     """The reference as Markdown, a section per table with a heading of that level."""
     lines: list[str] = []
     place = ""
-    for one in told:
+    for one in explanations:
         if one.place != place:
             place = one.place
             title = f"`{place}`" if place.startswith("[") else place.capitalize()

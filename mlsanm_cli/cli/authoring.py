@@ -21,7 +21,7 @@ from mlsanm_cli.errors import RunError
 
 DEFAULT_KIND = "hertz"
 SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
-"""Tells editors where the schema is: `mlsanm schema > mlsanm.schema.json` writes it."""
+"""Shows editors where the schema is: `mlsanm schema > mlsanm.schema.json` writes it."""
 
 
 @click.command()
@@ -88,8 +88,8 @@ def explain(settings: Settings, key: str, everything: bool) -> int:
 
         if key:
             raise RunError("--all explains every key", f"omit {key} or --all")
-        told = all_keys()
-        print_result(settings, {"explanations": [vars(one) for one in told]}, markdown(told))
+        explanations = all_keys()
+        print_result(settings, {"explanations": [vars(one) for one in explanations]}, markdown(explanations))
         return 0
     from mlsanm_cli.case.explain import explain as explain_key
 

@@ -176,7 +176,7 @@ class TerminalConsole(Closing):
 def _factorisation() -> str:
     """Progress of the current factorisation, "" if there is none."""
     module = sys.modules.get("mlsanm_cli.operators.linear.progress")
-    return "" if module is None else str(module.told())
+    return "" if module is None else str(module.progress_text())
 
 
 def fitting(columns: Sequence[str], width: int) -> str:

@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             sys.stderr.flush()
         except OSError:
-            # Python would fail again at exit and change the exit code.
+            # Python resuming would repeat the failure at exit and change the exit code.
             silence(sys.stderr)
 
 
@@ -103,14 +103,14 @@ def _report(error: BaseException, settings: Settings) -> int:
         _print("error", f"{count} problem{'' if count == 1 else 's'} in the case, nothing was run", settings)
         _as_json(error.problems, settings)
         return error.exit_code
-    code, message, hint = _told(error, settings)
+    code, message, hint = _described(error, settings)
     _print("error", message, settings)
     _print("hint", hint, settings)
     _as_json([CaseProblem("", message, hint=hint)], settings)
     return code
 
 
-def _told(error: BaseException, settings: Settings) -> tuple[int, str, str]:
+def _described(error: BaseException, settings: Settings) -> tuple[int, str, str]:
     """Exit code, message and hint of an error that is not a CaseError."""
     if isinstance(error, MlsanmError):
         return error.exit_code, error.message, error.hint

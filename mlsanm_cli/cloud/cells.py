@@ -236,9 +236,9 @@ def measure(points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], l
     def total(values: FloatArray) -> FloatArray:
         return np.stack([np.bincount(group, one, count) for one in values.T], axis=1)
 
-    lack, length = total(normal), np.bincount(group, np.hypot(*normal.T), count)
+    opening, length = total(normal), np.bincount(group, np.hypot(*normal.T), count)
     area = 0.5 * total(arm * normal).sum(axis=1)
-    closed = (np.hypot(*lack.T) <= CLOSED * length) & (area > 0.0)
+    closed = (np.hypot(*opening.T) <= CLOSED * length) & (area > 0.0)
     first = 0.5 * total(arm**2 * normal)
     middle = near + np.where(closed[:, None], first / np.where(closed, area, 1.0)[:, None], 0.0)
     return Measures(area, middle, closed)

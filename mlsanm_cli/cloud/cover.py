@@ -34,9 +34,9 @@ def cover(
     area = spacing**2
     zones: list[Zone] = []
     for _ in range(LIMIT):
-        lack = has / wanted
-        worst = int(np.argmax(lack))
-        if lack[worst] <= TOLERANCE:
+        ratio = has / wanted
+        worst = int(np.argmax(ratio))
+        if ratio[worst] <= TOLERANCE:
             break
         h = float(wanted[worst])
         middle = points[worst]

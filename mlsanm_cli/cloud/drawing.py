@@ -145,8 +145,8 @@ def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]]
     """The outline of a chain and circular holes (name, centre, radius). Several curves of one name are
     "name/1" and so on.
 
-    Raises OutlineError where the chain crosses or touches itself, told at ``key``, and for holes that are not
-    inside with material around them.
+    Raises OutlineError where the chain crosses or touches itself, reported at ``key``, and for holes that are
+    not inside with material around them.
     """
     parts = [_chords(curve) for _, curve in outer]
     chords = np.concatenate(parts)

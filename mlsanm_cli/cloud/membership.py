@@ -1,4 +1,4 @@
-"""Whether points belong to a body, told from its boundary nodes alone, as run.h5 keeps them."""
+"""Whether points belong to a body, decided from its boundary nodes alone, as run.h5 keeps them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures that tell whether a cloud is fit for use."""
+"""Figures that show whether a cloud is fit for use."""
 
 from __future__ import annotations
 

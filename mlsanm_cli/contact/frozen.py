@@ -33,7 +33,7 @@ def frozen_change(
     by: tuple[FloatArray, FloatArray, FloatArray],
 ) -> Change:
     """How a state with ``pressure`` (m,), ``traction`` (n,) and ``gaps`` (m,) answers when gaps (m,), slips
-    (n,) and what the movers lack (k,) change ``by`` so much.
+    (n,) and the force imbalance of the rigid constraints (k,) change ``by`` so much.
 
     Nodes that are ``closed`` (m,) stay so unless they would pull, open ones unless they would overlap; of the
     nodes with friction those ``stuck`` (n,) keep their slips, the others slip as they do. So the change is
@@ -93,7 +93,7 @@ def _solved(
     try:
         found = np.linalg.solve(matrix / scale[:, None], right / scale)
     except (np.linalg.LinAlgError, ZeroDivisionError) as error:
-        raise NumericalError("nothing resists a change of the contact state") from error
+        raise NumericalError("the contact state is singular") from error
     if not np.isfinite(found).all():
-        raise NumericalError("nothing resists a change of the contact state")
+        raise NumericalError("the contact state is singular")
     return Change(found[:m], found[m : m + n], found[m + n :])

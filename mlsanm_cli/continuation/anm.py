@@ -58,12 +58,12 @@ class AnmFollower(Follower):
             limit = branch.length if self._barrier is None or cut else self._barrier(branch)
             if cut or limit < branch.length:
                 piece = branch.shortened(limit)
-                yield self._told(piece, self._cut(here, piece), unit)
+                yield self._step(piece, self._cut(here, piece), unit)
                 raise Stopped(StopReason.EVENT, f"after {self._steps} steps")
             branch, end, ahead, effort = self._arrive(here, branch)
             if ahead is not None:
                 self._piece = branch
-            yield self._told(branch, end, unit)
+            yield self._step(branch, end, unit)
             if ahead is None:
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             here, self._effort = ahead, effort
@@ -185,7 +185,7 @@ class AnmFollower(Follower):
             return None
         return piece.x[1], float(piece.lam[1])
 
-    def _told(self, branch: Branch, end: Correction, unit: float) -> Step:
+    def _step(self, branch: Branch, end: Correction, unit: float) -> Step:
         return self._record(branch, end, branch.length * unit, branch.order)
 
 

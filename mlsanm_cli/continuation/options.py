@@ -11,7 +11,7 @@ _CORRECTED = 0.01
 
 @dataclass(frozen=True)
 class PathOptions:
-    """What every method is told.
+    """Options of every method.
 
     Attributes
     ----------

@@ -75,5 +75,5 @@ class Problem(Protocol):
         ...
 
     def admissible(self, x: FloatArray, lam: float) -> bool:
-        """Tell whether (x, lam) lies on the meaningful side of every constraint (gaps > 0, for instance)."""
+        """Whether (x, lam) lies on the meaningful side of every constraint (gaps > 0, for instance)."""
         ...

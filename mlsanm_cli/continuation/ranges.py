@@ -75,7 +75,7 @@ class RangeOfValidity:
         return taylor
 
     def good(self, branch: Branch, a: float) -> bool:
-        """Tell whether the residual keeps the tolerance at ``a`` and inside."""
+        """Whether the residual keeps the tolerance at ``a`` and inside."""
         limit = _LIMIT * self.options.tolerance
         return all(self.error(branch, part * a) <= limit for part in _CHECKED)
 
@@ -89,7 +89,7 @@ class RangeOfValidity:
         along = (self.lam_end - series.lam[0]) / series.lam[1] if series.lam[1] != 0.0 else 0.0
         if last > 0.0 and order > 1:
             # An all but straight path has coefficients that vanish and a range without bound, over which
-            # its crossing of lam_end could not be told to round-off.
+            # its crossing of lam_end could not be found to round-off.
             most = max(_STRAIGHT * along, _STRAIGHT * self._shortest(series.x[1], series.lam[1]))
             most = most if along > 0.0 else np.inf
             return float(min((self.options.tolerance * first / last) ** (1.0 / (order - 1)), most))

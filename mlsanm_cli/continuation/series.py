@@ -169,7 +169,7 @@ class Branch:
         return self._root(lam, float(grid[last - 1]), float(grid[last]))
 
     def _stays_off(self, lam: float) -> bool:
-        """Tell whether the terms of the power series together cannot bring it to the load factor."""
+        """Whether the terms of the power series together cannot bring it to the load factor."""
         reach = float(self._weights(self.length) @ np.abs(self.lam))
         first = float(self.lam[0])
         return reach - abs(first) + _ROUND_OFF * (abs(lam) + reach) < abs(lam - first)

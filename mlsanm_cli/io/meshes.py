@@ -125,7 +125,7 @@ def _read(path: Path) -> meshio.Mesh:
 def _drop_weak_sets(mesh: meshio.Mesh, path: Path) -> None:
     """Leave out sets that come with Abaqus elements as they are listed, where others name the same ones.
 
-    Programs name every list of elements; sets of their own line say more. meshio only tells lists apart
+    Programs name every list of elements; sets of their own line say more. meshio only distinguishes lists
     where all of them have a name.
     """
     if path.suffix.lower() != ".inp":
@@ -223,7 +223,7 @@ def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[t
 
 
 def _tags(mesh: meshio.Mesh) -> tuple[str, list[NDArray[Any]]] | None:
-    """The integers that tell groups apart: Gmsh's physical groups, else the only such data there are."""
+    """The integers that distinguish groups: Gmsh's physical groups, else the only such data there are."""
     if PHYSICAL in mesh.cell_data:
         return PHYSICAL, mesh.cell_data[PHYSICAL]
     whole = {

@@ -112,7 +112,7 @@ def check_comparison(directory: Path, force: bool) -> None:
     for path in known:
         if not _is_comparison(path):
             raise RunError(
-                f"{path} is no file of mlsanm", hint="nothing was touched; use another --out, or move it"
+                f"{path} is no file of mlsanm", hint="no file was changed; use another --out, or move it"
             )
     if known and not force:
         raise RunError(
@@ -121,7 +121,7 @@ def check_comparison(directory: Path, force: bool) -> None:
     if entries and not known and not force and not _is_run(directory / RUN_FILE):
         raise RunError(
             f"{directory} is not empty and holds no run of mlsanm",
-            hint="use another --out, or --force to write the comparison beside the files in it",
+            hint="use another --out, or --force to write the comparison next to the files in it",
         )
 
 
@@ -169,12 +169,12 @@ def _plan(directory: Path, force: bool) -> list[Path]:
         if taken:
             raise RunError(
                 f"{directory} holds {', '.join(taken)}, but no run of mlsanm",
-                hint="nothing was touched; use another --out, or move these files",
+                hint="no file was changed; use another --out, or move these files",
             )
         if not force:
             raise RunError(
                 f"{directory} is not empty and holds no run of mlsanm",
-                hint="use another --out, or --force to write the run beside the files in it",
+                hint="use another --out, or --force to write the run next to the files in it",
             )
         return []
     ours = [path for path in entries if path.is_file() and _is_ours(path)]

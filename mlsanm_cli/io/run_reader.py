@@ -128,11 +128,11 @@ class RunData:
 
     @property
     def is_finite(self) -> bool:
-        """Whether the run is one at finite strain, whose states between two rows no rule tells."""
+        """Whether the run is one at finite strain, whose states between two rows follow no rule."""
         return self.attributes.get("strain") == "finite"
 
     @property
-    def loose_contacts(self) -> tuple[str, ...]:
+    def unilateral_contacts(self) -> tuple[str, ...]:
         """The contacts that are not bonded."""
         return tuple(name for name in self.contacts if name not in self.maps["bonds"])
 

@@ -47,8 +47,8 @@ class External:
         declared = name(capsule)
         if _kinds(declared.decode()) != self.arguments:
             version = importlib.import_module("scipy").__version__
-            told = f"scipy {version} has a {self.name} that kernels cannot call: {declared.decode()}"
-            raise RunError(told, "install another version of scipy")
+            message = f"scipy {version} has a {self.name} that kernels cannot call: {declared.decode()}"
+            raise RunError(message, "install another version of scipy")
         return int(pointer(capsule, declared))
 
 

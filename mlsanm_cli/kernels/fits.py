@@ -132,13 +132,13 @@ def fit_derivatives(
             for again in range(2):
                 step[:] = 0.0
                 for i in range(count):
-                    lack = field[numbers[e, i], c]
+                    rest = field[numbers[e, i], c]
                     if again:
                         for t in range(columns):
-                            lack -= monomial[i, t] * coefficients[t]
-                    lack *= weight[i]
+                            rest -= monomial[i, t] * coefficients[t]
+                    rest *= weight[i]
                     for t in range(columns):
-                        step[t] += lack * monomial[i, t]
+                        step[t] += rest * monomial[i, t]
                 _solve(gram, columns, step)
                 for t in range(columns):
                     coefficients[t] += step[t]

@@ -80,7 +80,7 @@ def assemble(
         factorise = partial(square.factorise, rows, choice, model.nodes)
     else:
         weight = row_weights(model, held, single, table, grips)
-        known = pieces.told(list(held_nodes))
+        known = pieces.rows_known(list(held_nodes))
         strong = partial(_strong, model, pieces, grips, first_row, pulls, known)
         sums = pieces.sums(known)
         factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, solver)

@@ -52,7 +52,7 @@ MORE_NEIGHBORS = 1.3
 over the clouds of one graded scene, with these by 3, and halved."""
 
 COINCIDENT = 0.02
-"""Nodes closer than this part of the spacing are refused: only their difference tells them apart.
+"""Nodes closer than this part of the spacing are refused: only their difference distinguishes them.
 
 Measured with an extra node beside another one, degrees 2, 4 and 6: at 0.03 the error is the same as without
 it, at 0.01 fourteen times larger for degree 6, at 0.003 ten times for degree 2, then soon beyond all bounds.
@@ -360,7 +360,7 @@ class ElasticBody:
     def depth_of_reactions(self, surface: str) -> float:
         """How many spacings inside the stress is taken for the force of a held surface.
 
-        Square schemes have no rows of pieces, and their stress beside held corners tells little: it is taken
+        Square schemes have no rows of pieces, and their stress beside held corners means little: it is taken
         a spacing inside, or two where both directions are held.
         """
         return float(sum(self.gripped[surface])) if self.model.settings.square else 0.0

@@ -26,8 +26,8 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.startup import cKDTree
 
 DEGREES = (2, 3, 4)
-"""Degrees whose errors were measured to be told. At degree 1 the estimate was up to 300 times too large, from
-5 on up to 10 times."""
+"""Degrees whose errors were measured to be reported. At degree 1 the estimate was up to 300 times too large,
+from 5 on up to 10 times."""
 
 ROUGH = 1e-3
 """Relative error of a correction that is left alone: an estimate has a digit or two."""
@@ -80,7 +80,7 @@ def correct(body: ElasticBody, source: sparse.csc_array, moved: FloatArray) -> C
 
     Solutions by the factor alone do for corrections. Those for the source itself get there step by step, each
     in one pass through the factor with the correction, until the steps are small against it. The first
-    step tells what such solutions are worth: smooth ones as this lose most by it.
+    step estimates the error of such solutions: smooth ones as this lose most by it.
 
     Raises NumericalError as :func:`defect_of`.
     """

@@ -128,11 +128,11 @@ def energy_at_tips(cloud: Cloud, material: PlaneMaterial, stress: FloatArray, ti
         node = int(((cloud.points - place) ** 2).sum(axis=1).argmin())
         own = cloud.triangles[(cloud.triangles == node).any(axis=1)]
         one, other = stress[own[own != node].reshape(-1, 2)].swapaxes(0, 1)
-        beside = sum(
+        corner_values = sum(
             ((a @ contact_compliance) * b).sum(axis=1) for a, b in ((one, one), (other, other), (one, other))
         )
         areas = _areas(cloud, own)
-        total += float(areas @ beside) / (3.0 * float(powers[0]))
+        total += float(areas @ corner_values) / (3.0 * float(powers[0]))
         values = stress[own]
         products = (values @ contact_compliance * values).sum(axis=(1, 2))
         sums = values.sum(axis=1)

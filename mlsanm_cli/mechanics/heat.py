@@ -51,7 +51,7 @@ class Heating:
         return source
 
     def reaction(self, body: ElasticBody, surface: str, center: tuple[float, float]) -> FloatArray:
-        """What of the force x, y and moment about a ``center`` (3,) that displacements tell of a held surface
+        """What of the force x, y and moment about a ``center`` (3,) that displacements give of a held surface
         is free expansion, and so none."""
         even, held = stress_of_expansion(body.model.material), body.gripped[surface]
         where = body.model.cloud.surfaces[surface]

@@ -1,7 +1,7 @@
 """Plane elasticity of a material, with its thermal expansion.
 
 Isotropic and orthotropic materials are known in space and reduced to the plane; a plane stiffness given as
-such tells nothing of the stress across the plane, which then is nan in plane strain.
+such says nothing about the stress across the plane, which then is nan in plane strain.
 """
 
 from __future__ import annotations

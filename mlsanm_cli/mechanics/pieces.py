@@ -62,7 +62,7 @@ class Pieces:
 
     ``levels`` tell the piece of every node (n,), those behind the first only of some, and -1 of the others:
     the first division is into connected pieces, the second has pairs of neighbours at contact surfaces.
-    ``whole`` measures the pieces. Their loads and fluxes are told in 3k rows: forces x of all, forces y, and
+    ``whole`` measures the pieces. Their loads and fluxes are 3k rows: forces x of all, forces y, and
     moments about the middles over the pieces' ``size`` (k,), the root of their areas.
     """
 
@@ -283,11 +283,11 @@ class Pieces:
     def sums(self, known: BoolArray) -> sparse.csr_array:
         """Forces and moment on the body (s, 3k), as far as those on its pieces are all ``known`` (3k,)."""
         middle = self.cloud.points.mean(axis=0)
-        told: BoolArray = np.array([(one | ~self.main).all() for one in known.reshape(3, -1)])
-        told[2] = told.all()
-        return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(told)])
+        closed: BoolArray = np.array([(one | ~self.main).all() for one in known.reshape(3, -1)])
+        closed[2] = closed.all()
+        return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(closed)])
 
-    def told(self, hidden: list[tuple[int, int]]) -> BoolArray:
+    def rows_known(self, hidden: list[tuple[int, int]]) -> BoolArray:
         """Which of the 3k rows can be told: those of closed pieces, but where single ``hidden`` (node,
         component) pairs hold the body, whose forces no flux tells."""
         known = np.tile(self.whole.closed, 3)
@@ -299,7 +299,7 @@ class Pieces:
 
 
 def _rule(model: BodyModel) -> Rule:
-    """As many of Gauss's points as tell the moments of stresses of the degree exactly."""
+    """As many of Gauss's points as integrate the moments of stresses of the degree exactly."""
     return GAUSS[model.settings.degree // 2 + 1]
 
 

@@ -44,6 +44,6 @@ def point_rows(stencils: Stencils, stiffness: FloatArray) -> sparse.csr_array:
 
 
 def stress_of_expansion(material: PlaneMaterial) -> FloatArray:
-    """What of the stress (3,) that displacements tell is free expansion by one degree, and so none."""
+    """What of the stress (3,) that displacements give is free expansion by one degree, and so none."""
     result: FloatArray = material.stiffness @ material.expansion
     return result

@@ -56,8 +56,8 @@ def remainder_sources(body: ElasticBody, forces: Forces) -> FloatArray:
         moved = forces.displacement(as_complex(cloud.points[node : node + 1]))
         source[first + number] = -moved[0, :, component]
     flat = source.reshape(body.rows, -1)
-    lack = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
-    flat[body.rows - len(lack) :] = lack
+    missing = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
+    flat[body.rows - len(missing) :] = missing
     return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
 
 
@@ -103,12 +103,12 @@ def _on_pieces(
 def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, FloatArray]) -> FloatArray:
     """Loads of the pieces (3p, k, 2) that make up for what integrals of the tractions ``sent`` by surface are
     off by, as tractions linear along the surface of the forces."""
-    lack = -_moment(as_real(forces.place), np.broadcast_to(np.eye(2), (len(forces.place), 2, 2)))
+    missing = -_moment(as_real(forces.place), np.broadcast_to(np.eye(2), (len(forces.place), 2, 2)))
     inward, bearing = forces.own.inward[0], None
     for name, surface in body.model.cloud.surfaces.items():
         halves = _halves(surface, forces)
         points, normal = surface.curve.points(halves.arc), as_complex(surface.curve.normals(halves.arc))
-        lack -= _total(points, halves.length[:, None, None, None] * sent[name])
+        missing -= _total(points, halves.length[:, None, None, None] * sent[name])
         beside = ((as_complex(points[:1]) - forces.place) * np.conj(inward)).real
         if max(np.abs(normal + inward).max(), np.abs(beside).max() / surface.curve.length) < ALONG:
             bearing = surface, halves, points
@@ -120,9 +120,9 @@ def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, Flo
     shapes *= halves.length[:, None, None]
     moments = points[:, :1] * shapes[:, :, 1] - points[:, 1:] * shapes[:, :, 0]
     sums = np.stack([shapes[:, :, 0].sum(axis=0), shapes[:, :, 1].sum(axis=0), moments.sum(axis=0)])
-    share = np.linalg.solve(sums, lack.reshape(3, -1)).reshape(lack.shape)
+    share = np.linalg.solve(sums, missing.reshape(3, -1)).reshape(missing.shape)
     force = -np.einsum("esc,skf->ekcf", shapes, share)
-    total = np.zeros((3 * body.pieces.count, *lack.shape[1:]))
+    total = np.zeros((3 * body.pieces.count, *missing.shape[1:]))
     for level in body.pieces.levels:
         total += _gathered(body, level[surface.index[halves.own]], points, force)
     return total

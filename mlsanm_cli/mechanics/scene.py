@@ -51,7 +51,7 @@ class RigidMotion:
     about the mover's centre).
 
     ``prescribed`` (L,) gives the motion per load factor, or is None when the motion is unknown and ``force``
-    (L,) balances it. ``alone`` tells that nothing else holds a platen's body in this component: the platen
+    (L,) balances it. ``alone`` means that nothing else holds a platen's body in this component: the platen
     then carries exactly what the other forces on the body leave; otherwise its force comes from the stress
     field.
     """
@@ -143,7 +143,7 @@ class Scene:
     """Factorised bodies with all that acts on them, contact apart.
 
     ``supports`` maps a support's name to its body and surfaces; ``held_nodes`` tells for each body whether
-    single nodes hold it in x and y (their forces cannot be told from the stress field). ``held_motions`` are
+    single nodes hold it in x and y (their forces do not follow from the stress field). ``held_motions`` are
     those of loose bodies that are held as nothing resists them: velocities (3,) of each body in one, x, y and
     the rotation about the origin.
     """
@@ -158,7 +158,7 @@ class Scene:
     heatings: tuple[Heating, ...] = ()
     probes: tuple[Probe, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
-    loose: tuple[FloatingBody, ...] = ()
+    floating: tuple[FloatingBody, ...] = ()
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
 
     def surface(self, body: str, name: str) -> Surface:
@@ -209,18 +209,23 @@ class Scene:
     @property
     def rigid_constraints(self) -> tuple[RigidConstraint, ...]:
         """All that moves rigidly."""
-        return (*self.platens, *self.obstacles, *self.loose)
+        return (*self.platens, *self.obstacles, *self.floating)
 
     @property
     def unknown_motions(self) -> list[tuple[RigidConstraint, RigidMotion]]:
         """Motions to be solved for, in the order of the unknowns q."""
-        return [(mover, m) for mover in self.rigid_constraints for m in mover.motions if m.prescribed is None]
+        return [
+            (constraint, m)
+            for constraint in self.rigid_constraints
+            for m in constraint.motions
+            if m.prescribed is None
+        ]
 
-    def loose_patterns(self, body: str) -> FloatArray:
+    def floating_patterns(self, body: str) -> FloatArray:
         """Displacements (2N, k) of a body under the unknown motions q that it is loose in, 0 for others."""
         nodes = self.bodies[body].model.nodes
         patterns = np.zeros((2 * len(nodes), len(self.unknown_motions)))
-        for column, (mover, motion) in enumerate(self.unknown_motions):
-            if isinstance(mover, FloatingBody) and mover.body == body:
-                patterns[:, column] = rigid_pattern(nodes, mover.center, motion.component).ravel()
+        for column, (constraint, motion) in enumerate(self.unknown_motions):
+            if isinstance(constraint, FloatingBody) and constraint.body == body:
+                patterns[:, column] = rigid_pattern(nodes, constraint.center, motion.component).ravel()
         return patterns

@@ -83,7 +83,7 @@ def cornered(
         all_of = np.flatnonzero(tip == number)
         for first in range(0, len(all_of), TOGETHER):
             some = all_of[first : first + TOGETHER]
-            found, good = _beside(
+            found, good = _fits_at_one_corner(
                 points[indices[some]],
                 centers[some],
                 targets[some],
@@ -97,7 +97,7 @@ def cornered(
     return weights, sound
 
 
-def _beside(
+def _fits_at_one_corner(
     nodes: FloatArray,
     centers: FloatArray,
     targets: FloatArray,

@@ -51,7 +51,7 @@ def fitted_derivatives(
             result[which] = found
     if tips is not None:
         around = targets[:, None]
-        beside = fits_at_corners(points, tree, targets, around, settings, (0, 2), tips, sight)
-        for which, numbers, weights in beside:
+        cornered_fits = fits_at_corners(points, tree, targets, around, settings, (0, 2), tips, sight)
+        for which, numbers, weights in cornered_fits:
             result[which] = np.swapaxes(weights, 1, 2) @ field[numbers]
     return result

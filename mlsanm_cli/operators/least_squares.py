@@ -88,18 +88,18 @@ class LeastSquares:
     ) -> tuple[FloatArray, FloatArray]:
         """Solutions (n, c) for ``sources`` (r, c), from a multiple of a ``start`` (n, 1) if one near them is
         known, and what the last update changed of each, relatively: (c,)."""
-        force, lack = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
-        wanted = self._sums(lack)
+        force, misfit = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
+        wanted = self._sums(misfit)
         if start is None:
-            solution = self.factor.solve(self._gather(lack))
-            lack = lack - self._apply(solution)
+            solution = self.factor.solve(self._gather(misfit))
+            misfit = misfit - self._apply(solution)
             progress = Progress.of(solution, PRECISE, CHECKED)
         else:
             image = self._apply(start)
-            part = best_part(image, lack)
-            solution, lack = start @ part, lack - image @ part
+            part = best_part(image, misfit)
+            solution, misfit = start @ part, misfit - image @ part
             progress = Progress.begun(sources.shape[1], PRECISE, CHECKED)
-        solution, _, progress = self._further(force, lack, solution, progress)
+        solution, _, progress = self._further(force, misfit, solution, progress)
         return self.conditions.met(solution, wanted), relative(progress.last, solution)
 
     def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
@@ -125,12 +125,12 @@ class LeastSquares:
         rows = sparse.csr_array(sparse.vstack([observed, self.conditions.rows], format="csr"))
 
         def of_columns(chosen: FloatArray) -> FloatArray:
-            lack = weighted @ (mixed @ chosen)
-            return np.asarray(rows @ self._refined(np.zeros((self.rows.shape[1], 1)), lack, QUICK)[0])
+            misfit = weighted @ (mixed @ chosen)
+            return np.asarray(rows @ self._refined(np.zeros((self.rows.shape[1], 1)), misfit, QUICK)[0])
 
         def of_rows(chosen: FloatArray) -> FloatArray:
-            lack = np.zeros((count, chosen.shape[1]))
-            images = -self._refined(np.asarray(rows.T @ chosen), lack, QUICK)[1]
+            misfit = np.zeros((count, chosen.shape[1]))
+            images = -self._refined(np.asarray(rows.T @ chosen), misfit, QUICK)[1]
             return np.asarray((weighted.T @ images).T @ mixed)
 
         gathered = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
@@ -140,24 +140,24 @@ class LeastSquares:
         return np.asarray(seen + (observed @ self.conditions.lift) @ (wanted - kept))
 
     def _refined(
-        self, force: FloatArray, lack: FloatArray, tolerance: float
+        self, force: FloatArray, misfit: FloatArray, tolerance: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) of N x = ``force`` + what ``lack`` (e + g, c) of the rows gathers to, and the lack
-        that is left.
+        """Solutions (n, c) of N x = ``force`` + what ``misfit`` (e + g, c) of the rows gathers to, and the
+        lack that is left.
 
         ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem.
         """
-        solution = self.factor.solve(force + self._gather(lack))
+        solution = self.factor.solve(force + self._gather(misfit))
         progress = Progress.of(solution, tolerance)
-        return self._further(force, lack - self._apply(solution), solution, progress)[:2]
+        return self._further(force, misfit - self._apply(solution), solution, progress)[:2]
 
     def _further(
-        self, force: FloatArray, lack: FloatArray, solution: FloatArray, progress: Progress
+        self, force: FloatArray, misfit: FloatArray, solution: FloatArray, progress: Progress
     ) -> tuple[FloatArray, FloatArray, Progress]:
-        """The ``solution`` (n, c), which ``lack`` is left of, refined until there is no more progress."""
+        """The ``solution`` (n, c), which ``misfit`` is left of, refined until there is no more progress."""
         step, before = np.zeros_like(solution), np.ones(solution.shape[1])
         for _ in range(MOST):
-            gradient = force + self._gather(lack)
+            gradient = force + self._gather(misfit)
             wanted = self.factor.solve(gradient)
             now = (gradient * wanted).sum(axis=0)
             step = wanted + now / before * step
@@ -165,12 +165,12 @@ class LeastSquares:
             # More steps than needed would only add round-off.
             length = np.where(progress.done, 0.0, now / np.maximum((image**2).sum(axis=0), TINY))
             solution += length * step
-            lack -= length * image
+            misfit -= length * image
             before = np.where(now > 0.0, now, np.inf)
             progress = progress.after(length * step, solution)
             if progress.finished:
                 break
-        return solution, lack, progress
+        return solution, misfit, progress
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
         """What one more corrected semi-normal step would change of each of the ``solutions`` (n, c),
@@ -180,10 +180,10 @@ class LeastSquares:
         update = self._answer(scaled - self._apply(solutions), wanted)
         return relative(np.linalg.norm(update, axis=0), solutions)
 
-    def _answer(self, lack: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Solutions (n, c) by the factor alone for a ``lack`` (e + g, c) of the rows, and what the conditions
-        want (s, c)."""
-        return self.conditions.met(self.factor.solve(self._gather(lack)), wanted)
+    def _answer(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
+        """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows, and what the
+        conditions want (s, c)."""
+        return self.conditions.met(self.factor.solve(self._gather(misfit)), wanted)
 
     def _sums(self, scaled: FloatArray) -> FloatArray:
         """What the conditions want (s, c) for right-hand sides (e + g, c) as the rows are scaled."""

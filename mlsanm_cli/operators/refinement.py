@@ -17,7 +17,7 @@ QUICK = 1e-8
 On graded clouds round-off in the residual moves solutions by 1e-9 to 2e-8 in every update, for ever.
 """
 CHECKED = 1e-7
-"""Where solutions are to tell what they are worth, the last update has changed none by more than this."""
+"""Where solutions are to estimate their own error, the last update has changed none by more than this."""
 BLOCK = 64
 """Solutions refined together: enough for dense products, few enough to keep them all."""
 MOST = 15

@@ -82,8 +82,8 @@ class Square:
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
         """What one more step of refinement would change of each of the ``solutions`` (n, c), relatively:
         (c,)."""
-        lack = self.scaled(sources) - self.matrix @ solutions
-        return relative(np.linalg.norm(self.factor.solve(lack), axis=0), solutions)
+        rest = self.scaled(sources) - self.matrix @ solutions
+        return relative(np.linalg.norm(self.factor.solve(rest), axis=0), solutions)
 
     def _update(self, rhs: FloatArray) -> Callable[[FloatArray], FloatArray]:
         return lambda solution: self.factor.solve(rhs - self.matrix @ solution)

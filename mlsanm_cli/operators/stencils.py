@@ -134,15 +134,15 @@ def _built(
         _fit_in_slices(points, indices, some, targets[which], radius, settings, orders, weights, ratio)
         return (indices, weights.reshape(len(some), size, -1)), ratio
 
-    plain, beside = np.arange(len(centers)), []
+    plain, cornered_fits = np.arange(len(centers)), []
     if tips is not None:
-        beside = fits_at_corners(points, tree, centers, targets, settings, orders, tips, sight)
-        plain = np.setdiff1d(plain, beside[0][0]) if beside else plain
+        cornered_fits = fits_at_corners(points, tree, centers, targets, settings, orders, tips, sight)
+        plain = np.setdiff1d(plain, cornered_fits[0][0]) if cornered_fits else plain
     fits = list(sound_fits(len(points), centers, plain, settings, fit))
     worst = min((float(ratio.min(initial=1.0)) for _, _, ratio in fits), default=1.0)
     enlarged = len(plain) - len(fits[0][0]) if fits else 0
     return _merge(
-        [*((which, indices, found) for which, (indices, found), _ in fits), *beside],
+        [*((which, indices, found) for which, (indices, found), _ in fits), *cornered_fits],
         len(centers),
         len(points),
         enlarged,

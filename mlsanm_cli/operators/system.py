@@ -15,7 +15,7 @@ from mlsanm_cli.operators.refinement import PRECISE
 class Equations:
     """A body's equations as they are scaled, written out: ``matrix`` (n, n) u = ``sources`` (n, c) v.
 
-    ``definite`` tells whether the matrix is symmetric positive definite.
+    ``definite`` says whether the matrix is symmetric positive definite.
     """
 
     matrix: sparse.csr_array
@@ -39,7 +39,7 @@ class LinearSystem(Protocol):
         ...
 
     def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
-        """Solutions (n, c) by the factor alone; :meth:`residual` tells what they are worth."""
+        """Solutions (n, c) by the factor alone; :meth:`residual` estimates their error."""
         ...
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
@@ -61,7 +61,7 @@ class LinearSystem(Protocol):
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
         """What one more refinement would change of each of the ``solutions`` (n, c), relatively: (c,).
 
-        The residual itself tells little: nearly incompressible materials have rows so large that a useless
+        The residual itself means little: nearly incompressible materials have rows so large that a useless
         solution leaves one at round-off.
         """
         ...

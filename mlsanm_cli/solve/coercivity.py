@@ -41,8 +41,10 @@ def check_coercivity(
     speaks for are judged by themselves, and all bodies where the scheme is square.
     """
     closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
-    judged = _judged(case, scene, condensed, closed, memo)
-    spoken_for = {body for pairing in condensed.pairings if pairing.name in judged for body in pairing.bodies}
+    estimates = _estimates(case, scene, condensed, closed, memo)
+    spoken_for = {
+        body for pairing in condensed.pairings if pairing.name in estimates for body in pairing.bodies
+    }
     bulk = {
         name: _bulk(body, memo)
         for name, body in scene.bodies.items()
@@ -56,7 +58,7 @@ def check_coercivity(
                 _bulk_hint(case, name),
                 value,
             )
-    return min(judged.values()) if judged else min(bulk.values())
+    return min(estimates.values()) if estimates else min(bulk.values())
 
 
 def stability_limit(ends: Sequence[ExactState]) -> float:
@@ -66,21 +68,21 @@ def stability_limit(ends: Sequence[ExactState]) -> float:
 
 def check_candidates_coercivity(case: Case, scene: Scene, condensed: Condensed, memo: Memo) -> None:
     """UnstableError where a contact fails its certificate on all that can touch, as no state is known."""
-    _judged(case, scene, condensed, np.ones(len(condensed.weight), dtype=bool), memo)
+    _estimates(case, scene, condensed, np.ones(len(condensed.weight), dtype=bool), memo)
 
 
-def _judged(
+def _estimates(
     case: Case, scene: Scene, condensed: Condensed, closed: BoolArray, memo: Memo
 ) -> dict[str, float]:
     """The certificates of all contacts with ``closed`` nodes (m,). Raises UnstableError."""
-    loose = {mover.body for mover in scene.loose}
+    loose = {constraint.body for constraint in scene.floating}
     numbers = [number for number, name in enumerate(scene.bodies) if name in loose]
-    judged = {
+    estimates = {
         pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), numbers, memo)
         for pairing in condensed.pairings
         if closed[condensed.spans[pairing.name]].any()
     }
-    for name, value in judged.items():
+    for name, value in estimates.items():
         if not value >= CONTACT_LIMIT:
             raise UnstableError(
                 f"contact {name} does not resist pressures that change from node to node "
@@ -88,7 +90,7 @@ def _judged(
                 _contact_hint(case, scene, condensed, name),
                 value,
             )
-    return judged
+    return estimates
 
 
 def _contact(condensed: Condensed, bearing: BoolArray, loose: Sequence[int], memo: Memo) -> float:

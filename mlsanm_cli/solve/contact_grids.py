@@ -16,8 +16,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
-from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
@@ -34,7 +34,7 @@ ROUNDS = 60
 TURNED, SETTLED, TURNINGS = 3e-3, 3e-4, 4
 """Directions turn where they are off by the first angle, and then until they are off by less than the second,
 so many times at most, or twice as many where a motion is held that they push along."""
-ACCURACY, RUBBING, SMOOTHED = 0.3, 2.0, 10.0
+ACCURACY, FRICTIONAL, SMOOTHED = 0.3, 2.0, 10.0
 """Grids are refined until their estimated error is this many times the accuracy asked for: without friction,
 which costs next to nothing; with it, where every place that begins to slide is an event of the path; and
 where friction is smoothed, which is 0.6 % off partial slip whatever the grid."""
@@ -52,15 +52,15 @@ def find_grids(
     case: Case,
     scene: Scene,
     pairings: tuple[Pairing, ...],
-    clear: Mapping[str, ContactRange],
+    ranges: Mapping[str, ContactRange],
     search: Search,
     memo: Memo,
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """The scene condensed on grids that are wide and fine enough, and the exact states at the ends of its
     stages; None where a contact comes too close to a corner, or where it is does not settle."""
-    places = len(case.contact) + sum(one.places - 1 for one in clear.values())
+    places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
-    grids = {name: first_grid(one) for name, one in clear.items()}
+    grids = {name: first_grid(one) for name, one in ranges.items()}
     answers: Answers | None = None
     starts: list[ContactStatus] = []
     common: dict[str, float] = {}
@@ -74,21 +74,21 @@ def find_grids(
             answers = Answers.of(scene, some, memo)
         if condensed is None:
             condensed = condense(scene, some, memo, answers)
-        starts = starts or [_near_enough(condensed.pairings)]
+        starts = starts or [_starting_status(condensed.pairings)]
         states = search(condensed, starts, "every" if every else "ends")
-        wanted = ranged(condensed, grids, clear, states, passed)
+        wanted = ranged(condensed, grids, ranges, states, passed)
         if wanted is None:
             return None
         if _same(wanted, grids):
             wanted = sampled(scene, answers, grids)
         if _same(wanted, grids):
-            wanted = refined(condensed, grids, clear, states, accuracy, tractions=not every)
+            wanted = refined(condensed, grids, ranges, states, accuracy, tractions=not every)
         if _same(wanted, grids):
             turned = None
             if every and turnings:
                 turned = _turned(condensed, states, grids, scene.held_motions, common)
             if turned is None and every:
-                if looked or not passed_beyond(condensed, clear, search(condensed, (), "between"), passed):
+                if looked or not passed_beyond(condensed, ranges, search(condensed, (), "between"), passed):
                     return condensed, search(condensed, starts, "ends")
                 looked = True
                 continue
@@ -97,7 +97,7 @@ def find_grids(
                 continue
             turnings -= 1
             wanted = turned
-            clear = {name: replace(one, facing=turned[name].facing) for name, one in clear.items()}
+            ranges = {name: replace(one, facing=turned[name].facing) for name, one in ranges.items()}
         if any(wanted[name].samples_differ(grids[name]) for name in grids):
             answers = None
         grids = wanted
@@ -110,10 +110,10 @@ def find_grids(
 def _turned(
     condensed: Condensed,
     states: Sequence[ExactState],
-    grids: Mapping[str, Near],
+    grids: Mapping[str, ContactGrid],
     held: Sequence[Mapping[str, FloatArray]],
     common: dict[str, float],
-) -> dict[str, Near] | None:
+) -> dict[str, ContactGrid] | None:
     """The grids with directions as the bodies have turned in the last states where they touch, but for the
     angles ``common`` that would push along ``held`` motions, which are brought up to date; None where these
     are so already."""
@@ -146,31 +146,31 @@ def _effort(contact: Contact, count: int) -> float:
     if not contact.friction:
         return ACCURACY if count <= FEW else 1.0
     law = contact.regularization
-    return SMOOTHED if law.law == "hyperbolic" and law.friction_law == "memory" else RUBBING
+    return SMOOTHED if law.law == "hyperbolic" and law.friction_law == "memory" else FRICTIONAL
 
 
-def _same(one: Mapping[str, Near], other: Mapping[str, Near]) -> bool:
+def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
     return all(one[name] is other[name] for name in one)
 
 
-def _on_grids(pairings: Sequence[Pairing], grids: Mapping[str, Near]) -> tuple[Pairing, ...]:
+def _on_grids(pairings: Sequence[Pairing], grids: Mapping[str, ContactGrid]) -> tuple[Pairing, ...]:
     return tuple(
         on_grid(pairing, grids[pairing.name]) if pairing.name in grids else pairing for pairing in pairings
     )
 
 
-def _near_enough(pairings: Sequence[Pairing]) -> ContactStatus:
+def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
     """Sets to begin a search with: wide patches about where surfaces are nearest. Searches from
     few places may roll a body out of its contact."""
     found = [np.zeros(0, dtype=bool)]
     for pairing in pairings:
         gap = pairing.gap[pairing.candidate]
-        if pairing.near is None:
+        if pairing.grid is None:
             found.append(gap <= gap.min())
             continue
-        place, least = pairing.near.hats.place, int(np.argmin(gap))
-        beside = np.abs(place - place[least]) <= WIDE * (pairing.near.last - pairing.near.first)
-        found.append(gap <= gap[beside].max())
+        place, least = pairing.grid.hats.place, int(np.argmin(gap))
+        close = np.abs(place - place[least]) <= WIDE * (pairing.grid.last - pairing.grid.first)
+        found.append(gap <= gap[close].max())
     stuck = [closed for closed, pairing in zip(found[1:], pairings, strict=True) if pairing.friction]
     sticking = np.concatenate([np.zeros(0, dtype=bool), *stuck])
     return ContactStatus(np.concatenate(found), sticking, np.zeros(len(sticking)))
@@ -184,8 +184,8 @@ def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) ->
         own = [state.active[span].astype(float), state.stuck[span].astype(float)]
         if old.friction:
             own.append(np.sign(state.traction[condensed.tangential[old.name]]))
-        if old.near is not None and new.near is not None:
-            place, before = new.near.hats.place, old.near.hats.place
+        if old.grid is not None and new.grid is not None:
+            place, before = new.grid.hats.place, old.grid.hats.place
             own = [np.interp(place, before, values, 0.0, 0.0) for values in own]
         closed.append(own[0])
         if old.friction:

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 
@@ -33,21 +33,21 @@ def turns(condensed: Condensed, state: ExactState) -> dict[str, float]:
     for pairing in condensed.pairings:
         span = condensed.spans[pairing.name]
         closed = np.flatnonzero(state.active[span])
-        if pairing.near is None or not len(closed) or closed[-1] - closed[0] >= len(closed):
+        if pairing.grid is None or not len(closed) or closed[-1] - closed[0] >= len(closed):
             continue
-        share = pairing.near.hats.weight * state.pressure[span]
+        share = pairing.grid.hats.weight * state.pressure[span]
         if share.sum() > 0.0:
-            found[pairing.name] = _turn(pairing.near, float(share @ pairing.near.hats.place / share.sum()))
+            found[pairing.name] = _turn(pairing.grid, float(share @ pairing.grid.hats.place / share.sum()))
     return found
 
 
-def _turn(near: Near, middle: float) -> float:
+def _turn(grid: ContactGrid, middle: float) -> float:
     """The angle at the ``middle`` of a patch from the normal of the flatter surface to the more curved."""
-    aside = ASIDE * (near.last - near.first)
-    base = near.facing.slave_first
-    s = np.array([middle, middle - aside, middle + aside])
-    place, inward = near.facing.side(s, base)
-    there, outward = near.facing.side(s, not base)
+    offset = ASIDE * (grid.last - grid.first)
+    base = grid.facing.slave_first
+    s = np.array([middle, middle - offset, middle + offset])
+    place, inward = grid.facing.side(s, base)
+    there, outward = grid.facing.side(s, not base)
     bends = [
         abs(np.angle(one[2] / one[1])) / abs(at[2] - at[1]) for at, one in ((place, inward), (there, outward))
     ]
@@ -64,7 +64,7 @@ def unturned(
     ``turned``, so that what they exert in a state does no work along motions that are ``held``, as rigid
     motions (3,) of bodies about the origin; those that do none already are left out.
 
-    Bodies held against turning feel a moment, and no force: directions tell nothing of it.
+    Bodies held against turning feel a moment, and no force: directions do not matter to it.
     """
     held = [motion for motion in held if not any(way[2] for way in motion.values())]
     if not held:
@@ -74,12 +74,12 @@ def unturned(
     for pairing in condensed.pairings:
         span = condensed.spans[pairing.name]
         size = float(condensed.weight[span] @ state.pressure[span])
-        if pairing.near is None or not size:
+        if pairing.grid is None or not size:
             continue
-        force = pairing.near.resultants(True, (0.0, 0.0))[0] @ state.pressure[span]
-        middle = condensed.weight[span] * state.pressure[span] @ pairing.near.hats.place / size
-        places = pairing.near.facing.side(np.array([middle]), True)[0][0]
-        more = turned.get(pairing.name, 0.0) - pairing.near.facing.turn
+        force = pairing.grid.resultants(True, (0.0, 0.0))[0] @ state.pressure[span]
+        middle = condensed.weight[span] * state.pressure[span] @ pairing.grid.hats.place / size
+        places = pairing.grid.facing.side(np.array([middle]), True)[0][0]
+        more = turned.get(pairing.name, 0.0) - pairing.grid.facing.turn
         # As the force turns about the middle of its patch.
         push = complex(force[0], force[1]) * np.exp(1j * more)
         moment = force[2] + (np.conj(places) * (push - complex(force[0], force[1]))).imag

@@ -68,7 +68,7 @@ class _Rows:
         if event.jumped:
             self._jump = (
                 f"the contact jumps to another state before position {self._stage + event.fraction:.6g}: "
-                f"friction and pressure leave it no gradual way"
+                f"there is no continuous path"
             )
         if event.fraction in self._halts or event.fraction >= self._before + 1.0 / ROWS or event.jumped:
             yield from self.last()

@@ -25,7 +25,7 @@ NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
 @dataclass(frozen=True)
 class Fields:
     """Fields of one body in one state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,),
-    strain (n, 3) as xx, yy, xy, heat included, and what its elastic system tells of the displacement,
+    strain (n, 3) as xx, yy, xy, heat included, and what its elastic system gives of the displacement,
     ``rest`` (N, 2), ghosts last."""
 
     displacement: FloatArray
@@ -66,7 +66,7 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
     sigma, degrees = np.zeros((0, 3)), np.zeros(0)
     if stress:
         degrees = built.scene.degrees(name, state.factors)
-        # Ghosts move, but stresses are told at the points of the cloud only.
+        # Ghosts move, but stresses are reported at the points of the cloud only.
         sigma = model.stress(displacement) + stressed[: len(model.cloud.points)]
         sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
     across = model.material.out_of_plane_stress(sigma, degrees)

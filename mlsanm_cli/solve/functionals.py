@@ -28,9 +28,9 @@ def platen_displacements(built: CondensedScene, state: State | None = None) -> d
     """Displacement (2,) of the platen or obstacle that each load moves, in one state or before any."""
     found: dict[str, FloatArray] = {}
     unknown = 0
-    for mover in built.scene.rigid_constraints:
+    for constraint in built.scene.rigid_constraints:
         moved = np.zeros(2)
-        for motion in mover.motions:
+        for motion in constraint.motions:
             free = motion.prescribed is None
             if state is not None and motion.component < 2:
                 value = (
@@ -38,20 +38,20 @@ def platen_displacements(built: CondensedScene, state: State | None = None) -> d
                 )
                 moved[motion.component] = value
             unknown += free
-        found |= {built.scene.loads[number]: moved for number in mover.loads}
+        found |= {built.scene.loads[number]: moved for number in constraint.loads}
     return found
 
 
 def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, float]]:
     """``rotation`` (radian) and ``moment`` on its bodies about its hinge, of every plate that turns."""
     found, unknown = {}, 0
-    for mover in built.scene.rigid_constraints:
-        for motion in mover.motions:
-            if isinstance(mover, Platen) and motion.component == ROTATION:
+    for constraint in built.scene.rigid_constraints:
+        for motion in constraint.motions:
+            if isinstance(constraint, Platen) and motion.component == ROTATION:
                 given = motion.prescribed
                 angle = state.motion[unknown] if given is None else given @ state.factors
-                moment = built.condensed.moments[mover.name](*state.unknowns)[0]
-                found[mover.name] = {"rotation": float(angle), "moment": float(moment)}
+                moment = built.condensed.moments[constraint.name](*state.unknowns)[0]
+                found[constraint.name] = {"rotation": float(angle), "moment": float(moment)}
             unknown += motion.prescribed is None
     return found
 

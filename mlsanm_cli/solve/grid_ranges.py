@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
-from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 
@@ -36,37 +36,46 @@ UNSEEN = 1e-3
 """Overlaps between the nodes of grids are looked at closely from this part of the largest approach on."""
 
 
-def first_grid(clear: ContactRange) -> Near:
+def first_grid(limits: ContactRange) -> ContactGrid:
     """A coarse grid over all that faces, finer towards where the surfaces are nearest; even where they touch
     all along."""
-    looks = clear.facing.gap(np.linspace(clear.first, clear.last, FIRST + 1))
+    gaps = limits.facing.gap(np.linspace(limits.first, limits.last, FIRST + 1))
     # Waves might be looked at in their troughs alone.
-    if clear.places == 1 and float(np.ptp(looks)) <= FLAT * (clear.last - clear.first):
-        even = clear.hats(np.linspace(clear.first, clear.last, FIRST + 1))
-        return Near(clear.facing, clear.first, clear.last, SAMPLES, even, clear.centers, clear.corners)
-    widest = (clear.last - clear.first) / max(FIRST, PER_PLACE * clear.places)
-    parts = [np.array([clear.first, clear.nearest, clear.last])]
-    for sign, room in ((-1.0, clear.nearest - clear.first), (1.0, clear.last - clear.nearest)):
+    if limits.places == 1 and float(np.ptp(gaps)) <= FLAT * (limits.last - limits.first):
+        even = limits.hats(np.linspace(limits.first, limits.last, FIRST + 1))
+        return ContactGrid(
+            limits.facing, limits.first, limits.last, SAMPLES, even, limits.centers, limits.corners
+        )
+    widest = (limits.last - limits.first) / max(FIRST, PER_PLACE * limits.places)
+    parts = [np.array([limits.first, limits.nearest, limits.last])]
+    for sign, room in ((-1.0, limits.nearest - limits.first), (1.0, limits.last - limits.nearest)):
         steps = [FINEST * widest]
         while sum(steps) < room:
             steps.append(min(GROWTH * steps[-1], widest))
         away = np.cumsum(steps)
-        parts.append(clear.nearest + sign * away[:-1] * room / away[-1])
-    hats = clear.hats(np.unique(np.concatenate(parts)))
-    return Near(
-        clear.facing, clear.first, clear.last, SAMPLES, hats, clear.centers, clear.corners, rough=True
+        parts.append(limits.nearest + sign * away[:-1] * room / away[-1])
+    hats = limits.hats(np.unique(np.concatenate(parts)))
+    return ContactGrid(
+        limits.facing,
+        limits.first,
+        limits.last,
+        SAMPLES,
+        hats,
+        limits.centers,
+        limits.corners,
+        provisional=True,
     )
 
 
 def ranged(
     condensed: Condensed,
-    grids: Mapping[str, Near],
-    clear: Mapping[str, ContactRange],
+    grids: Mapping[str, ContactGrid],
+    ranges: Mapping[str, ContactRange],
     states: Sequence[ExactState],
     passed: Mapping[str, FloatArray],
-) -> dict[str, Near] | None:
+) -> dict[str, ContactGrid] | None:
     """The grids with ranges that suit what touches, and where it ``passed`` on its way; None where that comes
-    to the end of a clear range."""
+    to the end of the range that it may have."""
     touched = [
         condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in states
     ]
@@ -75,13 +84,13 @@ def ranged(
         name = pairing.name
         if name not in grids:
             continue
-        near, room, nodes = grids[name], clear[name], grids[name].hats.nodes
+        grid, room, nodes = grids[name], ranges[name], grids[name].hats.nodes
         closed = np.any([state.active[condensed.spans[name]] for state in states], axis=0)
         seen = summits(condensed, name, room, states)
         beyond = np.concatenate(
             [
                 pairing.arc[np.any([masks[name] for masks in touched], axis=0)],
-                seen[(seen < near.first) | (seen > near.last)],
+                seen[(seen < grid.first) | (seen > grid.last)],
             ]
         )
         places = np.flatnonzero(closed)
@@ -95,47 +104,47 @@ def ranged(
         low, high = float(reached.min()), float(reached.max())
         short = low <= room.first and not room.whole[0], high >= room.last and not room.whole[1]
         if any(short):
-            coarse = _coarse_ends(near, places)
+            coarse = _coarse_ends(grid, places)
             if not coarse.any():
                 return None
-            result[name] = replace(near, hats=near.hats.halved(coarse))
+            result[name] = replace(grid, hats=grid.hats.halved(coarse))
             continue
         first, last = max(room.first, low - MARGIN * width), min(room.last, high + MARGIN * width)
         if room.around and (first == room.first or last == room.last):
             first, last = room.first, room.last
-        outgrown = room.first < near.first >= low or room.last > near.last <= high
+        outgrown = room.first < grid.first >= low or room.last > grid.last <= high
         if outgrown or len(beyond):
-            inner = nodes[(nodes > near.first) & (nodes < near.last)]
-            first, last = min(first, near.first), max(last, near.last)
+            inner = nodes[(nodes > grid.first) & (nodes < grid.last)]
+            first, last = min(first, grid.first), max(last, grid.last)
             # Not as fine as where something touches at last: it may have come a long way.
-            steps = max(float(np.median(near.hats.steps)), width / FIRST)
-            more = [np.arange(near.first - steps, first, -steps), np.arange(near.last + steps, last, steps)]
+            steps = max(float(np.median(grid.hats.steps)), width / FIRST)
+            more = [np.arange(grid.first - steps, first, -steps), np.arange(grid.last + steps, last, steps)]
             wider = room.hats(np.unique(np.concatenate([[first], *more, inner, [last]])))
-            result[name] = replace(near, first=first, last=last, hats=wider)
+            result[name] = replace(grid, first=first, last=last, hats=wider)
         elif len(places) < LEAST:
-            middle = np.zeros(len(near.hats.steps), dtype=bool)
+            middle = np.zeros(len(grid.hats.steps), dtype=bool)
             middle[max(places[0] - 1, 0) : places[-1] + 3] = True
-            result[name] = replace(near, hats=near.hats.halved(middle))
-        elif near.rough or last - first < NARROWED * (near.last - near.first):
+            result[name] = replace(grid, hats=grid.hats.halved(middle))
+        elif grid.provisional or last - first < NARROWED * (grid.last - grid.first):
             share = PER_PLACE * room.places * (last - first) / (room.last - room.first)
             even = room.hats(np.linspace(first, last, max(FIRST, round(share)) + 1))
-            result[name] = replace(near, first=first, last=last, count=SAMPLES, hats=even, rough=False)
+            result[name] = replace(grid, first=first, last=last, count=SAMPLES, hats=even, provisional=False)
     return result
 
 
-def _coarse_ends(near: Near, places: IntArray) -> BoolArray:
+def _coarse_ends(grid: ContactGrid, places: IntArray) -> BoolArray:
     """Which intervals (m + 1,) at an end of the range that closed ``places`` come to are too long to tell
     whether they do."""
-    steps = near.hats.steps
+    steps = grid.hats.steps
     ends = np.zeros(len(steps), dtype=bool)
     ends[:2] |= places[0] == 0
     ends[-2:] |= places[-1] == len(steps) - 2
-    return ends & (steps > ENDING * (near.last - near.first))
+    return ends & (steps > ENDING * (grid.last - grid.first))
 
 
 def passed_beyond(
     condensed: Condensed,
-    clear: Mapping[str, ContactRange],
+    ranges: Mapping[str, ContactRange],
     states: Sequence[ExactState],
     passed: dict[str, FloatArray],
 ) -> bool:
@@ -143,17 +152,17 @@ def passed_beyond(
     and the last of all places."""
     beyond = False
     for pairing in condensed.pairings:
-        near, span = pairing.near, condensed.spans[pairing.name]
-        if near is None or pairing.bonded or not states:
+        grid, span = pairing.grid, condensed.spans[pairing.name]
+        if grid is None or pairing.bonded or not states:
             continue
         touched = [
             pairing.arc[condensed.touched(one.factors, one.motion, one.pressure, one.traction)[pairing.name]]
             for one in states
         ]
-        seen = summits(condensed, pairing.name, clear[pairing.name], states)
-        closed = near.hats.place[np.any([state.active[span] for state in states], axis=0)]
+        seen = summits(condensed, pairing.name, ranges[pairing.name], states)
+        closed = grid.hats.place[np.any([state.active[span] for state in states], axis=0)]
         places = np.concatenate([closed, seen, *touched])
-        if len(places) and (places.min() < near.first or places.max() > near.last):
+        if len(places) and (places.min() < grid.first or places.max() > grid.last):
             passed[pairing.name] = np.array([places.min(), places.max()])
             beyond = True
     return beyond
@@ -163,14 +172,14 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
     """Places (e,) where surfaces overlap in a state away from all that touches there: summits of a profile
     that neither means over wide hats nor the nodes beyond them see."""
     pairing = condensed.pairing_of(name)
-    assert pairing.near is not None
-    hats, span, watched = pairing.near.hats, condensed.spans[name], condensed.watched_of(name)
-    places, drawn = room.looks
-    own = hats.at_places(pairing.near.facing.gap(hats.points)[:, None])[:, 0]
+    assert pairing.grid is not None
+    hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
+    places, drawn = room.drawn_gaps
+    own = hats.at_places(pairing.grid.facing.gap(hats.points)[:, None])[:, 0]
     beyond_grid = pairing.arc[~pairing.candidate]
     # Not from the nodes' own gaps: these are measured towards the closest place, not along the directions of
     # pressures, which is not the same where surfaces come a long way.
-    others = pairing.near.facing.gap(beyond_grid) if len(beyond_grid) else beyond_grid
+    others = pairing.grid.facing.gap(beyond_grid) if len(beyond_grid) else beyond_grid
     at = np.concatenate([hats.place, beyond_grid])
     order = np.argsort(at)
     interval = np.clip(np.searchsorted(hats.nodes, places) - 1, 0, len(hats.steps) - 1)

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
-from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Answers, Condensed
 from mlsanm_cli.mechanics.scene import Scene
@@ -29,49 +29,49 @@ SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 
 
-def sampled(scene: Scene, answers: Answers, grids: Mapping[str, Near]) -> dict[str, Near]:
+def sampled(scene: Scene, answers: Answers, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
     """The grids with as many samples as the bodies' answers need."""
     result = dict(grids)
     for pairing in answers.observation.pairings:
-        near = pairing.near
-        if near is None or near.count >= MOST_SAMPLES:
+        grid = pairing.grid
+        if grid is None or grid.count >= MOST_SAMPLES:
             continue
         log = sum(
-            np.abs(near.singular(scene.bodies[body].model.kernel, slave)[0]).max()
+            np.abs(grid.singular(scene.bodies[body].model.kernel, slave)[0]).max()
             for body, slave, _ in pairing.sides
         )
         kernel = answers.smooth(pairing)
-        if near.last_coefficients(kernel) > SMOOTH * float(log):
-            result[pairing.name] = replace(grids[pairing.name], count=2 * near.count)
+        if grid.last_coefficients(kernel) > SMOOTH * float(log):
+            result[pairing.name] = replace(grids[pairing.name], count=2 * grid.count)
     return result
 
 
 def refined(
     condensed: Condensed,
-    grids: Mapping[str, Near],
-    clear: Mapping[str, ContactRange],
+    grids: Mapping[str, ContactGrid],
+    ranges: Mapping[str, ContactRange],
     states: Sequence[ExactState],
     accuracy: Mapping[str, float],
     tractions: bool,
-) -> dict[str, Near]:
+) -> dict[str, ContactGrid]:
     """The grids halved where the pressures, and ``tractions`` if they count, of the states need it.
 
     Between the ends of stages tractions do not: every level on the way has its own edges of sticking, and a
     grid fine at all of them would be fine everywhere.
     """
     result = dict(grids)
-    for name, near in grids.items():
+    for name, grid in grids.items():
         errors = grid_errors(condensed, name, states, tractions)
         if len(errors) >= MOST:
             continue
-        places = summits(condensed, name, clear[name], states)
-        chosen = np.isin(np.arange(len(errors)), np.searchsorted(near.hats.nodes, places) - 1)
+        places = summits(condensed, name, ranges[name], states)
+        chosen = np.isin(np.arange(len(errors)), np.searchsorted(grid.hats.nodes, places) - 1)
         aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 3
         if float(np.sqrt((errors**2).sum())) > aim:
             chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
-        chosen &= near.hats.steps > SHORTEST * (near.last - near.first)
+        chosen &= grid.hats.steps > SHORTEST * (grid.last - grid.first)
         if chosen.any():
-            result[name] = replace(near, hats=near.hats.halved(chosen))
+            result[name] = replace(grid, hats=grid.hats.halved(chosen))
     return result
 
 
@@ -81,8 +81,8 @@ def grid_errors(
     """What every interval of a contact's grid has of the relative L2 error of its pressures, and of tractions
     if these count, in the worst of some states."""
     pairing = condensed.pairing_of(name)
-    assert pairing.near is not None
-    hats, worst = pairing.near.hats, np.zeros(len(pairing.near.hats.steps))
+    assert pairing.grid is not None
+    hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.steps))
     for state in states:
         pressure = state.pressure[condensed.spans[name]]
         size = hats.norm(pressure)

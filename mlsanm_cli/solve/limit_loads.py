@@ -29,11 +29,11 @@ def at_limit(
     if isinstance(error, SlidingError):
         return error
     stage = min(int(last), len(stages) - 2)
-    named = _told(scene, condensed, stages, stage, last - stage)
+    named = _limit(scene, condensed, stages, stage, last - stage)
     if named is None:
         return error
-    told, hint = named
-    return NumericalError(f"{told} (the path came to {last:.6g}: {error.message})", hint)
+    text, hint = named
+    return NumericalError(f"{text} (the path came to {last:.6g}: {error.message})", hint)
 
 
 def beyond_limit(
@@ -41,13 +41,13 @@ def beyond_limit(
 ) -> UnbalancedError:
     """The error that no state balances the loads at the end of some stage, in words of the limit load."""
     for stage in range(len(stages) - 1):
-        named = _told(scene, condensed, stages, stage, None)
+        named = _limit(scene, condensed, stages, stage, None)
         if named is not None:
             return UnbalancedError(*named)
     return error
 
 
-def _told(
+def _limit(
     scene: Scene, condensed: Condensed, stages: FloatArray, stage: int, came: float | None
 ) -> tuple[str, str] | None:
     """Message and hint of a limit load within a stage; None if it has none, or a path ``came`` to another
@@ -70,18 +70,18 @@ def _mechanism(scene: Scene, limit: LimitLoad) -> tuple[str, str]:
     """Who moves, and what that is called."""
     sizes: dict[str, float] = {}
     turns = False
-    for (mover, motion), part in zip(scene.unknown_motions, limit.motion, strict=True):
-        if isinstance(mover, Obstacle):
-            name, points = f"the obstacle of contact {mover.contact}", np.zeros((1, 2))
+    for (constraint, motion), part in zip(scene.unknown_motions, limit.motion, strict=True):
+        if isinstance(constraint, Obstacle):
+            name, points = f"the obstacle of contact {constraint.contact}", np.zeros((1, 2))
         else:
-            name, points = f"body {mover.body}", scene.bodies[mover.body].model.cloud.points
-        pattern = rigid_pattern(points, mover.center, motion.component)
+            name, points = f"body {constraint.body}", scene.bodies[constraint.body].model.cloud.points
+        pattern = rigid_pattern(points, constraint.center, motion.component)
         moved = abs(float(part)) * float(np.hypot(*pattern.T).max())
         sizes[name] = max(sizes.get(name, 0.0), moved)
         turns |= motion.component == ROTATION and moved > 0.0
     largest = max(sizes.values())
     names = [name for name, size in sizes.items() if size > TAKES_PART * largest]
-    told = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
+    text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
     several = len(names) > 1
     if limit.rubbed > RUBBED:
         how = "slide" if several else "slides"
@@ -89,4 +89,4 @@ def _mechanism(scene: Scene, limit: LimitLoad) -> tuple[str, str]:
         how = "tip over" if several else "tips over"
     else:
         how = "lose contact" if several else "loses contact"
-    return told, how
+    return text, how

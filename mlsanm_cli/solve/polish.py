@@ -33,11 +33,11 @@ def polished(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathSt
 
     A saved level inside a step gets the step's series too, for the part of the path before it.
     """
-    told = max(start.position, start.told) if start else -1.0
-    polish, end = _polisher(built, told), float(len(built.case.stage))
+    behind = max(start.position, start.told) if start else -1.0
+    polish, end = _polisher(built, behind), float(len(built.case.stage))
     for step in path_of(built, start):
         for state in step.saved:
-            if told < state.position != step.state.position:
+            if behind < state.position != step.state.position:
                 better = _improved(built, polish, state)
                 # Without a first step there is no place before this one to go on from.
                 start = replace(start, told=state.position) if start else None
@@ -86,17 +86,17 @@ def _improved(built: CondensedScene, polish: Polisher, state: State) -> PathStep
 
 def _overall(built: CondensedScene, pressure: FloatArray, traction: FloatArray) -> float:
     """Changes of pressures (m,) and tractions (n,) over the largest pressures at the ends of the stages, as
-    norms over the surfaces: at edges of contacts single places tell little."""
+    norms over the surfaces: at edges of contacts single places mean little."""
     weight, friction_nodes = built.condensed.weight, built.condensed.friction_nodes
     whole = max(float(weight @ end.pressure**2) for end in built.ends)
     changed = max(float(weight @ pressure**2), float(weight[friction_nodes] @ traction**2))
     return float(np.sqrt(changed / whole)) if whole > 0.0 else 0.0
 
 
-def _polisher(built: CondensedScene, told: float) -> Polisher:
+def _polisher(built: CondensedScene, behind: float) -> Polisher:
     if not len(built.condensed.friction_nodes):
         return _frictionless(built)
-    return _holonomic(built) if built.is_holonomic else _alongside(built, told)
+    return _holonomic(built) if built.is_holonomic else _alongside(built, behind)
 
 
 def _frictionless(built: CondensedScene) -> Polisher:
@@ -125,14 +125,14 @@ def _holonomic(built: CondensedScene) -> Polisher:
     return polish
 
 
-def _alongside(built: CondensedScene, told: float) -> Polisher:
-    """The exact history, followed from one level asked for to the next, behind what is ``told``."""
+def _alongside(built: CondensedScene, behind: float) -> Polisher:
+    """The exact history, followed from one level asked for to the next, behind what is ``behind``."""
     exact = friction_path(built)
 
     def polish(state: State) -> PathStep:
         passed: list[PathStep] = []
         for step in exact:
-            if step.state.position > told:
+            if step.state.position > behind:
                 passed.append(step)
             if step.state.position == state.position:
                 break

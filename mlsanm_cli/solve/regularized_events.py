@@ -21,7 +21,7 @@ SLACK = 1e-9
 """What begins at its limit may go past it by this much before it counts, relative to the reference pressure:
 states are known to no more, and a node that hardly leaves its limit would come to it again and again."""
 SMALL = 1e-6
-"""Friction limits below this part of the reference pressure are not told apart."""
+"""Friction limits below this part of the reference pressure are not distinguished."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class EventFlags:
 class EventLocator:
     """Finds the first event on a piece of path.
 
-    Afterwards ``reached`` tells whether there was one, ``hits`` what it was.
+    Afterwards ``reached`` says whether there was one, ``hits`` what it was.
     """
 
     def __init__(self, problem: RegularizedFriction) -> None:
@@ -72,7 +72,7 @@ class EventLocator:
             for column in np.flatnonzero(levels[row] + slack < 0.0).tolist()
         ]
         a, column = min(found)
-        self.hits, self.reached = self._told(column, values.shape[1]), a < piece.length
+        self.hits, self.reached = self._flags(column, values.shape[1]), a < piece.length
         return a
 
     def _conditions(self, piece: Branch) -> tuple[FloatArray, FloatArray]:
@@ -121,7 +121,7 @@ class EventLocator:
 
         return float(brentq(level, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps, maxiter=200))
 
-    def _told(self, column: int, levels: int) -> EventFlags:
+    def _flags(self, column: int, levels: int) -> EventFlags:
         hits, n, held = EventFlags.none(self._problem.n), self._problem.n, len(self._stuck)
         if column < n:
             hits.bare[column] = True
@@ -135,10 +135,10 @@ class EventLocator:
 
 def _expected(problem: RegularizedFriction, x: FloatArray, lam: float, hits: EventFlags) -> ContactStatus:
     """The sets that an event most likely leads to: closing nodes slip on as they did when they were open."""
-    before, rub = problem.sets, problem.condensed.friction_nodes
+    before, nodes = problem.sets, problem.condensed.friction_nodes
     closed = before.closed.copy()
-    opens, closes = hits.bare & closed[rub], hits.bare & ~closed[rub]
-    closed[rub[hits.bare]] = closes[hits.bare]
+    opens, closes = hits.bare & closed[nodes], hits.bare & ~closed[nodes]
+    closed[nodes[hits.bare]] = closes[hits.bare]
     stuck = (before.stuck | hits.rested) & ~opens & (hits.limit == 0.0)
     slip_sign = np.where(hits.rested | opens, 0.0, np.where(hits.limit != 0.0, hits.limit, before.slip_sign))
     if closes.any():

@@ -109,10 +109,10 @@ def sharpened(problem: Problem, x: FloatArray, lam: float) -> tuple[FloatArray, 
 
     A series only keeps the tolerance, where users compare figures to the last digit.
     """
-    lack = problem.residual(x, lam)
-    before = float(np.abs(lack).max())
+    defect = problem.residual(x, lam)
+    before = float(np.abs(defect).max())
     try:
-        better = x - problem.tangent(x, lam).solve(lack)
+        better = x - problem.tangent(x, lam).solve(defect)
     except np.linalg.LinAlgError:  # a fold at the very target: the series' own state keeps the tolerance
         return x, before
     after = float(np.abs(problem.residual(better, lam)).max())

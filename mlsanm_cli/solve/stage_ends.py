@@ -49,7 +49,7 @@ def searched_ends(
         positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
         factors = np.stack([factors_at(stages, position) for position in positions])
     if len(condensed.friction_nodes):
-        return _rubbing_ends(condensed, factors, starts)
+        return _friction_ends(condensed, factors, starts)
     ends: list[ExactState] = []
     for number, wanted in enumerate(factors[1:]):
         start = next(iter(starts[number:]), None)
@@ -80,14 +80,14 @@ def _last(ends: Sequence[ExactState]) -> BoolArray | None:
 
 def exact_ends(condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
     if len(condensed.friction_nodes):
-        return _rubbing_ends(condensed, stages)
+        return _friction_ends(condensed, stages)
     ends: list[ExactState] = []
     for factors in stages[1:]:
         ends.append(solve_exact(condensed, factors, ends[-1].active if ends else None))
     return tuple(ends)
 
 
-def _rubbing_ends(
+def _friction_ends(
     condensed: Condensed, stages: FloatArray, starts: Sequence[ContactStatus] = ()
 ) -> tuple[ExactState, ...]:
     """One increment per stage as far as the loads can be carried; of the first at least a part."""

@@ -37,7 +37,7 @@ def test_surfaces_that_look_the_wrong_way(tmp_path: Path) -> None:
     with pytest.raises(CaseError, match=r"cylinder\.arc looks up and block\.top looks up, 1 apart"):
         solve(text, tmp_path / "run", 'body.cylinder.shape.side="upper"')
     text = text.partition("[[contact]]")[0] + OBSTACLE
-    with pytest.raises(CaseError, match="left of the way along its points: turn their order round"):
+    with pytest.raises(CaseError, match="left of the direction of its points: reverse their order"):
         solve(text, tmp_path / "run")
 
 

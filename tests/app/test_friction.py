@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.contact.laws.regularized_friction import RubbingTangent
+from mlsanm_cli.contact.laws.regularized_friction import FrictionTangent
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
@@ -87,13 +87,13 @@ def test_pictures_of_friction(sheared: Path) -> None:
 
 @pytest.mark.parametrize("method", ["anm", "newton"])
 def test_factorizations_are_those_made(method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made, init = [], RubbingTangent.__init__
+    made, init = [], FrictionTangent.__init__
 
     def counted(*args: Any) -> None:
         made.append(1)
         init(*args)
 
-    monkeypatch.setattr(RubbingTangent, "__init__", counted)
+    monkeypatch.setattr(FrictionTangent, "__init__", counted)
     summary = solve(SHEARED, tmp_path / "run", f'solver.method="{method}"')
     assert summary["factorizations"] == len(made) > 0
 

@@ -137,12 +137,12 @@ def test_a_disk_between_plates_may_neither_turn_nor_drift(tmp_path: Path) -> Non
     console = Quiet()
     assert solve(DISK, tmp_path / "run", console=console)["status"] == "done"
     assert [note.split(",")[0] for note in console.notes[:2]] == [
-        "body disk: rotation is held at 0",
-        "body disk: ux is held at 0",
+        "body disk: rotation is fixed at 0",
+        "body disk: ux is fixed at 0",
     ]
     console = Quiet()
     assert solve(DISK, tmp_path / "rough", *ROUGH, console=console)["status"] == "done"
-    assert not [note for note in console.notes if "held at 0" in note]
+    assert not [note for note in console.notes if "fixed at 0" in note]
 
 
 @pytest.mark.parametrize("settings", [[], SMOOTH, ROUGH])
@@ -165,7 +165,7 @@ def test_a_plate_that_moves_finds_the_disk_where_it_floats(tmp_path: Path) -> No
     assert solve(moving, tmp_path / "smooth", *SMOOTH, *APART, "output.at=[0.3, 1.0]")["status"] == "done"
     summary = solve(moving, tmp_path / "exact", *APART, "output.at=[0.3, 1.0]")
     assert summary["status"] == "failed"
-    assert "may be loose there" in summary["hint"]
+    assert "may be free there" in summary["hint"]
 
 
 def test_friction_does_not_find_a_floating_disk(tmp_path: Path) -> None:
@@ -290,6 +290,6 @@ y = [-20.0, 0.0]
     console = Quiet()
     summary = solve(text, tmp_path / "run", console=console)
     assert summary["status"] == "done"
-    assert any("pad: ux is held at 0" in note for note in console.notes)
+    assert any("pad: ux is fixed at 0" in note for note in console.notes)
     assert summary["force_balance"] < 1e-6
     assert summary["contacts"]["face"]["force"] == pytest.approx([0.0, 600.0], abs=0.01)

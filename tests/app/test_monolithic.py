@@ -34,7 +34,7 @@ SHARP = "solver.tolerance=1e-10"
 
 LAW = "contact.interface.regularization"
 SMOOTH = (f'{LAW}.law="hyperbolic"', f"{LAW}.eta=0.1", f"{LAW}.stick=1e-2")
-RUBBING = (*COARSE, *SMOOTH, f"{LAW}.eta=0.02")
+FRICTIONAL = (*COARSE, *SMOOTH, f"{LAW}.eta=0.02")
 
 EVEN = (
     *("body.cylinder.spacing=0.1", "body.cylinder.seed=0"),
@@ -51,12 +51,12 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "hertz": ("hertz", (*COARSE, *SMOOTH[:2], "output.at=[0.4, 1.0]")),
     "memory": (
         "cattaneo_mindlin",
-        (*RUBBING, "stage=[{press=1.0}, {shear=1.0}, {shear=0.5}]", "output.at=[1.0, 1.7, 2.0, 3.0]"),
+        (*FRICTIONAL, "stage=[{press=1.0}, {shear=1.0}, {shear=0.5}]", "output.at=[1.0, 1.7, 2.0, 3.0]"),
     ),
     "holonomic": (
         "cattaneo_mindlin",
         (
-            *RUBBING,
+            *FRICTIONAL,
             f'{LAW}.friction_law="holonomic"',
             "stage=[{press=1.0, shear=1.0}]",
             "output.at=[0.7, 1.0]",

@@ -214,11 +214,11 @@ def test_a_contact_pressed_up_to_a_smooth_end_is_told(tmp_path: Path) -> None:
     light = "load.press.uy=-1e-3"
     summary = solve(CURVED + PLANE, tmp_path / "face", light)
     assert summary["status"] == "done"
-    told = [text for text in summary["warnings"] if "goes on without a corner" in text]
+    told = [text for text in summary["warnings"] if "continues without a corner" in text]
     assert len(told) == 2
     assert 'contact.face.slave = ["pad.face", "pad.corner1"]' in told[0]
     summary = solve(CURVED + PLANE, tmp_path / "whole", light, WHOLE)
-    assert not [text for text in summary["warnings"] if "goes on without a corner" in text]
+    assert not [text for text in summary["warnings"] if "continues without a corner" in text]
 
 
 def test_one_plane_may_be_the_obstacle_of_several_contacts(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results import overlay
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.results.plot_choice import Choice, told
+from mlsanm_cli.app.results.plot_choice import Choice, load_words
 from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
@@ -99,8 +99,8 @@ def test_units_are_labels_and_change_nothing(tmp_path: Path, monkeypatch: pytest
 def test_stages_and_loads_are_told_in_titles(bar_run: Path) -> None:
     run = read_run(bar_run)
     case = stored_case(run.case_resolved)
-    assert told(run, case, 0.5) == "stage 1 of 2, pull x 0.5"
-    assert told(run, case, 1.25) == "stage 2 of 2, squeeze x 0.25"
+    assert load_words(run, case, 0.5) == "stage 1 of 2, pull x 0.5"
+    assert load_words(run, case, 1.25) == "stage 2 of 2, squeeze x 0.25"
 
 
 def test_stress_along_a_boundary_is_the_pressure_there(

@@ -205,11 +205,11 @@ def test_a_free_motion_has_a_unit_of_what_it_is_held_by() -> None:
 def test_round_off_drives_no_motion() -> None:
     # A free motion had 1e-10 of the lid's, whose force was then taken for one that drives the disk.
     notes = prepared(SQUEEZED).notes
-    assert any(note.startswith("body disk: ux is held at 0, for no force") for note in notes)
+    assert any(note.startswith("body disk: ux is fixed at 0 (no load") for note in notes)
 
 
 def test_a_motion_of_two_bodies_names_both() -> None:
-    notes = [note for note in prepared(FIT).notes if "held at 0" in note]
+    notes = [note for note in prepared(FIT).notes if "fixed at 0" in note]
     assert [note.split(":")[0] for note in notes] == ["body ring", "body shaft", "body ring", "body ring"]
     assert all("moves together with body shaft" in note for note in notes[2:])
     with pytest.raises(CaseError) as caught:

@@ -156,7 +156,7 @@ def test_nothing_is_resumed_that_is_done_failed_or_held(hertz_run: Path, tmp_pat
     assert "nothing to resume" in console.notes[0]
     assert (hertz_run / "run.h5").read_bytes() == before
     assert solve(hertz(), tmp_path / "failed", "solver.max_steps=3")["status"] == "failed"
-    with pytest.raises(RunError, match="would fail again"):
+    with pytest.raises(RunError, match="repeat the failure"):
         resume(tmp_path / "failed", console=console)
     with locked(hertz_run), pytest.raises(RunError, match=f"process {os.getpid()} on"):
         resume(hertz_run, console=console)

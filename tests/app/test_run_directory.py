@@ -318,7 +318,7 @@ def test_console_is_told(tmp_path: Path) -> None:
     assert console.phases[0].startswith("placing nodes")
     assert console.steps[0] == 0.0
     assert console.steps[-1] == 1.0
-    assert any("ux is held at 0" in note for note in console.notes)
+    assert any("ux is fixed at 0" in note for note in console.notes)
     assert console.warnings == summary["warnings"]
     assert "grows by 0.31" in console.warnings[0]
 

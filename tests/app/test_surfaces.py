@@ -105,7 +105,7 @@ def test_flat_faces_press_along_the_one_without_roundings(slave: str, spacing: f
     master = "block.top" if slave == "pad.bottom" else "pad.bottom"
     text = PAD.format(radius=0.3, slave=f'"{slave}"', master=f'"{master}"')
     case = parse(text, [f"body.{name}.spacing={spacing}" for name in ("pad", "block")]).case
-    facing = prepare(case, clouds(case)).clear["foot"].facing
+    facing = prepare(case, clouds(case)).ranges["foot"].facing
     normal = facing.normal(facing.locate(np.stack([np.linspace(-0.9, 0.9, 7), np.zeros(7)], axis=1)))
     assert np.abs(normal - [0.0, 1.0 if slave == "pad.bottom" else -1.0]).max() < 1e-12
 

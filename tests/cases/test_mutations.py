@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.response import load_vectors as sources
 from mlsanm_cli.mechanics import assembly, body
@@ -121,13 +121,13 @@ def test_remainders_of_half_the_forces(monkeypatch: pytest.MonkeyPatch, tmp_path
 
 
 def test_half_of_a_contact_s_singular_field(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    proper = Near.singular
+    proper = ContactGrid.singular
 
-    def faulty(near: Near, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
+    def faulty(near: ContactGrid, kernel: Kernel, slave: bool) -> tuple[FloatArray, FloatArray]:
         log, turn = proper(near, kernel, slave)
         return 0.5 * log, 0.5 * turn
 
-    monkeypatch.setattr(Near, "singular", faulty)
+    monkeypatch.setattr(ContactGrid, "singular", faulty)
     assert outcome("hertz", tmp_path / "run", EXACT)["status"] == "failed"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.regularized_friction import RubbingTangent
+from mlsanm_cli.contact.laws.regularized_friction import FrictionTangent
 from mlsanm_cli.continuation import Problem
 
 
@@ -28,7 +28,7 @@ def highest_terms(problem: Problem, x: FloatArray, lam: FloatArray) -> tuple[Flo
     return coefficients[order], expected, float(np.abs(coefficients).max())
 
 
-def lack_of_orders(problem: Problem, tangent: RubbingTangent, x: FloatArray, seed: int) -> float:
+def lack_of_orders(problem: Problem, tangent: FrictionTangent, x: FloatArray, seed: int) -> float:
     """By how much the tangent's own high orders miss those solved one by one, relative to each order."""
     rng, order = np.random.default_rng(seed), 6
     slope, normal, size = rng.normal(size=problem.size), rng.normal(size=problem.size), 3.0

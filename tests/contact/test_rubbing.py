@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.regularization import Regularization
-from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction, RubbingTangent
+from mlsanm_cli.contact.laws.regularized_friction import FrictionTangent, RegularizedFriction
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.contact.response.linear_map import Columns
 from tests.contact.derivatives import highest_terms, lack_of_orders, tangent_times
@@ -89,7 +89,7 @@ def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int) -> 
     problem = random_problem(m, k, seed)
     x = state(problem, seed)
     tangent = problem.tangent(x, 0.3)
-    assert isinstance(tangent, RubbingTangent)
+    assert isinstance(tangent, FrictionTangent)
     assert lack_of_orders(problem, tangent, x, seed) <= 1e-8
 
 

@@ -292,8 +292,8 @@ def test_stiff_springs_hold_by_the_stress_inside() -> None:
 def test_what_single_held_nodes_hold_is_not_told() -> None:
     cloud = jittered_square(17)
     whole = Pieces.of(cloud)
-    assert whole.told([]).all()
-    known = whole.told([(40, 1)])
+    assert whole.rows_known([]).all()
+    known = whole.rows_known([(40, 1)])
     piece = whole.labels[40]
     assert set(np.flatnonzero(~known)) == {whole.count + piece, 2 * whole.count + piece}
 

@@ -25,7 +25,7 @@ from mlsanm_cli.solve.grid_refinement import grid_errors
 from mlsanm_cli.solve.state import State
 
 ROUND_OFF = 1e-9
-"""Estimates below this tell of round-off only."""
+"""Estimates below this are round-off."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Accuracy:
     contacts to relative L2 norms of what the bodies' errors and the contact's own spacing do to the pressure.
     None where no estimate can be given. ``defects`` are the bodies' own, none for other degrees than those
     that an estimate is known for. ``largest`` is the largest displacement, looked for where
-    the clouds may be refined or the errors are told. ``solutions`` (2N, 1) are the bodies' own in that state,
-    none where they are not known.
+    the clouds may be refined or the errors are reported. ``solutions`` (2N, 1) are the bodies' own in that
+    state, none where they are not known.
     """
 
     displacement: float | None
@@ -49,7 +49,7 @@ class Accuracy:
     solutions: Mapping[str, FloatArray]
 
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
-        """As summary.json tells them, of ``state`` where its pressures may lie away from the exact ones.
+        """As in summary.json, of ``state`` where its pressures may lie away from the exact ones.
 
         Nearly incompressible bodies have none: the defect of their mean pressure is that of their change of
         volume times a modulus without bound, 5 times the error at a Poisson ratio of 0.45, 3000 at 0.4999.
@@ -79,18 +79,18 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     """Estimate the errors of a solved scene in its last exact state."""
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
-    untold: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
+    unknown: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
     # What friction has done on the way there would have to be followed again, and bonds solved for.
     blind = len(condensed.friction_nodes) > 0 or len(condensed.bonds.pairings) > 0
     if blind and not built.case.adapt.passes:
-        return Accuracy(None, untold, untold, state, None, {}, {})
+        return Accuracy(None, unknown, unknown, state, None, {}, {})
     try:
         bodies = {} if blind else _corrected_bodies(built, state)
     except NumericalError:  # the clouds are too small for the next degree
         bodies = {}
     if not bodies:
         whole = [condensed.displacement(scene, name, _unknowns(state)) for name in scene.bodies]
-        return Accuracy(None, untold, untold, state, _largest(whole), {}, {})
+        return Accuracy(None, unknown, unknown, state, _largest(whole), {}, {})
     solutions = {name: one.solution for name, one in bodies.items()}
     defects = {name: one.defect for name, one in bodies.items()}
     largest = _largest([one.displacement for one in bodies.values()])
@@ -99,10 +99,10 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         halved = halved_pressure(condensed, state) if condensed.pairings else state.pressure
         error, pressure = _corrected(built, state, bodies)
     except NumericalError:  # what was changed but a little has no contact state at all
-        return Accuracy(None, untold, untold, state, largest, defects, solutions)
+        return Accuracy(None, unknown, unknown, state, largest, defects, solutions)
     from_contact = {
         pair.name: distance(built, pair, state, halved)
-        if pair.near is None
+        if pair.grid is None
         else float(np.linalg.norm(grid_errors(condensed, pair.name, [state])))
         for pair in condensed.pairings
     }
@@ -116,7 +116,7 @@ def _corrected_bodies(built: CondensedScene, state: ExactState) -> dict[str, Cor
     condensed, scene = built.condensed, built.scene
     unknowns = _unknowns(state)
     return {
-        name: correct(body, condensed.source(name, *unknowns), scene.loose_patterns(name) @ state.motion)
+        name: correct(body, condensed.source(name, *unknowns), scene.floating_patterns(name) @ state.motion)
         for name, body in scene.bodies.items()
     }
 
@@ -144,7 +144,7 @@ def _corrected(
     error = 0.0
     for name, body in scene.bodies.items():
         followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
-        change = bodies[name].change + followed + scene.loose_patterns(name) @ motion
+        change = bodies[name].change + followed + scene.floating_patterns(name) @ motion
         change = change + condensed.near_fields(scene, name, moved)[0].ravel()
         error += float((change**2).sum())
     return error, after.pressure

@@ -85,11 +85,11 @@ class EnergyVerdict:
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
     """Sum of the forces on each body over the largest force on it, in one state."""
-    lack = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
+    unbalanced = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
     per_body = {}
     for number, name in enumerate(built.scene.bodies):
         largest = largest_force(built, name, state.unknowns)
-        size = float(np.hypot(*lack[number]))
+        size = float(np.hypot(*unbalanced[number]))
         per_body[name] = 0.0 if largest == 0.0 else size / largest
     # Unlike max of Python, that of numpy loses no nan.
     return Verdict(float(np.max(list(per_body.values()))), per_body)
@@ -203,7 +203,7 @@ def check_energy(verdict: EnergyVerdict) -> str:
     return f"{message}; {hint}" if abs(error) > ENERGY_WARNING else ""
 
 
-def judge_points(verdict: EnergyVerdict) -> Iterator[str]:
+def check_points(verdict: EnergyVerdict) -> Iterator[str]:
     """Warnings of bodies that single nodes hold against so much force that displacements hang on the
     spacing."""
     for name, part in verdict.pointed.items():
@@ -227,17 +227,17 @@ def check_held(built: CondensedScene) -> str:
     worst, where = 0.0, ""
     for pairing in built.condensed.pairings:
         bodies = held & set(pairing.bodies)
-        if pairing.near is None or pairing.name not in turned or not bodies:
+        if pairing.grid is None or pairing.name not in turned or not bodies:
             continue
-        angle = abs(turned[pairing.name] - pairing.near.facing.turn)
+        angle = abs(turned[pairing.name] - pairing.grid.facing.turn)
         if angle > max(worst, HELD_WARNING):
             worst, where = angle, " and ".join(sorted(bodies))
     if not where:
         return ""
     return (
-        f"the surfaces that press on {where} have turned so far that {100.0 * worst:.2g} % of what presses "
-        f"would push it along a motion that nothing resists and that is held at 0; hold it there with a "
-        f"[[support]], or give the contact some friction"
+        f"the contact surfaces of {where} have rotated so far that {100.0 * worst:.2g} % of the contact "
+        f"force acts along a motion without stiffness that is fixed at 0; add a [[support]] in that "
+        f"direction, or friction to the contact"
     )
 
 
@@ -267,10 +267,10 @@ def check_estimates(
         )
     for pairing in built.condensed.pairings:
         error = pressures.get(pairing.name)
-        limit = ESTIMATE_WARNING if pairing.near is not None and not pairing.friction else LARGE_ERROR
+        limit = ESTIMATE_WARNING if pairing.grid is not None and not pairing.friction else LARGE_ERROR
         if error is not None and error > limit:
             keys = [f"body.{body}.spacing" for body in pairing.bodies]
-            if pairing.near is not None and pairing.friction:
+            if pairing.grid is not None and pairing.friction:
                 keys.append(f"contact.{pairing.name}.accuracy")
             texts.append(
                 f"contact {pairing.name}: its pressures are estimated to be off by {100 * error:.2g} %; "
@@ -292,7 +292,7 @@ def check_spacing(built: CondensedScene, state: State) -> None:
     """NumericalError where surfaces press on each other whose spacings are too unlike."""
     clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
     for pairing in built.condensed.pairings:
-        if pairing.near is not None:
+        if pairing.grid is not None:
             continue
         closed = np.zeros_like(pairing.candidate)
         closed[pairing.candidate] = state.closed[built.condensed.spans[pairing.name]]

@@ -74,7 +74,7 @@ def node_fields(built: CondensedScene, found: Diagnosis) -> dict[str, dict[str, 
         count = len(elastic.model.cloud.points)
         fields[body] = {name: np.full(count, np.nan) for name in names} | {"worst": np.zeros(count)}
         for pairing in built.condensed.pairings:
-            if pairing.slave_body != body or pairing.near is not None:
+            if pairing.slave_body != body or pairing.grid is not None:
                 continue
             nodes, span = pairing.node[pairing.candidate], built.condensed.spans[pairing.name]
             # A node of several contacts shows the one that it is worse in.

@@ -99,7 +99,7 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
     slip = condensed.slip.pressure @ state.pressure + condensed.slip.traction @ state.traction
     found = dict.fromkeys(built.scene.bodies, 0.0)
     for pairing in condensed.pairings:
-        if pairing.near is None:
+        if pairing.grid is None:
             continue
         span = condensed.spans[pairing.name]
         work = float(condensed.weight[span] @ (state.pressure[span] * gap[span]))

@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.app.assessment.accuracy import Accuracy, distance
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.frozen import Change, frozen_change
-from mlsanm_cli.contact.laws.accuracy import halved_pressure, lacking
+from mlsanm_cli.contact.laws.accuracy import changes_of, halved_pressure
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import STICK
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -40,7 +40,9 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
     try:
         bodies = {
             name: correct(
-                body, condensed.source(name, *state.unknowns), built.scene.loose_patterns(name) @ state.motion
+                body,
+                condensed.source(name, *state.unknowns),
+                built.scene.floating_patterns(name) @ state.motion,
             )
             for name, body in built.scene.bodies.items()
         }
@@ -54,7 +56,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
     from_contact: dict[str, float | None] = {}
     for pair in condensed.pairings:
         from_bulk[pair.name] = distance(built, pair, last, state.pressure + change.pressure)
-        if pair.near is not None:
+        if pair.grid is not None:
             from_contact[pair.name] = float(np.linalg.norm(grid_errors(condensed, pair.name, [last])))
         else:
             from_contact[pair.name] = None if halved is None else distance(built, pair, last, halved)
@@ -67,7 +69,7 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State) -> Ac
 def _change(built: CondensedScene, state: ExactState, bodies: Mapping[str, Corrected]) -> Change:
     """How the contact answers to the bodies' corrections."""
     condensed = built.condensed
-    by = lacking(condensed, built.scene, {name: one.change for name, one in bodies.items()})
+    by = changes_of(condensed, built.scene, {name: one.change for name, one in bodies.items()})
     # The residual gaps of a smooth law are no error of the bodies.
     gaps = np.where(state.active, 0.0, state.gap)
     stuck = state.stuck[condensed.friction_nodes]
@@ -80,7 +82,7 @@ def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: Chang
     moved = (np.zeros(len(built.stages[-1])), change.motion, change.pressure, change.traction)
     for name, body in scene.bodies.items():
         followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
-        total = bodies[name].change + followed + scene.loose_patterns(name) @ change.motion
+        total = bodies[name].change + followed + scene.floating_patterns(name) @ change.motion
         total = total + condensed.near_fields(scene, name, moved)[0].ravel()
         error += float((total**2).sum())
     return error
@@ -90,7 +92,7 @@ def _halved(built: CondensedScene, state: ExactState) -> FloatArray | None:
     """Pressures (m,) from every second node, with the tractions of the state as loads; None where such
     contacts are balanced by tractions alone."""
     condensed = built.condensed
-    if all(pair.near is not None for pair in condensed.pairings):
+    if all(pair.grid is not None for pair in condensed.pairings):
         return None
     pushed = replace(
         condensed,

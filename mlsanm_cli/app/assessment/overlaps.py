@@ -222,9 +222,9 @@ def _other_contacts(
 def _obstacle_shifts(built: CondensedScene, state: State) -> dict[str, FloatArray]:
     """Displacements (2,) of the obstacles that move."""
     shifts, unknown = {}, 0
-    for mover in built.scene.rigid_constraints:
+    for constraint in built.scene.rigid_constraints:
         shift = np.zeros(2)
-        for motion in mover.motions:
+        for motion in constraint.motions:
             if motion.prescribed is None:
                 value = float(state.motion[unknown])
                 unknown += 1
@@ -232,8 +232,8 @@ def _obstacle_shifts(built: CondensedScene, state: State) -> dict[str, FloatArra
                 value = float(motion.prescribed @ state.factors)
             if motion.component < 2:
                 shift[motion.component] = value
-        if isinstance(mover, Obstacle):
-            shifts[mover.contact] = shift
+        if isinstance(constraint, Obstacle):
+            shifts[constraint.contact] = shift
     return shifts
 
 
@@ -269,11 +269,11 @@ def _deepest(
 ) -> Iterator[Overlap]:
     """The deepest of the points with the numbers ``at`` (e,), of each pair of boundaries."""
     boundaries = [f"{body}.{_label(own.names[number])}" for number in own.surface[at]]
-    told = set()
+    pairs_found = set()
     for worst in np.argsort(-depth, kind="stable"):
         pair = boundaries[worst], others[worst]
-        if pair not in told:
-            told.add(pair)
+        if pair not in pairs_found:
+            pairs_found.add(pair)
             x, y = own.points[at[worst]].tolist()
             yield Overlap(float(depth[worst]), (x, y), *pair)
 

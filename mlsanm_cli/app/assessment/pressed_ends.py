@@ -39,8 +39,8 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
                     listed = ", ".join(f'"{name}"' for name in (*side.boundaries, f"{body}.{beyond}"))
                     yield (
                         f"contact {pairing.name} is pressed up to the end of {side.label} near "
-                        f"({end[0]:.6g}, {end[1]:.6g}), where {body}.{beyond} goes on without a corner, and "
-                        f"a single node bears what belongs there: take it into the contact, as in "
+                        f"({end[0]:.6g}, {end[1]:.6g}), where {body}.{beyond} continues without a corner, "
+                        f"so that a single node carries the pressure there: add it to the contact, as in "
                         f"contact.{pairing.name}.{'slave' if slave else 'master'} = [{listed}]"
                     )
 

@@ -70,7 +70,7 @@ class Quality:
 
 
 def announce(case: Case, prepared: SceneModel, context: RunContext, warn: Warn) -> Quality:
-    """The quality of a scene's clouds; tells the notes on it, and warns of what is poor about it."""
+    """The quality of a scene's clouds; prints the notes on it, and warns of what is poor about it."""
     with context.phase("cloud"):
         quality = assess(case, prepared, context.memo)
     for note in prepared.notes:
@@ -92,7 +92,7 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     warnings = [
         text for name, cloud in bodies.items() for text in _cloud_warnings(name, cloud, name in brought)
     ]
-    warnings += nodal_warnings(prepared, [p for p in prepared.pairings if p.name not in prepared.clear])
+    warnings += nodal_warnings(prepared, [p for p in prepared.pairings if p.name not in prepared.ranges])
     if any(model.settings.degree == 1 for model in prepared.models.values()):
         warnings.append(
             "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"
@@ -173,11 +173,11 @@ def factor_warnings(scene: Scene) -> Iterator[str]:
 
 
 def case_warnings(case: Case) -> Iterator[str]:
-    """What the contact laws of a case cannot do with its loads, and its materials do not tell."""
+    """What the contact laws of a case cannot do with its loads, and what its materials leave open."""
     for name, material in case.material.items():
         if case.model.plane == "strain" and material.form == "stiffness":
             yield (
-                f"material {name}: a plane stiffness does not tell the stress across the plane, so that von "
+                f"material {name}: a plane stiffness leaves open the stress across the plane, so that von "
                 f"Mises stresses are nan; give E1, E2, G12, nu12 and those of the third axis for them"
             )
     turning = [load.name for load in case.load if _turns(case, load.name)]

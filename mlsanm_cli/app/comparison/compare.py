@@ -56,7 +56,7 @@ class CompareOptions:
 
 def compare(
     case_path: Path,
-    wishes: CompareOptions,
+    options: CompareOptions,
     *,
     overrides: tuple[str, ...] = (),
     out: Path | None = None,
@@ -76,14 +76,14 @@ def compare(
     if loaded.case.model.strain == "finite":
         from mlsanm_cli.app.finite.compare import compare_finite, refuse
 
-        refuse(bool(loaded.case.contact) or len(loaded.case.body) > 1, wishes.methods, wishes.analytic)
+        refuse(bool(loaded.case.contact) or len(loaded.case.body) > 1, options.methods, options.analytic)
         return compare_finite(
             loaded,
             case_path,
-            _levels(loaded.case, wishes.levels),
+            _levels(loaded.case, options.levels),
             overrides=overrides,
-            tolerance=wishes.tolerance,
-            repeat=wishes.repeat,
+            tolerance=options.tolerance,
+            repeat=options.repeat,
             directory=out or RESULTS / case_path.stem,
             force=force,
             threads=threads,
@@ -92,9 +92,9 @@ def compare(
         )
     check_reference(loaded)
     context = RunContext(clock, console)
-    methods = chosen_methods(loaded.case, wishes.methods)
-    _refuse(loaded.case, wishes, methods)
-    levels = f"output.at={_levels(loaded.case, wishes.levels)!r}"
+    methods = chosen_methods(loaded.case, options.methods)
+    _refuse(loaded.case, options, methods)
+    levels = f"output.at={_levels(loaded.case, options.levels)!r}"
 
     def case_of(method: Method) -> Case:
         return load_with_files(case_path, (*overrides, levels, *method.changes)).case
@@ -112,14 +112,14 @@ def compare(
     rows = []
     for method, case in zip(methods, cases, strict=True):
         console.phase(f"following the path: {method.name}")
-        rows.append(measure(built, method, case, wishes.repeat))
+        rows.append(measure(built, method, case, options.repeat))
     warnings += [*factor_warnings(built.scene), *_judged(built, rows[0])]
-    result = _result(built, loaded, rows, wishes, clock) | {
+    result = _result(built, loaded, rows, options, clock) | {
         "provenance": attributes(loaded, argv, threads),
         "warnings": warnings,
     }
     curves = None
-    if wishes.picture and rows[0].done:
+    if options.picture and rows[0].done:
         console.phase("following the paths at larger eta, for the picture")
         curves = precision_curves(built, rows, case_of)
         result["precision"] = curves.figures
@@ -134,16 +134,16 @@ def compare(
     return {**result, "directory": str(directory)}
 
 
-def _refuse(case: Case, wishes: CompareOptions, methods: Sequence[Method]) -> None:
+def _refuse(case: Case, options: CompareOptions, methods: Sequence[Method]) -> None:
     """Raise RunError where there is nothing to compare."""
     if not case.touching:
         raise RunError(
             "the case has no [[contact]] that may open: it is one linear solve, by any method",
             "mlsanm run solves it",
         )
-    if wishes.analytic and case.reference is None:
+    if options.analytic and case.reference is None:
         raise RunError("--analytic: the case names no reference", "add [reference] with its solution")
-    if len(methods) == 1 and not wishes.analytic:
+    if len(methods) == 1 and not options.analytic:
         raise RunError(
             "nothing to compare ANM with", "add --newton, --active-set, --monolithic or --analytic"
         )
@@ -168,14 +168,14 @@ def _judged(built: CondensedScene, base: Measured) -> list[str]:
 
 
 def _result(
-    built: CondensedScene, loaded: LoadedCase, rows: Sequence[Measured], wishes: CompareOptions, clock: Clock
+    built: CondensedScene, loaded: LoadedCase, rows: Sequence[Measured], options: CompareOptions, clock: Clock
 ) -> dict[str, Any]:
     case = loaded.case
     limits = {
-        "same_law": same_law_limit(case) if wishes.tolerance is None else wishes.tolerance,
+        "same_law": same_law_limit(case) if options.tolerance is None else options.tolerance,
         "other_law": other_law_limit(case),
     }
-    table = [_figures(built, row, rows, limits, clock, wishes.analytic) for row in rows]
+    table = [_figures(built, row, rows, limits, clock, options.analytic) for row in rows]
     return {
         "status": _status(table),
         "case": str(loaded.path),
@@ -199,7 +199,7 @@ def _figures(
     clock: Clock,
     analytic: bool,
 ) -> dict[str, Any]:
-    """One method as comparison.json tells it."""
+    """One method as in comparison.json."""
     phases = SHARED if row.method.is_monolithic else (*SHARED, *CONDENSED)
     sparse = row.method.is_monolithic
     found: dict[str, Any] = {

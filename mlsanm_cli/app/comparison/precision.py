@@ -31,7 +31,7 @@ class Curves:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """As comparison.json tells them."""
+        """As in comparison.json."""
         return {"smooth": dict(self.smooth), "exact": self.exact}
 
 

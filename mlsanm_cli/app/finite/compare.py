@@ -130,7 +130,7 @@ def _followed(scene: FiniteScene, method: str, repeat: int) -> Followed:
 
 
 def _figures(row: Followed, rows: list[Followed], limit: float, clock: Clock) -> dict[str, Any]:
-    """One method as comparison.json tells it."""
+    """One method as in comparison.json."""
     found: dict[str, Any] = {
         "method": row.method,
         "law": "finite strain",

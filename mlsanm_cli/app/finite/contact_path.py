@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.app.finite.overlaps import check_overlaps
 from mlsanm_cli.app.finite.path import RENEW, FiniteState, FiniteStep, most_stretched
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.verdict import judge
+from mlsanm_cli.app.finite.verdict import check_deformation
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed, Pressing, unpressed
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -29,25 +29,25 @@ FARTHEST = 0.2
 
 def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
     """All steps, the start first. Raises NumericalError where the path breaks off."""
-    walk = _Walk(scene)
+    path = _Path(scene)
     wanted = sorted(set(scene.case.output.at)) or [float(len(scene.stages) - 1)]
-    first = walk.state(0.0, walk.start())
-    yield FiniteStep(first, (first,) if 0.0 in wanted else (), factorizations=walk.spent)
+    first = path.state(0.0, path.start())
+    yield FiniteStep(first, (first,) if 0.0 in wanted else (), factorizations=path.spent)
     steps, size, position = 0, FIRST, 0.0
     ends = sorted({*wanted, *np.arange(1.0, len(scene.stages)).tolist()})
     for end in (one for one in ends if one > 0.0):
         while position < end:
-            reached, size = walk.forward(position, end, size)
+            reached, size = path.forward(position, end, size)
             steps += 1
             if steps > scene.case.solver.max_steps:
                 raise NumericalError(
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
-            state = walk.state(reached, walk.now)
-            judge(scene, reached, walk.now.displacement)
+            state = path.state(reached, path.now)
+            check_deformation(scene, reached, path.now.displacement)
             check_overlaps(scene, reached, state.whole, state.displacement)
-            _resist(reached, walk.now.stability)
-            done = walk.told(state, reached - position, (state,) if reached in wanted else ())
+            _resist(reached, path.now.stability)
+            done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
             yield done
 
@@ -63,7 +63,7 @@ def _resist(position: float, stability: float) -> None:
         )
 
 
-class _Walk:
+class _Path:
     """Where the path is, and its equations."""
 
     def __init__(self, scene: FiniteScene) -> None:
@@ -170,7 +170,7 @@ class _Walk:
             "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance",
         )
 
-    def told(self, state: FiniteState, length: float, saved: tuple[FiniteState, ...]) -> FiniteStep:
+    def finished(self, state: FiniteState, length: float, saved: tuple[FiniteState, ...]) -> FiniteStep:
         """The step that ends in a state, with what it cost; the equations are renewed if they are far."""
         acting = self._scene.acting(state.whole, state.traction)
         renewed = False
@@ -185,7 +185,7 @@ class _Walk:
         return step
 
     def state(self, position: float, found: Pressed) -> FiniteState:
-        """As the path tells it."""
+        """As a step of the path."""
         factors: FloatArray = factors_at(self._scene.stages, position)
         self.now = found
         args = (found.residual, found, self._slip, self._work)

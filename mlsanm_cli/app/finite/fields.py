@@ -1,4 +1,4 @@
-"""What is told of a state at finite strain: fields, what probes see, forces of loads and supports."""
+"""What is reported of a state at finite strain: fields, what probes see, forces of loads and supports."""
 
 from __future__ import annotations
 

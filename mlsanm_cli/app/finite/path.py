@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.verdict import judge, told_why
+from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, follow
@@ -73,7 +73,7 @@ class FiniteStep:
     """A finished step: the state at its end, wanted states in it as they follow each other (its end may be
     one), what it cost, limit points in it.
 
-    ``renewed`` tells that the equations were renewed at its end.
+    ``renewed`` means that the equations were renewed at its end.
     """
 
     state: FiniteState
@@ -100,14 +100,14 @@ def finite_path(scene: FiniteScene) -> Iterator[FiniteStep]:
     for stage in range(len(stages) - 1):
         problem = replace(problem, start=stages[stage], end=stages[stage + 1])
         levels = [position - stage for position in wanted if stage < position <= stage + 1]
-        walk = _Stage(scene, problem, stage, levels)
-        for step in walk.steps(x):
+        path = _Stage(scene, problem, stage, levels)
+        for step in path.steps(x):
             steps += 1
             if steps > case.solver.max_steps:
                 message = f"max steps, more than {case.solver.max_steps} steps come before the end"
                 raise NumericalError(f"the path stopped: {message}", "raise solver.max_steps")
             yield step
-        x, problem = walk.x, walk.problem
+        x, problem = path.x, path.problem
 
 
 def _first_problem(scene: FiniteScene) -> FiniteProblem:
@@ -146,21 +146,21 @@ class _Stage:
             moved = 0
             for step in follower.steps():
                 moved += 1
-                judge(self._scene, self._stage + step.lam, step.x)
-                told = self._told(step)
+                check_deformation(self._scene, self._stage + step.lam, step.x)
+                finished = self._finished(step)
                 self.x, self._lam, previous = step.x, step.lam, step.branch
                 body = self.problem.body
                 stretched = step.lam != 1.0 and most_stretched(body, step.x, self._station) > RENEW
                 if stretched:
                     follower.stop()
-                    told = replace(told, renewed=True, factorizations=told.factorizations + 1)
-                yield told
+                    finished = replace(finished, renewed=True, factorizations=finished.factorizations + 1)
+                yield finished
             outcome = follower.outcome
             if outcome.reached:
                 return
             if outcome.reason.value != "stopped by caller":
                 if (fresh and not moved) or np.array_equal(self._station, self.x):
-                    raise told_why(self._scene, self._stage + self._lam, self.x, outcome)
+                    raise path_failure(self._scene, self._stage + self._lam, self.x, outcome)
                 fresh = True
             self._renew()
 
@@ -170,20 +170,20 @@ class _Stage:
         self._station = self.x
         name = self._scene.alone[0]
         problem = replace(self.problem, projector=self._scene.projector(name, self.x, factors))
-        x, lack = self.x, problem.residual(self.x, self._lam)
+        x, rest = self.x, problem.residual(self.x, self._lam)
         goal = 0.01 * self._scene.case.solver.tolerance
         for _ in range(MENDS):
-            if np.abs(lack).max() <= goal:
+            if np.abs(rest).max() <= goal:
                 break
-            better = x - problem.length * lack
+            better = x - problem.length * rest
             left = problem.residual(better, self._lam)
             # Where the way is longer than the station's own tangent is good for, Newton's method goes it.
-            if not np.abs(left).max() < np.abs(lack).max():
+            if not np.abs(left).max() < np.abs(rest).max():
                 break
-            x, lack = better, left
+            x, rest = better, left
         self.problem, self.x = problem, x
 
-    def _told(self, step: Step) -> FiniteStep:
+    def _finished(self, step: Step) -> FiniteStep:
         state = self._state(step.lam, step.x, step.residual)
         saved, left = [], []
         for level in self._levels:

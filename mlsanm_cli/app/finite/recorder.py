@@ -120,7 +120,7 @@ class FiniteRecorder(RunWriter):
         self.balance = forces.rest / self._largest if self._largest else 0.0
 
     def failure(self, error: NumericalError, scene: FiniteScene) -> None:
-        """Tell of a failure, and write the last good state as failure.vtu."""
+        """Record a failure, and write the last good state as failure.vtu."""
         with self._clock.phase("output"):
             if self.last is not None:
                 shown = _shown(scene, fields_of(scene, self.last))

@@ -58,7 +58,7 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
             if step is None:
                 break
             recorder.step(scene, step)
-        _judge(scene, recorder)
+        _check_end(scene, recorder)
     except NumericalError as error:
         context.console.warning(f"{error.message}; {error.hint}" if error.hint else error.message)
         recorder.failure(error, scene)
@@ -68,7 +68,7 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
     return Ending("done", "end of the last stage")
 
 
-def _judge(scene: FiniteScene, recorder: FiniteRecorder) -> None:
+def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
     """Warn of, or refuse, a last state that cannot be believed."""
     assert recorder.last is not None
     waves = extremes(scene, recorder.last)["ellipticity"]
@@ -76,7 +76,7 @@ def _judge(scene: FiniteScene, recorder: FiniteRecorder) -> None:
         recorder.warn(
             f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
         )
-    # What single nodes hold a body with is not told by its stress.
+    # What single nodes hold a body with is not known from its stress.
     single = any(body.elastic.held_nodes for body in scene.bodies.values())
     if recorder.balance > BALANCE_LIMIT and not single:
         raise NumericalError(

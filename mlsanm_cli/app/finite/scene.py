@@ -136,11 +136,11 @@ def _free(case: Case, prepared: SceneModel) -> tuple[tuple[LooseMotions, ...], t
     number = sum(one.count for one in loose)
     names = [pairing.name for pairing in prepared.pairings]
     driven: list[DrivenObstacle] = []
-    for mover in prepared.rigid_constraints:
-        if isinstance(mover, mechanics.Obstacle):
-            for one in mover.motions:
+    for constraint in prepared.rigid_constraints:
+        if isinstance(constraint, mechanics.Obstacle):
+            for one in constraint.motions:
                 if one.prescribed is None:
-                    place = names.index(mover.contact)
+                    place = names.index(constraint.contact)
                     driven.append(DrivenObstacle(place, one.component, number + len(driven), one.force))
     return tuple(loose), tuple(driven)
 
@@ -185,9 +185,9 @@ def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> A
     assert found.obstacle is not None
     count = len(case.moved)
     motion = np.zeros((2, count + free))
-    for mover in prepared.rigid_constraints:
-        if isinstance(mover, mechanics.Obstacle) and mover.contact == pairing.name:
-            for one in mover.motions:
+    for constraint in prepared.rigid_constraints:
+        if isinstance(constraint, mechanics.Obstacle) and constraint.contact == pairing.name:
+            for one in constraint.motions:
                 if one.prescribed is not None:
                     motion[one.component, :count] += one.prescribed
     return RigidContact(pairing.name, slave, shape_of(found.obstacle), motion, pairing.friction)
@@ -246,9 +246,9 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
         if load.between is not None:
             shape = (*load.between.shape, count)
             tractions.setdefault(load.surface, np.zeros(shape))[:, :, load.number] += load.between
-    for mover in prepared.rigid_constraints:
-        if isinstance(mover, mechanics.Platen):
-            _move(mover, name, body, sources)
+    for constraint in prepared.rigid_constraints:
+        if isinstance(constraint, mechanics.Platen):
+            _move(constraint, name, body, sources)
     force = _force(prepared, name, len(body.model.cloud.points), count)
     if force is not None:
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)

@@ -15,14 +15,14 @@ FEW_WAVES = 0.1
 _LAWS = 'law = "neo-hookean" bears any compression; or smaller loads'
 
 
-def judge(scene: FiniteScene, position: float, displacement: FloatArray) -> None:
+def check_deformation(scene: FiniteScene, position: float, displacement: FloatArray) -> None:
     """Raise NumericalError, with body and node, where det F <= 0 or the law has lost ellipticity in a state
     of the ``displacement`` (2N,) of all bodies."""
     for name, own in scene.parts(displacement).items():
-        _judge(scene, name, position, own)
+        _check_body(scene, name, position, own)
 
 
-def _judge(scene: FiniteScene, name: str, position: float, displacement: FloatArray) -> None:
+def _check_body(scene: FiniteScene, name: str, position: float, displacement: FloatArray) -> None:
     body = scene.bodies[name]
     gradient = body.gradient(displacement)
     volume = 1.0 + determinant(gradient)
@@ -43,7 +43,7 @@ def _judge(scene: FiniteScene, name: str, position: float, displacement: FloatAr
         )
 
 
-def told_why(
+def path_failure(
     scene: FiniteScene, position: float, displacement: FloatArray, outcome: Outcome
 ) -> NumericalError:
     """What to say of a path of one body that broke off behind its last state."""

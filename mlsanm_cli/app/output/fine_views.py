@@ -18,7 +18,7 @@ from mlsanm_cli.app.scene.surfaces import outline_of
 from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body import BodyModel
@@ -74,26 +74,26 @@ class Views:
 
 def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -> Iterator[Zone]:
     for pairing in condensed.pairings:
-        if pairing.near is None:
+        if pairing.grid is None:
             continue
         span = condensed.spans[pairing.name]
         closed = np.any([state.active[span] for state in ends], axis=0)
-        patches = sorted(_patches(pairing.near, closed), key=lambda patch: patch[0] - patch[1])[:MOST]
+        patches = sorted(_patches(pairing.grid, closed), key=lambda patch: patch[0] - patch[1])[:MOST]
         for body, slave, _ in pairing.sides:
             if body != model.name:
                 continue
             for first, last in patches:
                 half = 0.5 * (last - first)
-                place = pairing.near.facing.side(np.array([0.5 * (first + last)]), slave)[0][0]
+                place = pairing.grid.facing.side(np.array([0.5 * (first + last)]), slave)[0][0]
                 nearest = model.tree.query([place.real, place.imag])[1]
                 if half / ACROSS < FINER * model.cloud.spacing[min(nearest, len(model.cloud.points) - 1)]:
                     point = (float(place.real), float(place.imag))
                     yield Zone.around(point, half / ACROSS, REACH * half, GROWTH)
 
 
-def _patches(near: Near, closed: BoolArray) -> list[tuple[float, float]]:
+def _patches(grid: ContactGrid, closed: BoolArray) -> list[tuple[float, float]]:
     """Where stretches of ``closed`` places (m,) begin and end."""
     steps = np.diff(np.concatenate([[False], closed, [False]]).astype(np.int64))
     firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) + 1
-    nodes = near.hats.nodes
+    nodes = grid.hats.nodes
     return [(float(nodes[a]), float(nodes[b])) for a, b in zip(firsts, lasts, strict=True)]

@@ -33,7 +33,7 @@ def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[
 
 @lru_cache(maxsize=1)
 def cpu() -> str:
-    """The processor's name where the system tells it, else its architecture."""
+    """The processor's name where the system reports it, else its architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

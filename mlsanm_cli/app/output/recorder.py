@@ -72,7 +72,7 @@ class Recorder(RunWriter):
         self._earlier = earlier
         self._pace: tuple[float, float] | None = None
         self._rows = self._saved = 0
-        self._told: list[str] = []
+        self._reported: list[str] = []
         self.last: State | None = None
         self.linear_residual: float | None = None
         self.cone: dict[str, float] = {}
@@ -80,7 +80,7 @@ class Recorder(RunWriter):
         self._mapped = False
         self._views = Views({}, {})
         self._starts: Mapping[str, FloatArray] = {}
-        self.judged: State | None = None
+        self.checked: State | None = None
         self.energies: EnergyVerdict | None = None
         self.stressed: tuple[State, Mapping[str, Fields]] | None = None
         self.failed_at: dict[str, Any] = {}
@@ -112,8 +112,8 @@ class Recorder(RunWriter):
         for name in TALLIES:
             setattr(self, name, before.figures[name])
         self.polished = [Polish(**one) for one in before.figures["polished"]]
-        self._told += before.figures["told"]
-        self.warnings += self._told
+        self._reported += before.figures["told"]
+        self.warnings += self._reported
         positions = self._file.saved_positions()
         self._saved = len(positions)
         for position in positions if self._case.output.vtu else ():
@@ -140,7 +140,7 @@ class Recorder(RunWriter):
                 self._save_fields(built, step.saved, rows, datasets, attributes)
             self._count(built, step)
             figures = {name: getattr(self, name) for name in TALLIES if name != "cone"}
-            more = {"cone": dict(self.cone), "polished": tuple(self.polished), "told": tuple(self._told)}
+            more = {"cone": dict(self.cone), "polished": tuple(self.polished), "told": tuple(self._reported)}
             latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
             event = {"index": index, "position": state.position, "residual": state.residual}
             # Before the row: a run that goes on drops the events of steps that are not in its file.
@@ -148,10 +148,10 @@ class Recorder(RunWriter):
             self._file.add(rows, datasets, attributes, latest)
             self._file.save_if_due()
         peak = float(state.pressure.max(initial=0.0))
-        told = self._progress(state.position)
+        texts = self._progress(state.position)
         if len(state.pressure):
-            told = [f"closed {int(state.closed.sum())}", f"peak pressure {peak:.6g}", *told]
-        text = "  ".join(told).rstrip()
+            texts = [f"closed {int(state.closed.sum())}", f"peak pressure {peak:.6g}", *texts]
+        text = "  ".join(texts).rstrip()
         self._console.step(index, state.position, state.residual, text)
 
     def _progress(self, position: float) -> list[str]:
@@ -181,7 +181,7 @@ class Recorder(RunWriter):
         if step.polish is not None:
             self.polished.append(step.polish)
         if step.warning:
-            self._told.append(step.warning)
+            self._reported.append(step.warning)
             self.warn(step.warning)
 
     def _save_fields(
@@ -203,8 +203,8 @@ class Recorder(RunWriter):
             self.linear_residual = float(np.maximum(self.linear_residual or 0.0, residual))
             shown = recording.shown_fields(built, self._views, state, fields, stress)
             clouds = self._views.clouds
-            self.judged = state
-            self._judge_places(built, state, clouds, shown)
+            self.checked = state
+            self._check_places(built, state, clouds, shown)
             if self._case.output.vtu:
                 self._states.write(state.position, recording.vtu_states(clouds, shown, wanted))
                 lines = contact_lines(built, state, clouds, shown), obstacle_lines(built, state)
@@ -214,7 +214,7 @@ class Recorder(RunWriter):
             attributes[place("fields", str(self._saved))] = {"linear_residual": residual}
             self._saved += 1
 
-    def _judge_places(
+    def _check_places(
         self,
         built: CondensedScene,
         state: State,
@@ -225,17 +225,17 @@ class Recorder(RunWriter):
         moved = {name: one.displacement for name, one in fields.items()}
         check_overlaps(built, state, clouds, moved)
         for name, message in large_slides(built, state, clouds, moved):
-            if not any(told.startswith(f"the sides of contact {name} slide") for told in self._told):
-                self._told.append(message)
+            if not any(one.startswith(f"the sides of contact {name} slide") for one in self._reported):
+                self._reported.append(message)
                 self.warn(message)
         for name, (x, y) in within_themselves(clouds, moved).items():
             text = f"body {name} lies inside itself"
-            if not any(told.startswith(text) for told in self._told):
+            if not any(one.startswith(text) for one in self._reported):
                 message = (
                     f"{text} near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: contact of a "
                     f"body with itself is not there yet, and results beyond that mean nothing"
                 )
-                self._told.append(message)
+                self._reported.append(message)
                 self.warn(message)
 
     def check_linear(self, built: CondensedScene) -> float:
@@ -248,13 +248,13 @@ class Recorder(RunWriter):
         return self.linear_residual or 0.0
 
     def failure(self, error: NumericalError, prepared: SceneModel, built: CondensedScene | None) -> None:
-        """Tell of a failure, and write failure.vtu: the state that was judged last, or the model if none was.
+        """Record a failure, and write failure.vtu: the state that was judged last, or the model if none was.
 
         That state is the last good one where the path itself broke off, or where the other has no numbers.
         """
         path = self.directory / run_dir.FAILURE_FILE
-        state = self.judged if self.judged is not None and self.judged.is_finite else self.last
-        told: dict[str, Any] = {"reason": error.message, "hint": error.hint}
+        state = self.checked if self.checked is not None and self.checked.is_finite else self.last
+        texts: dict[str, Any] = {"reason": error.message, "hint": error.hint}
         with self._clock.phase("output"):
             if built is None or state is None:
                 write_model(path, model_bodies(prepared))
@@ -268,7 +268,7 @@ class Recorder(RunWriter):
                     more = node_fields(built, found)
                     bodies = {name: replace(body, more=more[name]) for name, body in bodies.items()}
                 write_single(path, bodies)
-            self._events.write("failure", **told, **self.failed_at)
+            self._events.write("failure", **texts, **self.failed_at)
 
     def interfaces(self, built: CondensedScene) -> None:
         """Write the path, and every contact's final state, as CSV."""

@@ -27,7 +27,8 @@ from mlsanm_cli.solve.functionals import platen_displacements, probe_record, sla
 from mlsanm_cli.solve.state import State
 
 PRESSED = 1e-9
-"""Cone ratios are told of nodes whose pressure is above this part of the peak; below, they are round-off."""
+"""Cone ratios are reported of nodes whose pressure is above this part of the peak; below, they are
+round-off."""
 
 
 def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[str, Value]:

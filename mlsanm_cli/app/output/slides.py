@@ -1,7 +1,8 @@
 """Surfaces that slide along each other further than small displacements allow.
 
 At small strain every place in contact has its partner from before loading. Where both have moved on along
-each other by a part of the contact's width, others meet, and pressures are told at places that are elsewhere.
+each other by a part of the contact's width, others meet, and pressures are reported at places that have
+moved.
 """
 
 from __future__ import annotations

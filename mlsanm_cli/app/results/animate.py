@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.app.results.history import pressures_at
-from mlsanm_cli.app.results.plot_choice import Choice, told
+from mlsanm_cli.app.results.plot_choice import Choice, load_words
 from mlsanm_cli.app.results.views import automatic_scale, field_of, triangles_of
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import RunError
@@ -48,7 +48,7 @@ def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
         name,
         run.contacts[name].arc_length,
         pressure,
-        [told(run, case, level) or f"position {level:.3f}" for level in levels],
+        [load_words(run, case, level) or f"position {level:.3f}" for level in levels],
         case.units.label("arc length", "length"),
         case.units.label("pressure", "stress"),
     )
@@ -72,6 +72,8 @@ def _bodies(run: RunData, case: Case, choice: Choice) -> Path:
         states.append(bodies)
     scale = min(automatic_scale(run, bodies) for bodies in states)
     file = choice.out or run.directory / run_dir.picture_name("bodies", "gif")
-    titles = [f"position {state.position:.4g}, {told(run, case, state.position)}" for state in run.states]
+    titles = [
+        f"position {state.position:.4g}, {load_words(run, case, state.position)}" for state in run.states
+    ]
     animate_bodies(file, states, label, titles, scale)
     return file

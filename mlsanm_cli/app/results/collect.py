@@ -72,7 +72,7 @@ def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
     row["status"] = head.attributes["status"]
     summary = directory / run_dir.SUMMARY_FILE
     if not summary.is_file():
-        return {**row, "stop_reason": "no summary: still going on or killed"}, case, {}
+        return {**row, "stop_reason": "no summary: still running or killed"}, case, {}
     try:
         known = read_json(summary)
     except RunError as error:

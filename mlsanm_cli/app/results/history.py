@@ -17,8 +17,8 @@ def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
     level = level_at(run, position)
     if level.how != SERIES:
         return {name: contact.pressure[level.row] for name, contact in run.contacts.items()}
-    ends = np.cumsum([len(run.contacts[name].arc_length) for name in run.loose_contacts])
-    found = dict(zip(run.loose_contacts, np.split(level.pressure, ends[:-1]), strict=True))
+    ends = np.cumsum([len(run.contacts[name].arc_length) for name in run.unilateral_contacts])
+    found = dict(zip(run.unilateral_contacts, np.split(level.pressure, ends[:-1]), strict=True))
     for name, rows in run.maps["bonds"].items():
         found[name] = np.split(rows @ level.unknowns, 2)[0]
     return {name: found[name] for name in run.contacts}

@@ -31,7 +31,7 @@ PROVENANCE = (
 def info(rundir: Path) -> Mapping[str, Any]:
     """The summary of a run and its provenance.
 
-    A run without summary.json is still going on or was killed; the finished steps in run.h5 tell, and whether
+    A run without summary.json is still running or was killed; the finished steps in run.h5 tell, and whether
     a process holds the directory. Raises RunError for a directory that holds no readable run.
     """
     run = read_run(rundir)
@@ -46,16 +46,16 @@ def _unfinished(run: RunData) -> dict[str, Any]:
     age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
     writer = holder(run.directory)
     if writer is not None:
-        told = {"stop_reason": f"no summary: still going on, {writer}; last written {age:.0f} s ago"}
+        ending = {"stop_reason": f"no summary: still running, {writer}; last written {age:.0f} s ago"}
     else:
-        told = {
+        ending = {
             "stop_reason": f"killed or out of disk space: ended without a summary {age:.0f} s ago",
-            "hint": f"go on with: mlsanm resume {run.directory}",
+            "hint": f"continue with: mlsanm resume {run.directory}",
         }
     path = run.path
     known: dict[str, Any] = {
         "status": run.status,
-        **told,
+        **ending,
         "steps": max(path.rows - 1, 0),
         "nodes": int(run.attributes.get("nodes", 0)),
     }

@@ -98,8 +98,8 @@ def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curv
         label = name if len(run.contacts) == 1 or choice.contact else f"{name}, {contact_name}"
         if kind == "pressure":
             for level in choice.at or (float(run.path.position[-1]),):
-                told = f"{label}, position {level:.4g}" if choice.at else label
-                yield Curve(contact.arc_length, pressures_at(run, level)[contact_name], told)
+                legend = f"{label}, position {level:.4g}" if choice.at else label
+                yield Curve(contact.arc_length, pressures_at(run, level)[contact_name], legend)
         elif kind == "force":
             force = contact.pressure @ (contact.weight[:, None] * contact.normal)
             yield Curve(np.asarray(run.path.position), np.hypot(*force.T), label, joined)
@@ -165,7 +165,7 @@ def _on_boundary(
 
 
 def _names(runs: Sequence[RunData]) -> list[str]:
-    """What runs are called: the last parts of their directories, as many as tell them apart."""
+    """What runs are called: the last parts of their directories, as many as distinguish them."""
     parts = [run.directory.resolve().parts for run in runs]
     for count in range(1, max(map(len, parts)) + 1):
         names = ["/".join(part[-count:]) for part in parts]

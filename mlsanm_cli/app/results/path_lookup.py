@@ -56,8 +56,8 @@ class Level:
 def level_at(run: RunData, position: float) -> Level:
     """The level of a path position.
 
-    Raises RunError where the path does not reach the position, and where the run tells nothing of it: between
-    two stored states under the exact law, or by another method than series.
+    Raises RunError where the path does not reach the position, and where the run says nothing about it:
+    between two stored states under the exact law, or by another method than series.
     """
     rows = np.asarray(run.path.position)
     finite = run.is_finite
@@ -96,7 +96,7 @@ def level_at(run: RunData, position: float) -> Level:
         ends = np.cumsum([part.shape[1] for part in parts])[:-1]
         values = {"traction": nothing, **dict(zip(names, np.split(x, ends), strict=True))}
         return Level(position, SERIES, row, share, factors, **values)
-    if not run.loose_contacts or np.array_equal(factors, _factors(run, row - 1, 1.0)):
+    if not run.unilateral_contacts or np.array_equal(factors, _factors(run, row - 1, 1.0)):
         return Level(position, LINEAR, row, share, factors, nothing, nothing, nothing, nothing)
     raise RunError(
         f"nothing is stored between positions {rows[row - 1]:.6g} and {rows[row]:.6g}, "
@@ -128,7 +128,7 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
     for state in saved:
         if abs(state.position - level.position) <= SAME * max(abs(level.position), 1.0):
             return state.bodies[body]["displacement"], STORED
-    if not run.loose_contacts and not run.is_finite:
+    if not run.unilateral_contacts and not run.is_finite:
         known = np.array([level_at(run, state.position).factors for state in saved])
         shares = np.linalg.lstsq(known.T, level.factors, rcond=None)[0]
         missed = np.abs(shares @ known - level.factors).max(initial=0.0)

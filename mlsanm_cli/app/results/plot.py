@@ -14,7 +14,7 @@ from mlsanm_cli.app.results.drawn import marks_of
 from mlsanm_cli.app.results.history import pressures_at
 from mlsanm_cli.app.results.overlay import draw_line, draw_together, slips
 from mlsanm_cli.app.results.path_lookup import level_at
-from mlsanm_cli.app.results.plot_choice import KINDS, OF_CONTACT, Choice, refuse_nonsense, told
+from mlsanm_cli.app.results.plot_choice import KINDS, OF_CONTACT, Choice, load_words, refuse_nonsense
 from mlsanm_cli.app.results.probe import probe_contact
 from mlsanm_cli.app.results.views import automatic_scale, chosen_state, contact_window, field_of, triangles_of
 from mlsanm_cli.arrays import FloatArray
@@ -28,7 +28,7 @@ from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
 from mlsanm_cli.io.run_reader import ContactData, RunData, read_run
 
 MOST_LEVELS = 6
-"""More load levels in one picture cannot be told apart."""
+"""More load levels in one picture cannot be distinguished."""
 CURVE_POINTS = 801
 REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
 
@@ -151,10 +151,10 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
         # The formula is known for the end of the path.
         profile = None
     labels = [f"position {level:.4g}" for level in levels]
-    words = told(run, case, levels[-1]) if len(levels) == 1 or len(case.stage) == 1 else ""
+    words = load_words(run, case, levels[-1]) if len(levels) == 1 or len(case.stage) == 1 else ""
     shared = {
         "pressure_label": case.units.label("pressure", "stress"),
-        "told": words if len(levels) == 1 else "",
+        "suffix": words if len(levels) == 1 else "",
     }
     along = case.units.label("arc length", "length")
     if profile is None:
@@ -181,7 +181,7 @@ def _draw_traction(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
     plot_traction(
         path,
         name,
-        ", ".join(filter(None, (f"position {position:.4g}", told(run, case, position)))),
+        ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position)))),
         contact.arc_length,
         found["traction"],
         coefficient * np.maximum(found["pressure"], 0.0),
@@ -268,7 +268,7 @@ def _draw_bodies(path: Path, run: RunData, case: Case, choice: Choice) -> None:
         scalar, label = field_of(case, name, fields, displacement, choice.field)
         bodies.append(CloudBody(body.points, displacement, scalar, triangles_of(body)))
     scale = automatic_scale(run, bodies)
-    title = ", ".join(filter(None, (f"position {state.position:.4g}", told(run, case, state.position))))
+    title = ", ".join(filter(None, (f"position {state.position:.4g}", load_words(run, case, state.position))))
     row = int(np.abs(run.path.position - state.position).argmin())
     moved = {load: np.asarray(history[row]) for load, history in run.path.displacements.items()}
     touching = {name: contact.points for name, contact in run.contacts.items()}

@@ -70,7 +70,7 @@ def refuse_nonsense(choice: Choice, runs: int) -> None:
         raise RunError("several runs are drawn into one picture", "name its file, as in -o both.png")
 
 
-def told(run: RunData, case: Case, position: float) -> str:
+def load_words(run: RunData, case: Case, position: float) -> str:
     """A position in words: the stage if there are several, and factors of the loads that move in it."""
     stages = len(case.stage)
     number = min(max(int(np.ceil(position)), 1), stages)

@@ -54,19 +54,19 @@ def contents(rundir: Path) -> Mapping[str, Any]:
 def probe_contact(
     rundir: Path | RunData, at: Sequence[float], name: str, quantities: Sequence[str] = ()
 ) -> list[ContactState]:
-    """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them unless told."""
+    """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them by default."""
     run, case = _read(rundir)
     _known(name, run.contacts, "contact")
-    rough = bool(_friction(case)[name])
+    frictional = bool(_friction(case)[name])
     for wanted in quantities:
-        if wanted in ("traction", "slip") and not rough:
+        if wanted in ("traction", "slip") and not frictional:
             raise RunError(f'contact "{name}" has no friction and so no {wanted}', "ask for pressure or gap")
-    chosen = quantities or (QUANTITIES if rough else ("pressure", "gap"))
+    chosen = quantities or (QUANTITIES if frictional else ("pressure", "gap"))
     contact = run.contacts[name]
     place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
     levels = _levels(run, at)
     return [
-        _told(level) | place | {key: _on_contact(run, case, level, name, key) for key in chosen}
+        _position(level) | place | {key: _on_contact(run, case, level, name, key) for key in chosen}
         for level in levels
     ]
 
@@ -92,7 +92,7 @@ def probe_force(
             force = _mapped(run, level, "forces", name)
         else:
             force = level.between(run.path.resultants[name])
-        rows.append(_told(level) | {"fx": float(force[0]), "fy": float(force[1])})
+        rows.append(_position(level) | {"fx": float(force[0]), "fy": float(force[1])})
     return rows
 
 
@@ -113,9 +113,9 @@ def probe_named(
             )
         if run.is_finite:
             seen = np.append(seen, level.between(run.probes[name].von_mises))
-            rows.append(_told(level) | _columns(seen, field))
+            rows.append(_position(level) | _columns(seen, field))
             continue
-        rows.append(_told(level) | _fields(case, body, level, point, seen, field))
+        rows.append(_position(level) | _fields(case, body, level, point, seen, field))
     return rows
 
 
@@ -144,12 +144,12 @@ def probe_point(
             for level, (displacement, how) in zip(levels, found, strict=True)
         ]
     place = np.array([point])
-    rows, told = _rows_at(run, case, body, place), []
+    rows, rows_found = _rows_at(run, case, body, place), []
     for level, (displacement, how) in zip(levels, found, strict=True):
         seen = _stressed(case, body, level, place, rows @ displacement.ravel())
         fields = _fields(case, body, level, place, seen, field)
-        told.append({"position": level.position, "how": how} | fields)
-    return told
+        rows_found.append({"position": level.position, "how": how} | fields)
+    return rows_found
 
 
 def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Level) -> FloatArray:
@@ -204,7 +204,7 @@ def _known(name: str, names: Any, what: str) -> None:
         raise RunError(f'the run has no {what} "{name}"', there)
 
 
-def _told(level: Level) -> ContactState:
+def _position(level: Level) -> ContactState:
     return {"position": level.position, "how": level.how}
 
 
@@ -224,11 +224,11 @@ def _mapped(run: RunData, level: Level, kind: str, name: str) -> FloatArray:
     return result
 
 
-def _span(run: RunData, case: Case, name: str, rough_only: bool) -> slice:
+def _span(run: RunData, case: Case, name: str, frictional_only: bool) -> slice:
     """Places of a contact among the nodes of all contacts, or of those with friction."""
     first = 0
     for contact, friction in _friction(case).items():
-        if contact not in run.maps["bonds"] and (friction or not rough_only):
+        if contact not in run.maps["bonds"] and (friction or not frictional_only):
             count = len(run.contacts[contact].arc_length)
             if contact == name:
                 return slice(first, first + count)
@@ -247,9 +247,9 @@ def _on_contact(run: RunData, case: Case, level: Level, name: str, quantity: str
     if quantity == "slip":
         return _mapped(run, level, "slip", name)
     if quantity == "traction":
-        return level.traction[_span(run, case, name, rough_only=True)]
+        return level.traction[_span(run, case, name, frictional_only=True)]
     values: FloatArray = level.pressure if quantity == "pressure" else level.gap
-    return values[_span(run, case, name, rough_only=False)]
+    return values[_span(run, case, name, frictional_only=False)]
 
 
 def _contact_force(run: RunData, case: Case, level: Level, name: str) -> FloatArray:

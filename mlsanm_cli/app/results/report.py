@@ -79,7 +79,7 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
         yield html.listing(warnings)
     yield html.heading(3, "Figures")
     yield from _figures(summary, case)
-    yield html.heading(3, "How far it can be believed")
+    yield html.heading(3, "Error estimates and checks")
     yield _checks(summary)
     if run.path.rows:
         yield html.heading(3, "Pictures")
@@ -153,8 +153,10 @@ def _checks(summary: Mapping[str, Any]) -> str:
         if value is None:
             continue
         passes = limit is None or (float(value) >= limit if word == "above" else abs(float(value)) <= limit)
-        told = "" if limit is None else f"{word} {_number(limit)}"
-        rows.append([what, _number(value), told, html.GOOD + "passes" if passes else html.BAD + "fails"])
+        limit_text = "" if limit is None else f"{word} {_number(limit)}"
+        rows.append(
+            [what, _number(value), limit_text, html.GOOD + "passes" if passes else html.BAD + "fails"]
+        )
     estimate: Mapping[str, Any] = summary.get("error_estimate") or {}
     limit = limits.get("error_estimate")
     named = {"displacement": estimate.get("displacement"), **(estimate.get("pressure") or {})}
@@ -164,12 +166,12 @@ def _checks(summary: Mapping[str, Any]) -> str:
             continue
         what = f"error estimate, {name if name == 'displacement' else f'pressures of {name}'}"
         large = limit is not None and float(value) > limit
-        told = "" if limit is None else f"below {100.0 * float(limit):g} %"
+        limit_text = "" if limit is None else f"below {100.0 * float(limit):g} %"
         rows.append(
             [
                 what,
                 f"{100.0 * float(value):.2g} %",
-                told,
+                limit_text,
                 html.BAD + "large" if large else html.GOOD + "passes",
             ]
         )
@@ -218,7 +220,7 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     first = keys.index("status") + 1
     last = next((index for index, key in enumerate(keys) if key == "position"), len(keys))
     varied = keys[first:last]
-    # Cases that have little in common are told apart by their files, further down.
+    # Cases that have little in common are distinguished by their files, further down.
     varied = varied if len(varied) <= MOST_VARIED else []
     chosen = [*varied, *(key for key in COMPARED if key in keys), *figures]
     lines = [[key, *(_number(row[key]) for row in rows)] for key in chosen]

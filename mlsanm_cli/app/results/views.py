@@ -64,21 +64,21 @@ def field_of(
         scalar, label = scalar_of(case, body, fields, displacement)
         return scalar, case.units.label(label, "stress" if "stress" in label else "length")
     label, kind = FIELDS[field]
-    told = case.units.label(label, kind)
+    named = case.units.label(label, kind)
     if field in COMPONENTS and "stress" in fields:
-        return fields["stress"][:, COMPONENTS.index(field)], told
+        return fields["stress"][:, COMPONENTS.index(field)], named
     if field == "von_mises":
         scalar, name = scalar_of(case, body, fields, displacement)
         if name == label:
-            return scalar, told
+            return scalar, named
     elif kind == "length" and "displacement" in fields:
         parts = {"ux": displacement[:, 0], "uy": displacement[:, 1]}
-        return parts.get(field, np.hypot(displacement[:, 0], displacement[:, 1])), told
+        return parts.get(field, np.hypot(displacement[:, 0], displacement[:, 1])), named
     raise RunError(f"{label} was not saved", "name what it comes from in output.fields and run again")
 
 
 def chosen_state(run: RunData, position: float | None) -> SavedState:
-    """The state saved at a position, the last one if none is told. RunError where none is."""
+    """The state saved at a position, by default the last one. RunError where none is."""
     if position is None:
         return run.states[-1]
     for state in run.states:

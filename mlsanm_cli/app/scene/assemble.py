@@ -47,7 +47,7 @@ HIGH, LOW = 4, 2
 FEWEST = 30
 """The higher one needs so many neighbours."""
 BESIDE = 1e-3
-"""Nodes held farther than this part of the spacing from where a support was put are told."""
+"""Nodes held farther than this part of the spacing from where a support was put are reported."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class SceneModel:
     ``held[body][surface]`` are the held components, ``held_nodes[body]`` the (node, component) pairs held one
     by one, ``acting`` the loads' values, ``rigid_constraints`` all that moves rigidly, ``probes`` the points
     to observe,
-    ``notes`` what a person should know, ``clear`` the contacts that may have grids of their own,
+    ``notes`` what a person should know, ``ranges`` the contacts that may have grids of their own,
     ``held_motions`` what of loose bodies is held although nothing resists it, as a scene has them, ``weak``
     warnings of what is hardly resisted.
     """
@@ -70,7 +70,7 @@ class SceneModel:
     probes: tuple[Probe, ...]
     rigid_constraints: tuple[mechanics.RigidConstraint, ...]
     notes: tuple[str, ...]
-    clear: Mapping[str, ContactRange] = field(default_factory=dict)
+    ranges: Mapping[str, ContactRange] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     weak: tuple[str, ...] = ()
 
@@ -144,11 +144,11 @@ def prepare(
     occupied = {name: {**sides, **dict.fromkeys(loads.springs[name], None)} for name, sides in held.items()}
     # At finite strain pressures live at the nodes.
     grids = grids and case.model.strain == "small"
-    clear = contact_ranges(case, models, pairings, occupied) if grids else {}
+    ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
     # Of higher degrees nodal contacts are less stable.
-    nodal = {name for pairing in pairings if pairing.name not in clear for name in pairing.bodies}
+    nodal = {name for pairing in pairings if pairing.name not in ranges for name in pairing.bodies}
     models |= {body.name: modelled(body, low=True) for body in case.body if body.name in nodal}
-    found = constrain_free_rigid_modes(case, clouds, directed(pairings, clear), free, loads, clear)
+    found = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), free, loads, ranges)
     return SceneModel(
         models,
         pairings,
@@ -157,8 +157,8 @@ def prepare(
         loads,
         _probes(case, clouds),
         found.rigid_constraints,
-        (*_beside(case, clouds), *found.notes),
-        clear=clear,
+        (*_support_notes(case, clouds), *found.notes),
+        ranges=ranges,
         held_motions=found.held,
         weak=found.weak,
     )
@@ -168,7 +168,7 @@ def _touching(prepared: SceneModel) -> dict[str, tuple[str, ...]]:
     """The surfaces of every body that are in contact."""
     found: dict[str, set[str]] = {name: set() for name in prepared.models}
     for pairing in prepared.pairings:
-        if pairing.name in prepared.clear:
+        if pairing.name in prepared.ranges:
             continue
         parts = facing_parts(pairing.slave, pairing.position, pairing.normal)
         found[pairing.slave_body].update(part.name for part, own, _ in parts if len(own))
@@ -222,14 +222,22 @@ def assemble_bodies(
         bodies=bodies,
         loads=case.moved,
         surface_loads=prepared.acting.surface_loads,
-        platens=tuple(mover for mover in prepared.rigid_constraints if isinstance(mover, mechanics.Platen)),
+        platens=tuple(
+            constraint
+            for constraint in prepared.rigid_constraints
+            if isinstance(constraint, mechanics.Platen)
+        ),
         supports=supports,
         held_nodes={name: components(nodes) for name, nodes in prepared.held_nodes.items()},
         obstacles=tuple(
-            mover for mover in prepared.rigid_constraints if isinstance(mover, mechanics.Obstacle)
+            constraint
+            for constraint in prepared.rigid_constraints
+            if isinstance(constraint, mechanics.Obstacle)
         ),
-        loose=tuple(
-            mover for mover in prepared.rigid_constraints if isinstance(mover, mechanics.FloatingBody)
+        floating=tuple(
+            constraint
+            for constraint in prepared.rigid_constraints
+            if isinstance(constraint, mechanics.FloatingBody)
         ),
         body_forces=prepared.acting.body_forces,
         heatings=prepared.acting.heatings,
@@ -276,7 +284,7 @@ def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
     return int(np.flatnonzero(away <= away.min() + TIED * cloud.spacing.min())[0])
 
 
-def _beside(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
+def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
     """Notes of supports that hold a node beside the point that they name."""
     for support in case.support:
         if support.body is None or support.near is None:

@@ -126,9 +126,9 @@ def condense_scene(
             with suppress(UnbalancedError, NoStateError):
                 built = _completed(case, held, context, before)
                 if _carry_nothing(built, group):
-                    told = ", ".join(f"body {body}: u{'xy'[component]}" for body, component in group)
+                    motions_held = ", ".join(f"body {body}: u{'xy'[component]}" for body, component in group)
                     context.console.note(
-                        f"{told} is held at 0, for no load drives it and what touches does not resist it"
+                        f"{motions_held} is fixed at 0 (no load and no stiffness in this direction)"
                     )
                     return built
         hint = pull_hint(case, prepared.pairings)
@@ -145,10 +145,10 @@ def _held_still(prepared: SceneModel) -> Iterator[tuple[list[tuple[str, int]], S
     undetermined, and zero by symmetry.
     """
     idle = [
-        (mover.body, motion.component)
-        for mover in prepared.rigid_constraints
-        if isinstance(mover, FloatingBody)
-        for motion in mover.motions
+        (constraint.body, motion.component)
+        for constraint in prepared.rigid_constraints
+        if isinstance(constraint, FloatingBody)
+        for motion in constraint.motions
         if motion.prescribed is None and motion.component != ROTATION and not motion.force.any()
     ]
     groups = [[one] for one in idle[:MOST_IDLE]]
@@ -189,12 +189,12 @@ def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Sc
         scene = assemble_bodies(case, prepared, direct_solver(case), factorising, context.memo, bodies)
     stages = stage_factors(case)
     found = None
-    if prepared.clear:
+    if prepared.ranges:
         with context.phase("condensation", "finding the contacts' grids"):
             search = partial(searched_ends, case, scene, stages)
-            found = find_grids(case, scene, prepared.pairings, prepared.clear, search, context.memo)
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo)
     if found is None:
-        if prepared.clear:
+        if prepared.ranges:
             with context.phase("operators"):
                 placed = {name: model.cloud for name, model in prepared.models.items()}
                 prepared = prepare(case, placed, context.memo, prepared.models, grids=False)

@@ -17,7 +17,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.startup import cKDTree
 
 FAR = 0.25
-"""Surfaces drawn apart by this part of the smaller body's size are told of."""
+"""Surfaces drawn apart by this part of the smaller body's size are reported of."""
 STRAIN = 0.1
 """Strains from which on a linear model has errors of that order."""
 MOST = 0.99
@@ -27,7 +27,7 @@ MOST = 0.99
 def unfacing_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
     """Why no node of a contact's slave may face its partner."""
     if isinstance(contact.obstacle, PolylineObstacle):
-        return "the obstacle lies on the left of the way along its points: turn their order round"
+        return "the obstacle lies on the left of the direction of its points: reverse their order"
     if contact.obstacle is not None:
         return "bodies must lie on the side of the obstacle to which its normal points, or outside its circle"
     places, directions = [], []
@@ -36,9 +36,9 @@ def unfacing_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> 
         places.append(clouds[side.body].points[surface.index])
         directions.append(surface.normal.mean(axis=0))
     distance = float(nearest(cKDTree(places[1]), places[0])[0].min())
-    told = [f"{side} looks {_direction(way)}" for side, way in zip(contact.names, directions, strict=True)]
+    facing = [f"{side} looks {_direction(way)}" for side, way in zip(contact.names, directions, strict=True)]
     return (
-        f"{' and '.join(told)}, {distance:.3g} apart at least: surfaces in contact look at each other; turn "
+        f"{' and '.join(facing)}, {distance:.3g} apart at least: contact surfaces must face each other; turn "
         "a body (shape.side, for instance), move it, or choose another boundary"
     )
 
@@ -84,7 +84,7 @@ def pull_hint(case: Case, pairings: tuple[Pairing, ...]) -> str:
 
 
 def _force(load: object) -> FloatArray | None:
-    """The direction of a load's force, where numbers tell it."""
+    """The direction of a load's force, where it is given by numbers."""
     if isinstance(load, Platen):
         moved = load.control
         held = [moved.get(axis, ("force", 0.0)) for axis in "xy"]

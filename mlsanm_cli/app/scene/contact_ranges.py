@@ -16,8 +16,8 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import corners_of, points_of
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.contact.geometry.contact_grid import Facing
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
-from mlsanm_cli.contact.geometry.near import Facing
 from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.corner import Corner

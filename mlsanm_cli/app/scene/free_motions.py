@@ -66,9 +66,9 @@ def constrain_free_rigid_modes(
     Raises CaseError where a load drives such a motion.
     """
     kept = [
-        unknown_motion(mover, motion, clouds, pairings, loads)
-        for mover in rigid_constraints
-        for motion in mover.motions
+        unknown_motion(constraint, motion, clouds, pairings, loads)
+        for constraint in rigid_constraints
+        for motion in constraint.motions
         if motion.prescribed is None
     ]
     held, notes, problems = list[UnknownMotion](), list[str](), list[CaseProblem]()
@@ -90,10 +90,10 @@ def constrain_free_rigid_modes(
         kept = [one for one in kept if one not in found]
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
-    still = {(id(one.mover), one.motion.component) for one in held}
+    still = {(id(one.constraint), one.motion.component) for one in held}
     result = [
-        held_at_zero(mover, [component for owner, component in still if owner == id(mover)])
-        for mover in rigid_constraints
+        held_at_zero(constraint, [component for owner, component in still if owner == id(constraint)])
+        for constraint in rigid_constraints
     ]
     weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK)
     return Restrained(
@@ -104,13 +104,13 @@ def constrain_free_rigid_modes(
     )
 
 
-def held_at_zero(mover: RigidConstraint, components: Collection[int]) -> RigidConstraint:
-    """The ``mover`` with its motions in some ``components`` prescribed at zero."""
+def held_at_zero(constraint: RigidConstraint, components: Collection[int]) -> RigidConstraint:
+    """The ``constraint`` with its motions in some ``components`` prescribed at zero."""
     motions = tuple(
         replace(one, prescribed=np.zeros(len(one.force))) if one.component in components else one
-        for one in mover.motions
+        for one in constraint.motions
     )
-    return replace(mover, motions=motions)
+    return replace(constraint, motions=motions)
 
 
 def free_motions(resistance: FloatArray, least: float = SLIDES) -> list[tuple[int, FloatArray]]:
@@ -161,13 +161,10 @@ def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -
     one, together = unknown[pivot], _together(unknown, pivot, direction)
     if together:
         return (
-            f"{_owner(one)}: {_way(one)} is held at 0, for nothing resists that it moves together with "
-            f"{together}, and no force drives them; they still move against each other"
+            f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness): it moves together with "
+            f"{together}; the motion of one against the other stays free"
         )
-    return (
-        f"{_owner(one)}: {_way(one)} is held at 0, for no force is applied in {_way(one)} and nothing "
-        f"resists it"
-    )
+    return f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness in this direction)"
 
 
 def _hardly(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
@@ -190,18 +187,18 @@ def _of_bodies(unknown: Sequence[UnknownMotion], direction: FloatArray) -> dict[
     found: dict[str, FloatArray] = {}
     for one, part in zip(unknown, direction, strict=True):
         for body in one.bodies if part else ():
-            x, y = rigid_pattern(np.zeros((1, 2)), one.mover.center, one.motion.component)[0]
+            x, y = rigid_pattern(np.zeros((1, 2)), one.constraint.center, one.motion.component)[0]
             turn = 1.0 if one.motion.component == ROTATION else 0.0
             found[body] = found.get(body, np.zeros(3)) + part / one.lever * np.array([x, y, turn])
     return found
 
 
 def _owner(one: UnknownMotion) -> str:
-    if isinstance(one.mover, Platen):
-        return f"platen on {one.mover.name}"
-    if isinstance(one.mover, Obstacle):
-        return f"the obstacle of contact {one.mover.contact}"
-    return f"body {one.mover.body}"
+    if isinstance(one.constraint, Platen):
+        return f"platen on {one.constraint.name}"
+    if isinstance(one.constraint, Obstacle):
+        return f"the obstacle of contact {one.constraint.contact}"
+    return f"body {one.constraint.body}"
 
 
 def _way(one: UnknownMotion) -> str:
@@ -209,6 +206,6 @@ def _way(one: UnknownMotion) -> str:
 
 
 def _instead(one: UnknownMotion) -> str:
-    if isinstance(one.mover, FloatingBody) or one.motion.component == ROTATION:
+    if isinstance(one.constraint, FloatingBody) or one.motion.component == ROTATION:
         return ""
     return f", or prescribe {_way(one)} of the {'platen' if one.bodies else 'obstacle'}"

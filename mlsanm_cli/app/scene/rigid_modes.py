@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.app.scene.loads import Acting
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact.geometry.near import turned
+from mlsanm_cli.contact.geometry.contact_grid import turned
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.functionals import resultant
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
@@ -35,7 +35,7 @@ class UnknownMotion:
     ``elastic`` whether something besides contacts resists it, ``lever`` the largest displacement of a contact
     under a unit of it."""
 
-    mover: RigidConstraint
+    constraint: RigidConstraint
     motion: RigidMotion
     force: FloatArray
     size: FloatArray
@@ -45,23 +45,23 @@ class UnknownMotion:
     @property
     def bodies(self) -> tuple[str, ...]:
         """The bodies that it moves as a whole; none for obstacles."""
-        return () if isinstance(self.mover, Obstacle) else self.mover.bodies
+        return () if isinstance(self.constraint, Obstacle) else self.constraint.bodies
 
     def side(self, pairing: Pairing) -> float:
         """1 where it moves the slave of a contact, -1 where its master, else 0."""
-        if isinstance(self.mover, Obstacle):
-            return -1.0 if self.mover.contact == pairing.name else 0.0
+        if isinstance(self.constraint, Obstacle):
+            return -1.0 if self.constraint.contact == pairing.name else 0.0
         if self.elastic:
             return 0.0
         return float(pairing.slave_body in self.bodies) - float(pairing.master_body in self.bodies)
 
     def at(self, points: FloatArray) -> FloatArray:
         """Displacements (n, 2) of ``points`` (n, 2), at most 1 in contacts."""
-        return rigid_pattern(points, self.mover.center, self.motion.component) / self.lever
+        return rigid_pattern(points, self.constraint.center, self.motion.component) / self.lever
 
 
 def unknown_motion(
-    mover: RigidConstraint,
+    constraint: RigidConstraint,
     motion: RigidMotion,
     clouds: Mapping[str, Cloud],
     pairings: Sequence[Pairing],
@@ -70,16 +70,16 @@ def unknown_motion(
     """The motion with all that drives it: its own force, tractions and body forces on what moves with it."""
     force, size = motion.force.copy(), np.abs(motion.force)
     elastic = not motion.alone
-    if not isinstance(mover, Obstacle) and not elastic:
-        springs = [k for body in mover.bodies for k in loads.springs[body].values()]
+    if not isinstance(constraint, Obstacle) and not elastic:
+        springs = [k for body in constraint.bodies for k in loads.springs[body].values()]
         elastic = any(any(k) if motion.component == ROTATION else k[motion.component] for k in springs)
         for number, forces, points in [
-            one for body in mover.bodies for one in _nodal_forces(loads, clouds, body)
+            one for body in constraint.bodies for one in _nodal_forces(loads, clouds, body)
         ]:
-            parts = resultant(forces, points, mover.center)[motion.component]
+            parts = resultant(forces, points, constraint.center)[motion.component]
             force[number] += parts.sum()
             size[number] += np.abs(parts).sum()
-    one = UnknownMotion(mover, motion, force, size, elastic)
+    one = UnknownMotion(constraint, motion, force, size, elastic)
     moved = [one.at(clouds[p.slave_body].points[p.node]) for p in pairings if one.side(p)]
     return replace(one, lever=max((float(np.hypot(*some.T).max()) for some in moved), default=1.0))
 

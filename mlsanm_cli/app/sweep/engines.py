@@ -149,7 +149,9 @@ class DaskEngine(Engine):
             try:
                 row: Row = future.result()
             except CancelledError as error:
-                raise RunError("the Dask scheduler has gone away", "start it, and the sweep again") from error
+                raise RunError(
+                    "the Dask scheduler is no longer available", "start it, and the sweep again"
+                ) from error
             except Exception as error:
                 # Whatever happened on a worker belongs to this point alone.
                 row = outcome(point, "failed", f"{type(error).__name__}: {error}")

@@ -20,7 +20,7 @@ _ONE_AT_A_TIME = threading.Lock()
 @dataclass(frozen=True)
 class Point:
     """A run still to be made: the case, its changes, where it goes, and how; ``memory`` is how many results
-    its process keeps. ``done`` tells that it need not be made."""
+    its process keeps. ``done`` means that it need not be made."""
 
     case: Path
     overrides: tuple[str, ...]

@@ -46,7 +46,7 @@ class SweepOptions:
 def sweep(
     case_path: Path,
     varied: Sequence[str],
-    wishes: SweepOptions,
+    options: SweepOptions,
     *,
     overrides: tuple[str, ...] = (),
     out: Path | None = None,
@@ -63,14 +63,14 @@ def sweep(
     if not varied:
         raise RunError("nothing varies", "name a key and its values, as in --vary solver.order=10,20")
     directory = (out or RESULTS / f"{case_path.stem}-sweep").absolute()
-    planned = _plan(case_path.absolute(), varied, wishes, overrides, directory, argv)
+    planned = _plan(case_path.absolute(), varied, options, overrides, directory, argv)
     todo = [point for group in planned for point in group if not point.done]
     total = sum(map(len, planned))
     if len(todo) < total:
         console.note(f"{total - len(todo)} of {total} points are done already")
     rows: list[Mapping[str, Any]] = []
     if todo:
-        engine = dask_engine(wishes.scheduler) if wishes.scheduler else local_engine(wishes.jobs)
+        engine = dask_engine(options.scheduler) if options.scheduler else local_engine(options.jobs)
         try:
             for row in _results(engine, planned):
                 rows.append(row)
@@ -79,7 +79,7 @@ def sweep(
                 reason = f": {row['stop_reason']}" if row["status"] != "done" else ""
                 console.note(f"{len(rows)}/{len(todo)} {row['name']} {row['status']}{warned}{reason}")
         except KeyboardInterrupt:
-            console.warning("stopped by a signal; the same command goes on with what is not done")
+            console.warning("stopped by a signal; repeat the command to continue with the remaining points")
     table = directory / TABLE_FILE
     write_rows(table, collect([point.directory for group in planned for point in group]))
     statuses = [row["status"] for row in rows]
@@ -100,7 +100,7 @@ def sweep(
 def _plan(
     case_path: Path,
     varied: Sequence[str],
-    wishes: SweepOptions,
+    options: SweepOptions,
     overrides: tuple[str, ...],
     directory: Path,
     argv: tuple[str, ...],
@@ -116,15 +116,15 @@ def _plan(
             problems |= {str(problem): problem for problem in named}
             continue
         place = directory / point_name(values)
-        done = not wishes.force and finished(place, loaded.case_hash) is not None
-        if not done and not wishes.force:
+        done = not options.force and finished(place, loaded.case_hash) is not None
+        if not done and not options.force:
             _refuse_other(place, loaded.case_hash)
         point = Point(
             case=case_path,
             overrides=(*overrides, *values),
             directory=place,
             name=place.name,
-            threads=wishes.threads,
+            threads=options.threads,
             # Clouds, operators and answers of two geometries.
             memory=2 * RESULTS_PER_BODY * (1 + len(loaded.case.body)),
             argv=argv,
@@ -139,7 +139,7 @@ def _plan(
 
 
 def _named(problem: CaseProblem, values: Sequence[str]) -> CaseProblem:
-    """A problem of a value that varies, told as such."""
+    """A problem of a value that varies, reported as such."""
     texts = dict(text.split("=", 1) for text in values)
     if problem.source != "--set" or problem.key not in texts:
         return problem

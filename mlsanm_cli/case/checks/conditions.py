@@ -45,14 +45,14 @@ def check_conditions(sound: Sound, report: Report) -> None:
     """Adds a problem for every pair of conditions that exclude each other."""
     claims = [*_support_claims(sound), *_load_claims(sound)]
     taken: dict[tuple[str, int], list[Claim]] = {}
-    told: set[tuple[KeyPath, KeyPath]] = set()
+    reported: set[tuple[KeyPath, KeyPath]] = set()
     for claim in claims:
         earlier = taken.setdefault((claim.boundary, claim.component), [])
         others = (one for one in earlier if not (claim.partial or one.partial))
         other = next((one for one in others if not may_meet(one.kind, claim.kind)), None)
         earlier.append(claim)
-        if other is not None and (other.path, claim.path) not in told:
-            told.add((other.path, claim.path))
+        if other is not None and (other.path, claim.path) not in reported:
+            reported.add((other.path, claim.path))
             component = "xy"[claim.component]
             message = f"{claim.label} and {other.label} both act on {claim.boundary} in {component}"
             report.add(claim.path, message, "one condition per boundary and direction")

@@ -348,11 +348,11 @@ def _check_monolithic(sound: Sound, law: str | None, report: Report) -> None:
 
 
 def _check_friction_laws(sound: Sound, report: Report) -> None:
-    rough = {
+    frictional = {
         index: contact for index, contact in sound.contacts.items() if contact.friction and not contact.bonded
     }
-    first = next(iter(rough.values()), None)
-    for index, contact in rough.items():
+    first = next(iter(frictional.values()), None)
+    for index, contact in frictional.items():
         here, path = contact.regularization, ("contact", index, "regularization", "friction_law")
         if first is not None and here.friction_law != first.regularization.friction_law:
             message = f'"{here.friction_law}" here, "{first.regularization.friction_law}" in another contact'

@@ -29,7 +29,7 @@ class Stop(Section):
     """Limit reached from above; give `above` or `below`."""
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """The condition in words."""
         if self.what == "fold":
             return "fold (limit point of the load)"

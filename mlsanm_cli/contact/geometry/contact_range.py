@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.contact_grid import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
-from mlsanm_cli.contact.geometry.near import Facing
 from mlsanm_cli.mechanics.corner import Corner
 
 SIGHTS = 2000
@@ -41,7 +41,7 @@ class ContactRange:
         return Hats.on(nodes, (True, True), self.facing.base.length) if first and last else Hats(nodes)
 
     @cached_property
-    def looks(self) -> tuple[FloatArray, FloatArray]:
+    def drawn_gaps(self) -> tuple[FloatArray, FloatArray]:
         """Places (e,) close to each other all over the range, and the gaps (e,) as drawn there."""
         places = np.linspace(self.first, self.last, SIGHTS)
         return places, self.facing.gap(places)

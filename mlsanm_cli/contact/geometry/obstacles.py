@@ -112,9 +112,9 @@ class Chain:
     def _curves(self) -> tuple[tuple[int, int, SplinePart], ...]:
         """First and last side, that one excluded, of every smooth part, and its curve."""
         length = np.hypot(*np.diff(self.points, axis=0).T)
-        beside = np.pad(length, 1)
+        neighbours = np.pad(length, 1)
         curved = (self.smooth[1:] | self.smooth[:-1]) & (
-            length <= LONGER * np.maximum(beside[:-2], beside[2:])
+            length <= LONGER * np.maximum(neighbours[:-2], neighbours[2:])
         )
         found = []
         for first, last in _runs(curved):
@@ -163,9 +163,9 @@ class Chain:
         normal = np.stack([tangent[side, 1], -tangent[side, 0]], axis=1)
         # Beyond a corner the way there is the normal, above a side it is the side's own to all digits.
         past = points - partner
-        beside = np.abs((past * tangent[side]).sum(axis=1))
+        neighbours = np.abs((past * tangent[side]).sum(axis=1))
         size = np.hypot(past[:, 0], past[:, 1])
-        corner = (beside > ROUND_OFF * length.max()) & ((past * normal).sum(axis=1) > 0.0)
+        corner = (neighbours > ROUND_OFF * length.max()) & ((past * normal).sum(axis=1) > 0.0)
         inner = ((s == 0.0) & (side > 0)) | ((s == length[side]) & (side < len(length) - 1))
         turned = corner & inner
         normal = np.where(turned[:, None], past / np.where(size > 0.0, size, 1.0)[:, None], normal)

@@ -12,7 +12,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.near import Near, turned
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid, turned
 from mlsanm_cli.contact.geometry.obstacles import Shape
 
 OPPOSED = -0.2
@@ -40,7 +40,7 @@ class Pairing:
     others are only watched. ``friction`` is Coulomb's coefficient, inf of bonded surfaces, ``interference``
     what the gaps lose when the load of this contact's name is at 1, ``closed_by`` what they have lost to
     surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor ``master``; its
-    virtual nodes lie on the obstacle. With ``near`` the candidates are the places of a contact grid, and gaps
+    virtual nodes lie on the obstacle. With ``grid`` the candidates are the places of a contact grid, and gaps
     and normals means over its functions.
     """
 
@@ -61,7 +61,7 @@ class Pairing:
     friction: float = 0.0
     interference: float = 0.0
     closed_by: float = 0.0
-    near: Near | None = None
+    grid: ContactGrid | None = None
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -104,7 +104,7 @@ class Pairing:
     def all_around(self) -> bool:
         """Whether the candidates are all nodes of a closed surface, with neighbours across its seam."""
         count = int(self.candidate.sum())
-        return self.near is None and self.slave.curve.closed and count == len(self.slave.index)
+        return self.grid is None and self.slave.curve.closed and count == len(self.slave.index)
 
     def with_reach(self, reach: float) -> Pairing:
         """The same pairs with the nodes of initial gap up to ``reach`` as candidates."""
@@ -153,12 +153,12 @@ def _weights(slave: Surface, position: IntArray, normal: FloatArray) -> FloatArr
     return weight
 
 
-def on_grid(pairing: Pairing, near: Near) -> Pairing:
+def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
     """The contact of nodes ``pairing`` with pressures on a contact grid; its nodes beyond are watched."""
-    hats, facing = near.hats, near.facing
-    place = near.around(facing.locate(pairing.points))
-    slack = SLACK * (near.last - near.first)
-    beyond = (place < near.first - slack) | (place > near.last + slack)
+    hats, facing = grid.hats, grid.facing
+    place = grid.around(facing.locate(pairing.points))
+    slack = SLACK * (grid.last - grid.first)
+    beyond = (place < grid.first - slack) | (place > grid.last + slack)
     points, partner, _ = facing.opposite(hats.place)
     gap = hats.at_places(facing.gap(hats.points)[:, None])[:, 0] - pairing.closed_by
     count = len(hats.place)
@@ -173,11 +173,11 @@ def on_grid(pairing: Pairing, near: Near) -> Pairing:
         arc=joined(hats.place, place),
         weight=joined(hats.weight, pairing.weight),
         partner=joined(partner, pairing.partner),
-        normal=joined(hats.at_places(near.directions[0]), pairing.normal),
+        normal=joined(hats.at_places(grid.directions[0]), pairing.normal),
         gap=joined(gap, pairing.gap),
         spacing=joined(hats.weight, pairing.spacing),
         candidate=np.arange(count + int(beyond.sum())) < count,
-        near=near,
+        grid=grid,
     )
 
 

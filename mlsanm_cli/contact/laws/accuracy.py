@@ -26,33 +26,33 @@ def corrected_state(
     It changes the gaps, and what platens carry whose force comes from the stress field. Raises NumericalError
     where the changed contact has no solution.
     """
-    gaps, _, lack = lacking(condensed, scene, correction)
+    gaps, _, imbalance = changes_of(condensed, scene, correction)
     changed = replace(
         condensed,
         gap=_shifted(condensed.gap, gaps),
-        balance=_shifted(condensed.balance, lack),
+        balance=_shifted(condensed.balance, imbalance),
     )
     return solve_exact(changed, state.factors, state.active)
 
 
-def lacking(
+def changes_of(
     condensed: Condensed, scene: Scene, correction: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What a ``correction`` (2n,) per body of the displacements changes of gaps (m,) and slips (n,), and of
-    what the movers lack (k,)."""
+    the force imbalance of the rigid constraints (k,)."""
     paired = sum(len(pairing.position) for pairing in condensed.pairings)
-    rough = tuple(pairing for pairing in condensed.pairings if pairing.friction)
-    gaps, slips = np.zeros(paired), np.zeros(sum(len(pairing.position) for pairing in rough))
+    frictional = tuple(pairing for pairing in condensed.pairings if pairing.friction)
+    gaps, slips = np.zeros(paired), np.zeros(sum(len(pairing.position) for pairing in frictional))
     for name, body in scene.bodies.items():
         gaps += gap_rows(body, name, condensed.pairings) @ correction[name]
-        slips += slip_rows(body, name, rough) @ correction[name]
-    lack = np.zeros(len(condensed.balance.constant))
-    for row, (mover, motion) in enumerate(scene.unknown_motions):
-        if isinstance(mover, Platen) and not motion.alone:
-            for owner, surface in mover.held:
-                rows = reaction_rows(scene.bodies[owner], surface, mover.center)
-                lack[row] += (rows @ correction[owner])[motion.component]
-    return gaps[_candidates(condensed.pairings)], slips[_candidates(rough)], lack
+        slips += slip_rows(body, name, frictional) @ correction[name]
+    imbalance = np.zeros(len(condensed.balance.constant))
+    for row, (constraint, motion) in enumerate(scene.unknown_motions):
+        if isinstance(constraint, Platen) and not motion.alone:
+            for owner, surface in constraint.held:
+                rows = reaction_rows(scene.bodies[owner], surface, constraint.center)
+                imbalance[row] += (rows @ correction[owner])[motion.component]
+    return gaps[_candidates(condensed.pairings)], slips[_candidates(frictional)], imbalance
 
 
 def _candidates(pairings: tuple[Pairing, ...]) -> BoolArray:

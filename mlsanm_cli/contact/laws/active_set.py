@@ -53,12 +53,12 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
     one_by_one = False
     limit = 50 * (m + 1)
     for count in range(1, limit + 1):
-        pressure, motion, loose = _solve_active(condensed, free_gap, factors, active)
+        pressure, motion, floating = _solve_active(condensed, free_gap, factors, active)
         gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
         gap[active] = 0.0
         wrong = _violations(condensed, active, pressure, gap)
         if not wrong.any():
-            if loose:
+            if floating:
                 raise _unbalanced()
             nothing = np.zeros(len(condensed.friction_nodes))
             unknowns = (factors, motion, pressure, nothing)
@@ -105,24 +105,24 @@ def _solve_active(
     matrix[a:, :a] = balance.pressure[:, closed]
     matrix[a:, a:] = balance.motion
     rhs = np.concatenate([-free_gap[closed], -(balance.constant + balance.load @ factors)])
-    loose = False
+    floating = False
     try:
         solution = DenseSystem(matrix, a).solve(rhs)
     except SingularSystemError:
-        loose = True
+        floating = True
         try:
             solution = smallest_solution(matrix, a, rhs)
         except SingularSystemError as error:
             raise _unbalanced() from error
     pressure[closed] = solution[:a]
-    return pressure, solution[a:], loose
+    return pressure, solution[a:], floating
 
 
 def _unbalanced() -> UnbalancedError:
     return UnbalancedError(
         "no contact pressure balances the loads",
-        "a force-controlled platen may push its body away from the contact, or a body that only contacts "
-        "hold may be loose there; prescribe the displacement instead, or use "
+        "a force-controlled platen may push its body away from the contact, or a body held by contact "
+        "only may be free there; prescribe the displacement instead, or use "
         'contact.regularization.law = "hyperbolic"',
     )
 

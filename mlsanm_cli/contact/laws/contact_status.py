@@ -79,8 +79,8 @@ class SetSystem:
         c = self._condensed
         free_gap = c.gap.constant + c.gap.load @ factors
         free_slip = c.slip.constant + c.slip.load @ factors
-        lack = c.balance.constant + c.balance.load @ factors
-        return self._solve(free_gap, free_slip, lack, stick_reference)
+        imbalance = c.balance.constant + c.balance.load @ factors
+        return self._solve(free_gap, free_slip, imbalance, stick_reference)
 
     def rate(self, change: FloatArray) -> ContactState:
         """The rates when the load factors move by ``change`` (L,)."""
@@ -89,10 +89,10 @@ class SetSystem:
         return self._solve(c.gap.load @ change, c.slip.load @ change, c.balance.load @ change, still)
 
     def _solve(
-        self, free_gap: FloatArray, free_slip: FloatArray, lack: FloatArray, stick_reference: FloatArray
+        self, free_gap: FloatArray, free_slip: FloatArray, imbalance: FloatArray, stick_reference: FloatArray
     ) -> ContactState:
         closed, stuck, m, n = self._closed, self._stuck, len(free_gap), len(free_slip)
-        rhs = np.concatenate([-free_gap[closed], stick_reference[stuck] - free_slip[stuck], -lack])
+        rhs = np.concatenate([-free_gap[closed], stick_reference[stuck] - free_slip[stuck], -imbalance])
         unknowns = self._spread(rhs)
         # One step on the equations as they are takes away the factors' round-off.
         unknowns += self._spread(rhs - (self._condensed.whole @ unknowns)[self._kept])

@@ -27,7 +27,9 @@ ROUND_OFF = 50.0 * float(np.finfo(float).eps)
 JUMPS = tuple(10.0**power for power in range(-6, 0))
 """Where no rates continue the path, finite increments of these parts of the stage are tried in turn."""
 STANDSTILL = 1e-13
-OVERLAP = "surfaces with friction overlap as drawn, and forces alone do not tell how the bodies give way"
+OVERLAP = (
+    "surfaces with friction overlap as drawn, and forces alone do not determine how the bodies move apart"
+)
 OVERLAP_HINT = "move one body so that the surfaces at most touch, or prescribe its platen's displacement"
 
 

@@ -148,10 +148,10 @@ class HolonomicContact:
         s *= law.slip
         one, _, _, four, five = self.split(rhs)
         one[:] = np.einsum("ij,ij->j", p, h[::-1]) / (-law.pressure * law.gap)
-        rubbed = np.einsum("ij,ij->j", t, r[::-1]) + c.friction * np.einsum(
+        products = np.einsum("ij,ij->j", t, r[::-1]) + c.friction * np.einsum(
             "ij,ij->j", p[:, c.friction_nodes], s[::-1]
         )
-        four[:] = -rubbed / self.work
+        four[:] = -products / self.work
         squares = np.einsum("ij,ij->j", r, r[::-1]) - np.einsum("ij,ij->j", s, s[::-1])
         five[:] = -squares / law.slip**2
         return rhs

@@ -30,7 +30,7 @@ def kkt_residual(
     least = NOTHING * moved / softest if softest > 0.0 else 0.0
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
     elastic = max(float(np.abs(gap_map.pressure @ pressure).max(initial=0.0)), least * softest) or 1.0
-    gap, slip, lack = (one(*unknowns) for one in (gap_map, condensed.slip, balance))
+    gap, slip, imbalance = (one(*unknowns) for one in (gap_map, condensed.slip, balance))
     limit = condensed.friction * pressure[condensed.friction_nodes]
     size = np.maximum(np.abs(pressure), least)
     force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
@@ -42,6 +42,6 @@ def kkt_residual(
         max(0.0, -pressure.min(initial=0.0)) / typical,
         np.abs(slip[stuck] - held[stuck]).max(initial=0.0) / elastic,
         max(0.0, (np.abs(traction) - limit).max(initial=0.0)) / typical,
-        (np.abs(lack) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),
+        (np.abs(imbalance) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),
     )
     return float(max(parts))

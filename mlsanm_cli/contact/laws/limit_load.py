@@ -33,8 +33,8 @@ class LimitLoad:
 def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> LimitLoad | None:
     """The limit of load factors ``begin`` (L,) + part ``change`` (L,); None where all of the stage can be
     carried, or nothing of it."""
-    balance, rub = condensed.balance, condensed.friction_nodes
-    m, n, k = len(condensed.weight), len(rub), len(balance.constant)
+    balance, nodes = condensed.balance, condensed.friction_nodes
+    m, n, k = len(condensed.weight), len(nodes), len(balance.constant)
     if not k or not m:
         return None
     start, more = balance.constant + balance.load @ begin, balance.load @ change
@@ -43,14 +43,14 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
         return None
     # Unknowns are forces in units of the loads', so that no unit decides.
     unit = size / condensed.weight
-    rows = np.hstack([balance.pressure * unit, balance.traction * unit[rub], balance.motion, more[:, None]])
+    rows = np.hstack([balance.pressure * unit, balance.traction * unit[nodes], balance.motion, more[:, None]])
     known = np.abs(rows[:, : m + n]).max(axis=1)
     scale = np.where(known > 0.0, known, size)
     cone = np.zeros((2, n, m + n + k + 1))
     each = np.arange(n)
     for side, sign in enumerate((1.0, -1.0)):
         cone[side, each, m + each] = sign
-        cone[side, each, rub] = -condensed.friction
+        cone[side, each, nodes] = -condensed.friction
     from scipy.optimize import linprog  # for runs that fail only
 
     found = linprog(
@@ -65,7 +65,7 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
         return None
     forces, part, motion = found.x[: m + n], float(found.x[-1]), found.eqlin.marginals / scale
     work = abs(float(more @ motion)) * part
-    rubbed = float(np.abs(forces[m:] * unit[rub] * (balance.traction.T @ motion)).sum())
+    rubbed = float(np.abs(forces[m:] * unit[nodes] * (balance.traction.T @ motion)).sum())
     moved = np.abs(balance.pressure.T @ motion) + np.abs(condensed.gap.motion @ motion)
     touching = forces[:m][moved > 0.0]
     return LimitLoad(

@@ -42,7 +42,7 @@ SAME = 1e-7
 """Unknowns within this part of their scale share a tangent."""
 
 
-class CoupledRubbingTangent:
+class CoupledFrictionTangent:
     """Factorised tangent over whatever bodies answer with."""
 
     def __init__(self, problem: RegularizedFriction, x: FloatArray) -> None:
@@ -63,7 +63,7 @@ class CoupledRubbingTangent:
         return np.concatenate(self._tangent.solve(*self._problem.split(rhs)))
 
 
-class RubbingTangent:
+class FrictionTangent:
     """The same with dense compliances, quicker: tractions of nodes that do not stick are eliminated too."""
 
     def __init__(self, problem: RegularizedFriction, base: DenseCoupling, x: FloatArray) -> None:
@@ -166,12 +166,12 @@ class RegularizedFriction:
             [np.full(self.m, law.pressure), np.full(self.m, law.gap), coupling.motion, self.limit]
         )
         moved = coupling.load @ self.change
-        rubbed = np.zeros(self.n)
-        rubbed[self.stuck] = moved[self.m + self.stuck]
+        slip_change = np.zeros(self.n)
+        slip_change[self.stuck] = moved[self.m + self.stuck]
         self._load_derivative = np.concatenate(
-            [np.zeros(self.m), -moved[: self.m], moved[self.m + self.n :], rubbed]
+            [np.zeros(self.m), -moved[: self.m], moved[self.m + self.n :], slip_change]
         )
-        self._ready: tuple[FloatArray, RubbingTangent | CoupledRubbingTangent] | None = None
+        self._ready: tuple[FloatArray, FrictionTangent | CoupledFrictionTangent] | None = None
 
     @classmethod
     def frictionless(cls, coupling: Coupling, start: FloatArray, end: FloatArray) -> RegularizedFriction:
@@ -223,11 +223,11 @@ class RegularizedFriction:
         m, n, law = self.m, self.n, self.law
         linear = self.coupling(self.factors(lam), np.concatenate([p, t, q]))
         hyperbola = ((p + law.eta) * h - law.eta * law.delta) / (law.pressure * law.gap)
-        rub = (t - self.friction_slope * self.pressed(p)) / self.limit
-        rub[self.stuck] = linear[m + self.stuck] - self.stick_reference[self.stuck] / law.slip
-        return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m + n :], rub])
+        friction_rows = (t - self.friction_slope * self.pressed(p)) / self.limit
+        friction_rows[self.stuck] = linear[m + self.stuck] - self.stick_reference[self.stuck] / law.slip
+        return np.concatenate([hyperbola, h / law.gap - linear[:m], linear[m + n :], friction_rows])
 
-    def tangent(self, x: FloatArray, lam: float) -> RubbingTangent | CoupledRubbingTangent:
+    def tangent(self, x: FloatArray, lam: float) -> FrictionTangent | CoupledFrictionTangent:
         """Factorised derivative by x; numpy's LinAlgError where it is singular.
 
         Points that differ by no more than a correction at an event share their tangent: what that costs, the
@@ -237,11 +237,11 @@ class RegularizedFriction:
             self._ready = (x.copy(), self._factorised(x))
         return self._ready[1]
 
-    def _factorised(self, x: FloatArray) -> RubbingTangent | CoupledRubbingTangent:
+    def _factorised(self, x: FloatArray) -> FrictionTangent | CoupledFrictionTangent:
         self.tally.count += 1
         if isinstance(self.coupling, DenseCoupling):
-            return RubbingTangent(self, self.coupling, x)
-        return CoupledRubbingTangent(self, x)
+            return FrictionTangent(self, self.coupling, x)
+        return CoupledFrictionTangent(self, x)
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         """Derivative by the path parameter (2m + k + n,)."""
@@ -272,8 +272,8 @@ class RegularizedFriction:
         """Rates of the state and of s + c t (n,), in the form in which :func:`primal_dual_active_set` judges
         them.
 
-        An open node closes where its pressure grows, which is told as the gap that its own compliance needs
-        for that. Raises SingularSystemError where nothing resists the load.
+        An open node closes where its pressure grows, which is expressed as the gap that its own compliance
+        needs for that. Raises SingularSystemError where nothing resists the load.
         """
         slope = -self.tangent(x, lam).solve(self._load_derivative)
         p, _, q, t = self.split(slope)

@@ -57,8 +57,8 @@ def regularize(
         initial = pairing.gap[pairing.candidate]
         apart[condensed.spans[pairing.name]] = initial - initial.min(initial=np.inf)
     wide = np.maximum(apart / (WIDEST * gap), 1.0)
-    rough = len(condensed.friction_nodes) > 0
-    delta = np.full(len(apart), WITH_FRICTION * gap) if rough else np.clip(apart, gap, WIDEST * gap)
+    frictional = len(condensed.friction_nodes) > 0
+    delta = np.full(len(apart), WITH_FRICTION * gap) if frictional else np.clip(apart, gap, WIDEST * gap)
     forces = [
         np.abs(condensed.balance.pressure) @ np.abs(state.pressure)
         + np.abs(condensed.balance.traction) @ np.abs(state.traction)

@@ -60,8 +60,8 @@ class EndlessError(NoStateError):
         NumericalError.__init__(
             self,
             f"the active set found no contact state in {passes} passes",
-            "the clouds may be too coarse where the surfaces touch, or unlike on the two of them; with much "
-            "friction there may also be no gradual way on",
+            "the clouds may be too coarse where the surfaces touch, or differ between the two; at high "
+            "friction there may also be no continuous path",
         )
         self.sliding = False
 
@@ -72,7 +72,7 @@ class FloatingError(NoStateError):
     def __init__(self) -> None:
         NumericalError.__init__(
             self,
-            "nothing tells where what contacts alone hold goes, as nothing presses on it yet",
+            "the position of a body held by contact only is undetermined: no contact is loaded yet",
             "move it by a force instead of a displacement, or draw the surfaces touching",
         )
         self.sliding = False
@@ -137,9 +137,9 @@ def _divided(condensed: Condensed, sets: ContactStatus) -> Iterator[ContactStatu
         return
     for own in condensed.tangential.values():
         slip_sign = sets.slip_sign[own]
-        rubs = np.flatnonzero(slip_sign)
-        change = np.flatnonzero(slip_sign[rubs[1:]] != slip_sign[rubs[:-1]])
-        for node in own.start + rubs[np.unique(np.concatenate([change, change + 1]))]:
+        slides = np.flatnonzero(slip_sign)
+        change = np.flatnonzero(slip_sign[slides[1:]] != slip_sign[slides[:-1]])
+        for node in own.start + slides[np.unique(np.concatenate([change, change + 1]))]:
             stuck, turned = sets.stuck.copy(), sets.slip_sign.copy()
             stuck[node], turned[node] = True, 0.0
             yield ContactStatus(sets.closed, stuck, turned)
@@ -157,7 +157,7 @@ def _exchange(
     A node that closes, or slips with friction, is judged by the pressure and traction that its own compliance
     asks for to undo its overlap and its slip.
     """
-    rub = condensed.friction_nodes
+    nodes = condensed.friction_nodes
     own = np.diagonal(condensed.whole)
     own_normal, own_tangential = own[: len(sets.closed)], own[len(sets.closed) :][: len(sets.stuck)]
     p, t = values.pressure, values.traction
@@ -167,22 +167,22 @@ def _exchange(
     closing = ~sets.closed & watch.closing & (values.gap < -ROUND_OFF * np.abs(values.gap).max(initial=0.0))
     closed = (sets.closed & ~opening) | closing
     asked = np.where(sets.stuck, t, t - slipped / own_tangential)
-    limit = condensed.friction * np.where(closing, p - values.gap / own_normal, p)[rub]
+    limit = condensed.friction * np.where(closing, p - values.gap / own_normal, p)[nodes]
     side = np.where(watch.side == 0.0, np.sign(asked), watch.side)
     over = side * asked - limit
-    still = closed[rub] & sets.closed[rub]
+    still = closed[nodes] & sets.closed[nodes]
     slips = still & sets.stuck & watch.slipping & (over > force)
     with_friction = sets.slip_sign * slipped > ROUND_OFF * np.abs(slipped).max(initial=0.0)
     turns = still & with_friction & ((over <= 0.0) | (side == sets.slip_sign))
     reverses = still & with_friction & ~turns
-    rubs = closing[rub] & watch.slipping & (over > 0.0)
-    holds = closing[rub] & ~rubs
+    slides = closing[nodes] & watch.slipping & (over > 0.0)
+    holds = closing[nodes] & ~slides
     stuck = (sets.stuck & still & ~slips) | turns | holds
     slip_sign = np.where(
-        slips | reverses | rubs, side, np.where(turns | ~closed[rub] | holds, 0.0, sets.slip_sign)
+        slips | reverses | slides, side, np.where(turns | ~closed[nodes] | holds, 0.0, sets.slip_sign)
     )
     wrong = opening | closing
-    wrong[rub] |= slips | turns | reverses
+    wrong[nodes] |= slips | turns | reverses
     return ContactStatus(closed, stuck, slip_sign), wrong
 
 
@@ -190,13 +190,13 @@ def _violation(
     condensed: Condensed, sets: ContactStatus, values: ContactState, slipped: FloatArray
 ) -> FloatArray:
     """By how much places (m,) may break their rules, as pressures."""
-    rub, m = condensed.friction_nodes, len(sets.closed)
+    nodes, m = condensed.friction_nodes, len(sets.closed)
     own = np.diagonal(condensed.whole)
     p, t = values.pressure, values.traction
     off = np.where(sets.closed, np.maximum(-p, 0.0), np.maximum(-values.gap / own[:m], 0.0))
-    beyond = np.maximum(np.abs(t) - condensed.friction * np.maximum(p[rub], 0.0), 0.0)
-    against = np.abs(slipped / own[m : m + len(rub)])
-    off[rub] += np.where(sets.stuck, beyond, np.where(sets.closed[rub], against, 0.0))
+    beyond = np.maximum(np.abs(t) - condensed.friction * np.maximum(p[nodes], 0.0), 0.0)
+    against = np.abs(slipped / own[m : m + len(nodes)])
+    off[nodes] += np.where(sets.stuck, beyond, np.where(sets.closed[nodes], against, 0.0))
     return off
 
 

@@ -20,7 +20,7 @@ class SlidingError(NumericalError):
     def __init__(self, fraction: float, where: str = "") -> None:
         super().__init__(
             f"the contact slides as a whole{where}",
-            "prescribe the displacement instead of the force to go on",
+            "prescribe the displacement instead of the force to continue",
         )
         self.fraction = fraction
 

@@ -27,7 +27,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.laws.coupling import Local, row_scales, slip_places
 from mlsanm_cli.contact.laws.regularization import Regularization
 from mlsanm_cli.contact.monolithic.elimination import Elimination, plan_elimination
-from mlsanm_cli.contact.response.balance import Forces, balance_of_movers
+from mlsanm_cli.contact.response.balance import Forces, balance_of_constraints
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows, slip_rows, spring_rows
@@ -123,8 +123,8 @@ class SparseTangent:
 
         def update(z: FloatArray) -> FloatArray:
             y = scales * z[:, 0]
-            lack = rhs - self._rows * self._coupling.times(y) - self._local @ y
-            return plan.solve(self._factor, lack)[:, None]
+            rest = rhs - self._rows * self._coupling.times(y) - self._local @ y
+            return plan.solve(self._factor, rest)[:, None]
 
         first = plan.solve(self._factor, rhs)[:, None]
         return np.asarray(scales * refine(first, update, Progress.of(first, REFINED))[0][:, 0])
@@ -184,16 +184,16 @@ def _contact_rows(
     """Rows of gaps, slips and balances (m + n + k, r), their constants and what loads do to them."""
     m, n, k = len(condensed.weight), len(condensed.friction_nodes), len(law.motion)
     chosen = np.concatenate([pairing.candidate for pairing in condensed.pairings])
-    rough = tuple(pairing for pairing in condensed.pairings if pairing.friction)
+    frictional = tuple(pairing for pairing in condensed.pairings if pairing.friction)
     elastic = scene.bodies.items()
     gaps = sparse.hstack([gap_rows(body, name, condensed.pairings) for name, body in elastic], format="csr")
     beyond = sparse.csr_array(condensed.beyond)
     unseen = [beyond[:m], sparse.csr_array((m, k))]
     rows = [sparse.hstack([*unseen, gaps[chosen]])]
     if n:
-        sliding = np.concatenate([pairing.candidate for pairing in rough])
-        slips = sparse.hstack([slip_rows(body, name, rough) for name, body in elastic], format="csr")
-        fit = sparse.block_diag([slip_fit(pairing) for pairing in rough], format="csr")
+        sliding = np.concatenate([pairing.candidate for pairing in frictional])
+        slips = sparse.hstack([slip_rows(body, name, frictional) for name, body in elastic], format="csr")
+        fit = sparse.block_diag([slip_fit(pairing) for pairing in frictional], format="csr")
         unseen = [beyond[m:], sparse.csr_array((n, k))]
         rows.append(sparse.hstack([*unseen, fit @ slips[sliding]]))
     balance = _balance(scene, condensed, columns)
@@ -207,10 +207,10 @@ def _contact_rows(
 
 
 def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
-    """What the platens lack, the stress behind them told by the displacements."""
+    """The force imbalance of the platens, the stress behind them from the displacements."""
     first, measured, springs = len(scene.unknown_motions), {}, {}
 
-    def told(body: str, rows: sparse.csr_array) -> LinearMap:
+    def measured_by(body: str, rows: sparse.csr_array) -> LinearMap:
         whole, own = columns.zeros(rows.shape[0]), scene.places[body]
         whole.motion[:, first + own.start : first + own.stop] = rows.toarray()
         return whole
@@ -219,13 +219,13 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
         assert isinstance(platen, Platen), "checked with the case"
         for owner in platen.bodies:
             for surface in scene.bodies[owner].soft_springs:
-                springs[owner, surface] = told(owner, spring_rows(scene.bodies[owner], surface))
+                springs[owner, surface] = measured_by(owner, spring_rows(scene.bodies[owner], surface))
         for held in platen.held:
             (owner, surface), body = held, scene.bodies[held[0]]
             if motion.alone or held in measured:
                 continue
             rows = reaction_rows(body, surface, platen.center)
-            measured[held] = told(owner, rows)
+            measured[held] = measured_by(owner, rows)
             # Stresses come from the displacements beyond those of free expansion.
             for heating in scene.heated(owner):
                 expansion = heating.reaction(body, surface, platen.center)
@@ -241,7 +241,7 @@ def _balance(scene: Scene, condensed: Condensed, columns: Columns) -> LinearMap:
         for name, own in condensed.sources.items()
     }
     drivers = Drivers(len(scene.loads), columns.motions, condensed.pairings)
-    return balance_of_movers(Forces(scene, drivers, sources, measured, springs))
+    return balance_of_constraints(Forces(scene, drivers, sources, measured, springs))
 
 
 def _entries(

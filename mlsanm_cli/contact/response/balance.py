@@ -46,9 +46,9 @@ class Forces:
     def contact(self, pairing: Pairing, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
         """What a contact exerts on one of its bodies."""
         drivers = self.drivers
-        if pairing.near is not None:
+        if pairing.grid is not None:
             result = drivers.unknowns.zeros(3)
-            pressure, traction = pairing.near.resultants(body == pairing.slave_body, center)
+            pressure, traction = pairing.grid.resultants(body == pairing.slave_body, center)
             result.pressure[:, drivers.spans[pairing.name]] = pressure
             if pairing.friction:
                 result.traction[:, drivers.tangential[pairing.name]] = traction
@@ -88,36 +88,36 @@ class Forces:
     def _resultants(self, body: str, center: tuple[float, float]) -> sparse.csr_array:
         return self.scene.bodies[body].resultants(center)
 
-    def others(self, mover: Platen | FloatingBody) -> LinearMap:
+    def others(self, constraint: Platen | FloatingBody) -> LinearMap:
         """All but held surfaces on a mover's bodies, moments about the mover's centre."""
         total = self.columns.zeros(3)
-        for body in mover.bodies:
-            total = total + self.applied(body, mover.center)
+        for body in constraint.bodies:
+            total = total + self.applied(body, constraint.center)
             for pairing in self.pairings:
                 if body in pairing.bodies:
-                    total = total + self.contact(pairing, body, mover.center)
+                    total = total + self.contact(pairing, body, constraint.center)
         return total
 
-    def mover(self, mover: RigidConstraint, motion: RigidMotion) -> LinearMap:
+    def constraint(self, constraint: RigidConstraint, motion: RigidMotion) -> LinearMap:
         """The force (1 row) that the mover must exert on what it moves in one component."""
         row = slice(motion.component, motion.component + 1)
-        if isinstance(mover, Obstacle):
-            pairing = next(p for p in self.pairings if p.name == mover.contact)
-            return self.contact(pairing, pairing.slave_body, mover.center).take(row)
-        if isinstance(mover, FloatingBody) or motion.alone:
-            return -self.others(mover).take(row)
-        parts = [self.measured[held].take(row) for held in mover.held]
+        if isinstance(constraint, Obstacle):
+            pairing = next(p for p in self.pairings if p.name == constraint.contact)
+            return self.contact(pairing, pairing.slave_body, constraint.center).take(row)
+        if isinstance(constraint, FloatingBody) or motion.alone:
+            return -self.others(constraint).take(row)
+        parts = [self.measured[held].take(row) for held in constraint.held]
         return sum(parts[1:], parts[0])
 
 
-def balance_of_movers(forces: Forces) -> LinearMap:
+def balance_of_constraints(forces: Forces) -> LinearMap:
     """One row per unknown motion: the force the mover must exert less the force applied to it.
 
     Nothing exerts a force on a loose body but its contacts and tractions, which must so balance.
     """
     rows = []
-    for mover, motion in forces.scene.unknown_motions:
-        rows.append(forces.mover(mover, motion) + -forces.columns.of_loads(motion.force[None, :]))
+    for constraint, motion in forces.scene.unknown_motions:
+        rows.append(forces.constraint(constraint, motion) + -forces.columns.of_loads(motion.force[None, :]))
     return stack(rows, forces.columns)
 
 
@@ -132,22 +132,24 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
             body, sums = scene.bodies[load.body], np.zeros((3, columns.loads))
             sums[:, load.number] = body.resultants() @ load.source(body)
             total = columns.of_loads(sums)
-        name, told = scene.loads[load.number], total.take(slice(0, 2))
+        name, total_force = scene.loads[load.number], total.take(slice(0, 2))
         # A load on several surfaces acts on one after the other.
-        report[name] = report[name] + told if name in report else told
-    for mover in scene.rigid_constraints:
-        for number in mover.loads:
+        report[name] = report[name] + total_force if name in report else total_force
+    for constraint in scene.rigid_constraints:
+        for number in constraint.loads:
             rows = [columns.zeros(1), columns.zeros(1)]
-            for motion in mover.motions:
+            for motion in constraint.motions:
                 if motion.component > 1:
                     continue
                 if motion.prescribed is None:
                     own = np.zeros((1, columns.loads))
                     own[0, number] = motion.force[number]
                     rows[motion.component] = columns.of_loads(own)
-                elif number == next((n for n in mover.loads if motion.prescribed[n]), mover.loads[0]):
-                    # Several loads may move one platen in this component: its force is told once.
-                    rows[motion.component] = forces.mover(mover, motion)
+                elif number == next(
+                    (n for n in constraint.loads if motion.prescribed[n]), constraint.loads[0]
+                ):
+                    # Several loads may move one platen in this component: its force is reported once.
+                    rows[motion.component] = forces.constraint(constraint, motion)
             report[scene.loads[number]] = stack(rows, columns)
     for force in scene.body_forces:
         elastic, sums = scene.bodies[force.body], np.zeros((2, columns.loads))
@@ -169,7 +171,7 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
 def moments_of_plates(forces: Forces) -> dict[str, LinearMap]:
     """The moment (1 row) about its hinge that each plate that turns exerts on its bodies, by its name."""
     return {
-        platen.name: forces.mover(platen, motion)
+        platen.name: forces.constraint(platen, motion)
         for platen in forces.scene.platens
         for motion in platen.motions
         if motion.component == ROTATION
@@ -180,7 +182,7 @@ def body_imbalance(forces: Forces) -> LinearMap:
     """Sum of all forces on each body (2 rows per body), those of held surfaces from the stress there, and on
     masters the opposite of what their slaves receive.
 
-    Least squares keep it to round-off; of square schemes it tells the discretisation error.
+    Least squares keep it to round-off; of square schemes it measures the discretisation error.
     Components held at single nodes are left out.
     """
     rows, sums = [], body_sums(forces)

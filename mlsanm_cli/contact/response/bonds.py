@@ -37,7 +37,7 @@ APART = 3.0
 class Bonds:
     """The bonded contacts ``pairings``, with the ``spans`` of their nodes among those of all of them.
 
-    ``pressure`` and ``traction`` (b,) are told by the unknowns of the other contacts, which stand at ``free``
+    ``pressure`` and ``traction`` (b,) follow from the unknowns of the other contacts, which stand at ``free``
     (m,) among all pressures and ``sliding`` (n,) among all tractions.
     """
 

@@ -40,7 +40,7 @@ def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[i
     )
     place = np.concatenate([kept, condensed.friction_nodes[friction_nodes]])
     unbalanced = np.zeros((0, len(place)))
-    if any(pairing.near is not None for pairing in condensed.pairings):
+    if any(pairing.grid is not None for pairing in condensed.pairings):
         # Displacements in closed form of bodies that nothing holds count from anywhere, also where symmetry
         # forbids what would balance them.
         rows = [2 * body + component for body in loose for component in (0, 1)]

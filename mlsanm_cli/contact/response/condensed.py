@@ -28,7 +28,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.balance import (
     Forces,
-    balance_of_movers,
+    balance_of_constraints,
     body_imbalance,
     body_sums,
     moments_of_plates,
@@ -64,8 +64,8 @@ class Condensed:
     a contact with friction among the tractions (n,); ``friction_nodes`` (n,) are the numbers of these nodes
     among the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,),
     ``slip`` to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to
-    what the movers lack (k,). ``beyond`` (m + n, m + n) is what of the gaps and slips the displacements' own
-    do not tell (:func:`resolved`).
+    the force imbalance of the rigid constraints (k,). ``beyond`` (m + n, m + n) is what of the gaps and slips
+    the displacements' own do not tell (:func:`resolved`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave and ``mismatches`` to what that on the master differs by from the opposite of
@@ -112,7 +112,7 @@ class Condensed:
 
     @cached_property
     def whole(self) -> FloatArray:
-        """Gaps, slips and lacking balance (m + n + k) per pressure, traction and motion."""
+        """Gaps, slips and force imbalance (m + n + k) per pressure, traction and motion."""
         parts = (self.gap, self.slip, self.balance)
         return np.block([[part.pressure, part.traction, part.motion] for part in parts])
 
@@ -193,19 +193,19 @@ class Condensed:
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
         """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts included and last."""
         solution = self.solution(scene, body, unknowns)[0][:, 0]
-        rest = (solution + scene.loose_patterns(body) @ unknowns[1]).reshape(-1, 2)
+        rest = (solution + scene.floating_patterns(body) @ unknowns[1]).reshape(-1, 2)
         return np.asarray(rest + self.near_fields(scene, body, unknowns)[0])
 
     def near_fields(
         self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2) and stresses (e, 3) of the fields in closed form at ``points`` (e, 2) of a
-        body, or at its nodes, in a state f, q, p, t. What its elastic system tells is the rest of both."""
+        body, or at its nodes, in a state f, q, p, t. What its elastic system gives is the rest of both."""
         model = scene.bodies[body].model
         place = as_complex(model.nodes if points is None else points)
         displacement, stress = np.zeros((len(place), 2)), np.zeros((len(place), 3))
         for pairing in self.reported:
-            if pairing.near is None or body not in pairing.bodies:
+            if pairing.grid is None or body not in pairing.bodies:
                 continue
             pressure, traction = self.contact_values(pairing, unknowns)
             if not (pressure.any() or traction.any()):
@@ -213,7 +213,7 @@ class Condensed:
             for own, slave, sign in pairing.sides:
                 if own == body:
                     loads = pressure[:, None], traction[:, None]
-                    found = fields_of(pairing.near, model.kernel, slave, place, *loads)
+                    found = fields_of(pairing.grid, model.kernel, slave, place, *loads)
                     displacement, stress = (
                         displacement + sign * found[0][:, :, 0],
                         stress + sign * found[1][:, :, 0],
@@ -244,7 +244,7 @@ class Condensed:
 
         They are solved for together, from a ``start`` (2N, 1) if a solution near them is known.
         """
-        system, patterns = scene.bodies[body].system, scene.loose_patterns(body)
+        system, patterns = scene.bodies[body].system, scene.floating_patterns(body)
         stacked = [self.source(body, *state) for state in states]
         sources = sparse.csc_array(sparse.hstack(stacked, format="csc"))
         if body in self.solutions:
@@ -273,17 +273,17 @@ class Answers:
         observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
         sources = {name: body_load_vectors(scene, name, pairings, drivers.columns) for name in scene.bodies}
         observed, solutions = observe(observation, sources, drivers.columns, memo)
-        if any(pairing.near is not None for pairing in pairings):
+        if any(pairing.grid is not None for pairing in pairings):
             observed += near_answers(observation, drivers)
         return cls(observation, sources, observed, solutions)
 
     def smooth(self, pairing: Pairing) -> FloatArray:
         """What forces at the samples of a contact do to the motions there (2k, 2k), singular parts apart."""
-        near, drivers = pairing.near, _drivers(self.observation.scene, self.observation.pairings)
-        assert near is not None
+        grid, drivers = pairing.grid, _drivers(self.observation.scene, self.observation.pairings)
+        assert grid is not None
         columns = drivers.of_samples(pairing)
         seen = self.observation.parted(self.observed).gaps[pairing.name]
-        return seen[: 2 * near.count, columns]
+        return seen[: 2 * grid.count, columns]
 
 
 def condense(
@@ -325,7 +325,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
     drivers, sources = _drivers(scene, pairings), answers.sources
     seen = answers.observation.parted(answers.observed)
 
-    nodal = tuple(pairing for pairing in pairings if pairing.near is None)
+    nodal = tuple(pairing for pairing in pairings if pairing.grid is None)
     candidate = _candidates(pairings)
     gaps = [_gaps(scene, drivers, pairing, seen.gaps[pairing.name]) for pairing in pairings]
     gap = stack(gaps, drivers.unknowns)
@@ -341,14 +341,16 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
     )
     modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
-    slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.rough]
-    slip = stack(slips, drivers.unknowns) + of_obstacles(scene, drivers.rough, drivers.unknowns, "tangent")
-    slip = slip.take(_candidates(drivers.rough))
-    rough = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
-    along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in rough}
-    gap, slip, beyond = resolved(gap, slip, rough, drivers.spans, drivers.tangential, along)
+    slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.frictional]
+    slip = stack(slips, drivers.unknowns) + of_obstacles(
+        scene, drivers.frictional, drivers.unknowns, "tangent"
+    )
+    slip = slip.take(_candidates(drivers.frictional))
+    frictional = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
+    along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in frictional}
+    gap, slip, beyond = resolved(gap, slip, frictional, drivers.spans, drivers.tangential, along)
     bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _loose(pairings))
-    reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.rough)
+    reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.frictional)
     kept, looked_at = np.flatnonzero(np.concatenate([free, sliding])), ~_tied(pairings, watched=True)
     return Condensed(
         pairings=loose.pairings,
@@ -356,12 +358,12 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
         weight=weight[free],
         modulus=modulus[free],
         tangential=loose.tangential,
-        friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.rough]),
+        friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.frictional]),
         friction=_friction(loose.pairings),
         gap=reduced(gap.take(free)),
         slip=reduced(slip.take(sliding)),
         watched=reduced(watched.take(looked_at)),
-        balance=reduced(balance_of_movers(forces)),
+        balance=reduced(balance_of_constraints(forces)),
         beyond=beyond[np.ix_(kept, kept)] if bonds.pairings else beyond,
         forces={name: reduced(one) for name, one in reported_forces(forces).items()},
         contact_forces={
@@ -394,7 +396,7 @@ def _tied(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolArray:
 
 def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray) -> LinearMap:
     """A contact's gaps (w,) by what was seen of them."""
-    if pairing.near is None:
+    if pairing.grid is None:
         return drivers.by_unknowns(seen, pairing.gap)
     result = drivers.by_unknowns(_means(pairing, seen, 0), pairing.gap)
     add_singular(result, scene, drivers, pairing, 0)
@@ -403,7 +405,7 @@ def _gaps(scene: Scene, drivers: Drivers, pairing: Pairing, seen: FloatArray) ->
 
 def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> LinearMap:
     """The slips (w,) of a contact with friction."""
-    if pairing.near is None:
+    if pairing.grid is None:
         return drivers.by_unknowns(seen.slips[pairing.name])
     result = drivers.by_unknowns(_means(pairing, seen.gaps[pairing.name], 1))
     add_singular(result, scene, drivers, pairing, 1)
@@ -412,8 +414,8 @@ def _slips(scene: Scene, drivers: Drivers, pairing: Pairing, seen: Observed) -> 
 
 def _means(pairing: Pairing, seen: FloatArray, which: int) -> FloatArray:
     """Gaps, or slips, of a contact on a grid of its own and of what is watched beyond (w, drivers)."""
-    assert pairing.near is not None
-    means = pairing.near.means[which]
+    assert pairing.grid is not None
+    means = pairing.grid.means[which]
     return np.concatenate([means @ seen[: means.shape[1]], seen[means.shape[1] :]])
 
 

@@ -1,9 +1,9 @@
 """What acts on bodies, and how it follows from the unknowns of the contact problem.
 
 Bodies answer to drivers: load factors, motions, pressures and tractions of nodes, and forces x and y at the
-samples of contacts on a grid of their own (:mod:`mlsanm_cli.contact.geometry.near`), which stand for all the
-pressures and tractions there. Drivers are counted like the unknowns, forces x with pressures, forces y with
-tractions.
+samples of contacts on a grid of their own (:mod:`mlsanm_cli.contact.geometry.contact_grid`), which stand
+for all the pressures and tractions there. Drivers are counted like the unknowns, forces x with pressures,
+forces y with tractions.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ class Drivers:
     pairings: tuple[Pairing, ...]
 
     @property
-    def rough(self) -> tuple[Pairing, ...]:
+    def frictional(self) -> tuple[Pairing, ...]:
         """The contacts with friction."""
         return tuple(pairing for pairing in self.pairings if pairing.friction)
 
     @property
     def alongside(self) -> tuple[Pairing, ...]:
         """The contacts that have drivers among the tractions."""
-        return tuple(pairing for pairing in self.pairings if pairing.friction or pairing.near is not None)
+        return tuple(pairing for pairing in self.pairings if pairing.friction or pairing.grid is not None)
 
     @cached_property
     def spans(self) -> dict[str, slice]:
@@ -52,8 +52,8 @@ class Drivers:
     @cached_property
     def tangential(self) -> dict[str, slice]:
         """Places of the contacts with friction among the unknown tractions."""
-        counts = [int(pairing.candidate.sum()) for pairing in self.rough]
-        return spans([pairing.name for pairing in self.rough], counts)
+        counts = [int(pairing.candidate.sum()) for pairing in self.frictional]
+        return spans([pairing.name for pairing in self.frictional], counts)
 
     @cached_property
     def normal_drivers(self) -> dict[str, slice]:
@@ -68,7 +68,7 @@ class Drivers:
     @cached_property
     def unknowns(self) -> Columns:
         """The columns of the unknowns."""
-        counts = [sum(int(one.candidate.sum()) for one in some) for some in (self.pairings, self.rough)]
+        counts = [sum(int(one.candidate.sum()) for one in some) for some in (self.pairings, self.frictional)]
         return Columns(self.loads, self.motions, counts[0], counts[1])
 
     @cached_property
@@ -91,8 +91,8 @@ class Drivers:
     def of_samples(self, pairing: Pairing) -> IntArray:
         """The forces (2k,), x and then y, at the samples of a contact on a grid of its own among all
         drivers."""
-        assert pairing.near is not None
-        own = np.arange(pairing.near.count)
+        assert pairing.grid is not None
+        own = np.arange(pairing.grid.count)
         return np.concatenate([self.places(pairing).start + own, self.tangential_places(pairing).start + own])
 
     def by_unknowns(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
@@ -102,14 +102,14 @@ class Drivers:
         result.motion[:] = rows[:, self.loads : self.loads + self.motions]
         for pairing in self.pairings:
             own, places = self.spans[pairing.name], self.places(pairing)
-            if pairing.near is None:
+            if pairing.grid is None:
                 result.pressure[:, own] = rows[:, places]
                 if pairing.friction:
                     along = self.tangential_places(pairing)
                     result.traction[:, self.tangential[pairing.name]] = rows[:, along]
                 continue
             both = np.hstack([rows[:, places], rows[:, self.tangential_places(pairing)]])
-            normal, tangent = pairing.near.driven
+            normal, tangent = pairing.grid.driven
             result.pressure[:, own] = both @ normal
             if pairing.friction:
                 result.traction[:, self.tangential[pairing.name]] = both @ tangent
@@ -124,16 +124,16 @@ class Drivers:
         for pairing in self.pairings:
             pressure = p[self.spans[pairing.name]]
             traction = t[self.tangential[pairing.name]] if pairing.friction else None
-            if pairing.near is None:
+            if pairing.grid is None:
                 total[self.places(pairing)] = pressure
                 if traction is not None:
                     total[self.tangential_places(pairing)] = traction
                 continue
-            normal, tangent = pairing.near.driven
+            normal, tangent = pairing.grid.driven
             forces = normal @ pressure if traction is None else normal @ pressure + tangent @ traction
             total[self.places(pairing)], total[self.tangential_places(pairing)] = np.split(forces, 2)
         return total
 
 
 def _count(pairing: Pairing) -> int:
-    return int(pairing.candidate.sum()) if pairing.near is None else pairing.near.drivers
+    return int(pairing.candidate.sum()) if pairing.grid is None else pairing.grid.drivers

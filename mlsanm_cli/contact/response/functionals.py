@@ -29,9 +29,9 @@ def _stacked(body: ElasticBody, blocks: list[sparse.csr_array]) -> sparse.csr_ar
 
 def _changes(body: ElasticBody, name: str, pairing: Pairing, tangential: bool) -> sparse.csr_array:
     direction = pairing.tangent if tangential else pairing.normal
-    if pairing.near is None:
+    if pairing.grid is None:
         return relative_rows(body, name, pairing, direction)
-    means = pairing.near.means[1 if tangential else 0]
+    means = pairing.grid.means[1 if tangential else 0]
     some = sampled_rows(body, name, pairing, direction)
     count = means.shape[1]
     return _stacked(body, [sparse.csr_array(means @ some[:count]), some[count:]])
@@ -41,13 +41,13 @@ def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, direction: Floa
     """A body's share (2k + v, 2n) in what is observed of a contact on a grid of its own: motions x and y of
     the slave relative to the master at all samples, and along a ``direction`` (w, 2) at the v nodes that are
     watched."""
-    near = pairing.near
-    assert near is not None
-    samples = sparse.csr_array((2 * near.count, body.model.unknowns))
+    grid = pairing.grid
+    assert grid is not None
+    samples = sparse.csr_array((2 * grid.count, body.model.unknowns))
     for own, slave, sign in pairing.sides:
         if own == name:
-            points = as_real(near.facing.side(near.samples, slave)[0])
-            along = [body.model.values_along(points, np.tile(axis, (near.count, 1))) for axis in np.eye(2)]
+            points = as_real(grid.facing.side(grid.samples, slave)[0])
+            along = [body.model.values_along(points, np.tile(axis, (grid.count, 1))) for axis in np.eye(2)]
             samples = sparse.csr_array(samples + sign * sparse.vstack(along, format="csr"))
     watched = np.flatnonzero(~pairing.candidate)
     beyond = relative_rows(body, name, pairing, direction, watched)

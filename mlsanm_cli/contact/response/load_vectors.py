@@ -8,7 +8,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.near import turned
+from mlsanm_cli.contact.geometry.contact_grid import turned
 from mlsanm_cli.contact.geometry.pairing import (
     OPPOSED,
     Pairing,
@@ -57,11 +57,11 @@ def body_load_vectors(
     sampled = {
         pairing.name: np.hsplit(_sample_sources(body, name, pairing), 2)
         for pairing in pairings
-        if pairing.near is not None
+        if pairing.grid is not None
     }
     for tangential in (False, True):
         for pairing in pairings:
-            if pairing.near is not None:
+            if pairing.grid is not None:
                 blocks.append(sparse.csc_array(sampled[pairing.name][tangential]))
             elif pairing.friction or not tangential:
                 blocks.append(_contact_sources(body, name, pairing, tangential))
@@ -72,16 +72,16 @@ def _sample_sources(body: ElasticBody, name: str, pairing: Pairing) -> FloatArra
     """Right-hand sides (r, 2 drivers) of the remainders of what forces x, then y, on the slave at a contact's
     samples, and the opposite ones on the master, do to the body called ``name``; and of tractions all along
     its surface where their mean is a driver."""
-    near = pairing.near
-    assert near is not None
-    total = np.zeros((body.rows, 2, near.drivers))
+    grid = pairing.grid
+    assert grid is not None
+    total = np.zeros((body.rows, 2, grid.drivers))
     surfaces = (pairing.slave, pairing.master)
     for (own, slave, sign), surface in zip(pairing.sides, surfaces, strict=False):
         if own != name:
             continue
-        sources = remainder_sources(body, near.forces(body.model.kernel, slave))
-        total[:, :, : near.count] += sign * sources.reshape(body.rows, 2, near.count)
-        if near.covers and surface is not None:
+        sources = remainder_sources(body, grid.forces(body.model.kernel, slave))
+        total[:, :, : grid.count] += sign * sources.reshape(body.rows, 2, grid.count)
+        if grid.covers and surface is not None:
             for component, axis in enumerate(np.eye(2)):
                 along = np.tile(axis, (len(surface.index), 1))
                 total[:, component, -1] += sign * body.source(surface.name, along, held=False)
@@ -132,9 +132,9 @@ def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential:
             lines = body.condition_rows(part.name, component)[rows]
             values = -some.data * own[rows, component]
             source = source + sparse.csc_array((values, (lines, columns)), shape=source.shape)
-    lack = _on_pieces(body, pairing, master, direction) - body.loads @ source
-    nodal = sparse.csc_array((body.rows - lack.shape[0], lack.shape[1]))
-    return sparse.csc_array(source + sparse.vstack([nodal, lack], format="csc"))
+    missing = _on_pieces(body, pairing, master, direction) - body.loads @ source
+    nodal = sparse.csc_array((body.rows - missing.shape[0], missing.shape[1]))
+    return sparse.csc_array(source + sparse.vstack([nodal, missing], format="csc"))
 
 
 def _on_pieces(

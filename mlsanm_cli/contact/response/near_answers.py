@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.geometry.near import Near
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -28,15 +28,15 @@ def near_answers(observation: ResponseFunctionals, drivers: Drivers) -> FloatArr
     total = np.zeros((sum(observation.counts), drivers.columns.total))
     firsts = np.concatenate([[0], np.cumsum(observation.counts)])
     for pairing in drivers.pairings:
-        if pairing.near is None:
+        if pairing.grid is None:
             continue
         columns = drivers.of_samples(pairing)
         for body, slave, sign in pairing.sides:
             elastic = scene.bodies[body]
-            forces = pairing.near.forces(elastic.model.kernel, slave)
+            forces = pairing.grid.forces(elastic.model.kernel, slave)
             blocks = [
                 *(_on_contact(scene, one, pairing, body, forces, slave) for one in observation.pairings),
-                *(_along(one, body, forces, one.tangent) for one in observation.rough),
+                *(_along(one, body, forces, one.tangent) for one in observation.frictional),
                 *(
                     reaction_of(elastic, surface, scene.center(owner, surface), forces)
                     if owner == body
@@ -62,16 +62,16 @@ def _on_contact(
     field in one body."""
     if body not in seen.bodies:
         return None
-    if seen.near is None:
+    if seen.grid is None:
         return _along(seen, body, forces, seen.normal)
-    total = np.zeros((2 * seen.near.count, 2 * len(forces.place)))
+    total = np.zeros((2 * seen.grid.count, 2 * len(forces.place)))
     for own, is_slave, sign in seen.sides:
         if own != body:
             continue
         if seen.name == by.name and is_slave == slave:
-            total += sign * seen.near.smooth(scene.bodies[body].model.kernel, slave)
+            total += sign * seen.grid.smooth(scene.bodies[body].model.kernel, slave)
         else:
-            place = seen.near.facing.side(seen.near.samples, is_slave)[0]
+            place = seen.grid.facing.side(seen.grid.samples, is_slave)[0]
             total += sign * by_component(forces.displacement(place))
     beyond = _along(seen, body, forces, seen.normal, ~seen.candidate)
     return np.concatenate([total, beyond])
@@ -98,21 +98,21 @@ def _along(
 def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int) -> None:
     """Add to the gaps (``which`` 0) or slips (1) of a contact what its own pressures and tractions do by the
     singular part of their fields."""
-    near = pairing.near
-    assert near is not None
+    grid = pairing.grid
+    assert grid is not None
     log, turn = np.zeros((2, 2)), np.zeros((2, 2))
     for body, slave, _ in pairing.sides:
-        more = near.singular(scene.bodies[body].model.kernel, slave)
+        more = grid.singular(scene.bodies[body].model.kernel, slave)
         log, turn = log + more[0], turn + more[1]
-    count = len(near.hats.place)
-    means = 1.0 / near.hats.weight[:, None]
-    own = near.directions[which]
+    count = len(grid.hats.place)
+    means = 1.0 / grid.hats.weight[:, None]
+    own = grid.directions[which]
 
     def by(other: int) -> FloatArray:
-        total = near.hats.pairs(log, turn, own, near.directions[other])
+        total = grid.hats.pairs(log, turn, own, grid.directions[other])
         for _, slave, _ in pairing.sides:
-            total += near.cornered(slave, which, other)
-        return means * (total @ near.uneven(np.eye(count)) if near.covers else total)
+            total += grid.cornered(slave, which, other)
+        return means * (total @ grid.uneven(np.eye(count)) if grid.covers else total)
 
     linear.pressure[:count, drivers.spans[pairing.name]] += by(0)
     if pairing.friction:
@@ -122,21 +122,21 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
 def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:
     """Add to what a probe observes the fields in closed form."""
     for pairing in drivers.pairings:
-        near = pairing.near
-        if near is None:
+        grid = pairing.grid
+        if grid is None:
             continue
         for body, slave, sign in pairing.sides:
             if body == probe.body:
-                unit, nothing = np.eye(len(near.hats.place)), np.zeros((len(near.hats.place),) * 2)
-                pressed = _probed(near, scene, body, slave, probe, unit, nothing)
+                unit, nothing = np.eye(len(grid.hats.place)), np.zeros((len(grid.hats.place),) * 2)
+                pressed = _probed(grid, scene, body, slave, probe, unit, nothing)
                 linear.pressure[:, drivers.spans[pairing.name]] += sign * pressed
                 if pairing.friction:
-                    rubbed = _probed(near, scene, body, slave, probe, nothing, unit)
+                    rubbed = _probed(grid, scene, body, slave, probe, nothing, unit)
                     linear.traction[:, drivers.tangential[pairing.name]] += sign * rubbed
 
 
 def _probed(
-    near: Near,
+    grid: ContactGrid,
     scene: Scene,
     body: str,
     slave: bool,
@@ -146,5 +146,5 @@ def _probed(
 ) -> FloatArray:
     """Displacement and stress (5, c) at a probe by nodal ``pressure`` and ``traction`` (m, c)."""
     kernel = scene.bodies[body].model.kernel
-    displacement, stress = fields_of(near, kernel, slave, as_complex(probe.point), pressure, traction)
+    displacement, stress = fields_of(grid, kernel, slave, as_complex(probe.point), pressure, traction)
     return np.concatenate([displacement[0], stress[0]])

@@ -15,8 +15,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.grid import RULE
-from mlsanm_cli.contact.geometry.near import Near
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, SurfaceForces, as_complex
 
 FAR = 2.0
@@ -39,7 +39,7 @@ class _Loads:
     """``pressure`` and ``traction`` (i + 1, c) at the ends of a contact's intervals, and where they act on
     one body."""
 
-    near: Near
+    grid: ContactGrid
     slave: bool
     kernel: Kernel
     pressure: FloatArray
@@ -47,17 +47,17 @@ class _Loads:
 
     @classmethod
     def of(
-        cls, near: Near, slave: bool, kernel: Kernel, pressure: FloatArray, traction: FloatArray
+        cls, grid: ContactGrid, slave: bool, kernel: Kernel, pressure: FloatArray, traction: FloatArray
     ) -> _Loads:
         """Those of nodal ``pressure`` and ``traction`` (m, c)."""
-        first, last = near.hats.whole
+        first, last = grid.hats.whole
         beyond = ((int(not first), int(not last)), (0, 0))
-        return cls(near, slave, kernel, *(np.pad(one, beyond) for one in (pressure, traction)))
+        return cls(grid, slave, kernel, *(np.pad(one, beyond) for one in (pressure, traction)))
 
     @cached_property
     def ends(self) -> FloatArray:
         """Where intervals begin and end (i + 1,)."""
-        return self.near.hats.ends
+        return self.grid.hats.ends
 
     @cached_property
     def steps(self) -> FloatArray:
@@ -68,13 +68,13 @@ class _Loads:
         """Unit forces at places (e,) within intervals (e,), by the share of the way along these, and the
         tractions (e, 2, c) on the slave there."""
         s = self.ends[interval] + share * self.steps[interval]
-        place, inward, (normal, tangent) = self.near.facing.loaded(s, self.slave)
+        place, inward, (normal, tangent) = self.grid.facing.loaded(s, self.slave)
         part = share[:, None]
         pressure, traction = (
             (1.0 - part) * one[interval] + part * one[interval + 1] for one in (self.pressure, self.traction)
         )
         total = normal[:, :, None] * pressure[:, None] + tangent[:, :, None] * traction[:, None]
-        return SurfaceForces(self.kernel, place, inward, self.near.centers[0 if self.slave else 1]), total
+        return SurfaceForces(self.kernel, place, inward, self.grid.centers[0 if self.slave else 1]), total
 
     @cached_property
     def even(self) -> list[tuple[float, SurfaceForces, FloatArray]]:
@@ -84,63 +84,75 @@ class _Loads:
 
 
 def fields_of(
-    near: Near, kernel: Kernel, slave: bool, z: ComplexArray, pressure: FloatArray, traction: FloatArray
+    grid: ContactGrid,
+    kernel: Kernel,
+    slave: bool,
+    z: ComplexArray,
+    pressure: FloatArray,
+    traction: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Displacements (e, 2, c) and stresses (e, 3, c) at points ``z`` (e,) of a body by nodal ``pressure`` and
     ``traction`` (m, c) on the hats, as these act on the slave: on the master it is the opposite."""
-    pressure, traction = near.uneven(pressure), near.uneven(traction)
-    for corner in near.corners_of(slave):
+    pressure, traction = grid.uneven(pressure), grid.uneven(traction)
+    for corner in grid.corners_of(slave):
         # At the tip itself fields of what is spread along both faces have no meaning.
         within = np.abs(z - corner.tip) < AT_TIP * corner.length
         z = np.where(within, corner.tip + AT_TIP * corner.length * corner.bisector, z)
-    close = replace(near, count=CLOSE)
+    close = replace(grid, count=CLOSE)
     away = np.abs(z[:, None] - close.facing.side(close.samples, slave)[0]).min(axis=1, initial=np.inf)
-    away = away / (near.last - near.first)
+    away = away / (grid.last - grid.first)
     displacement, stress = np.zeros((len(z), 2, pressure.shape[1])), np.zeros((len(z), 3, pressure.shape[1]))
     # From afar few samples of the range stand for all the pressures, as they do for the remainder.
-    for some, sampled in ((away > 1.0, near), ((away <= 1.0) & (away > BEYOND), close)):
+    for some, sampled in ((away > 1.0, grid), ((away <= 1.0) & (away > BEYOND), close)):
         if some.any():
             forces, on = sampled.own_forces(kernel, slave), _on_samples(sampled, pressure, traction)
             for total, field in ((displacement, forces.displacement), (stress, forces.stress)):
                 total[some] = np.einsum("ekcd,kdm->ecm", field(z[some]), on, optimize=True)
-    beside = away <= BEYOND
-    if beside.any():
-        displacement[beside], stress[beside] = _beside(near, kernel, slave, z[beside], pressure, traction)
-    for corner in near.corners_of(slave):
+    adjacent = away <= BEYOND
+    if adjacent.any():
+        displacement[adjacent], stress[adjacent] = _close_fields(
+            grid, kernel, slave, z[adjacent], pressure, traction
+        )
+    for corner in grid.corners_of(slave):
         # The other ends of what a corner adds lie off the body, beyond the tip.
-        beyond = np.abs(z - corner.tip) > BEYOND * (near.last - near.first)
+        beyond = np.abs(z - corner.tip) > BEYOND * (grid.last - grid.first)
         for some, afar in ((beyond, True), (~beyond, False)):
             if not some.any():
                 continue
             if afar:
                 place, force = close.samples, _on_samples(close, pressure, traction)
             else:
-                place, force = near.hats.points, _on_points(near, pressure, traction)
-            for line in corner.lines(corner.distance(near.facing.side(place, slave)[0]), force):
+                place, force = grid.hats.points, _on_points(grid, pressure, traction)
+            for line in corner.lines(corner.distance(grid.facing.side(place, slave)[0]), force):
                 displacement[some] += line.displacement(z[some])
                 stress[some] += line.stress(z[some])
     return displacement, stress
 
 
-def _on_points(near: Near, pressure: FloatArray, traction: FloatArray) -> FloatArray:
+def _on_points(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -> FloatArray:
     """The forces (g, 2, c) at the hats' points that nodal ``pressure`` and ``traction`` (m, c) are."""
-    (normal, tangent), unit = near.directions, near.hats.integrals.T
+    (normal, tangent), unit = grid.directions, grid.hats.integrals.T
     across, along = unit @ pressure, unit @ traction
     return np.asarray(normal[:, :, None] * across[:, None] + tangent[:, :, None] * along[:, None])
 
 
-def _on_samples(near: Near, pressure: FloatArray, traction: FloatArray) -> FloatArray:
+def _on_samples(grid: ContactGrid, pressure: FloatArray, traction: FloatArray) -> FloatArray:
     """The forces (k, 2, ...) at the samples that stand for nodal values (m, ...), seen from afar."""
-    normal, tangent = near.spreads
+    normal, tangent = grid.spreads
     return np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
 
 
-def _beside(
-    near: Near, kernel: Kernel, slave: bool, z: ComplexArray, pressure: FloatArray, traction: FloatArray
+def _close_fields(
+    grid: ContactGrid,
+    kernel: Kernel,
+    slave: bool,
+    z: ComplexArray,
+    pressure: FloatArray,
+    traction: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """The same at points near the contact."""
-    loads = _Loads.of(near, slave, kernel, pressure, traction)
-    ends, size = near.facing.side(loads.ends, slave)[0], loads.steps
+    loads = _Loads.of(grid, slave, kernel, pressure, traction)
+    ends, size = grid.facing.side(loads.ends, slave)[0], loads.steps
     parts, pairs = [], []
     step = max(1, AT_ONCE // (len(RULE) * len(size)))
     for first in range(0, len(z), step):
@@ -173,7 +185,7 @@ def _inside(loads: _Loads, z: ComplexArray, ends: ComplexArray, foot: FloatArray
     every = np.arange(len(z))
     step = loads.steps[interval]
     s = loads.ends[interval] + foot[every, interval] * step
-    place, inward = loads.near.facing.side(s, loads.slave)
+    place, inward = loads.grid.facing.side(s, loads.slave)
     deep, size = ((z - place) * np.conj(inward)).real, BESIDE * step
     on = np.abs(away[every, interval]) <= 2.0 * step
     return np.where(on & (deep < size), z + (size - deep) * inward, z)
@@ -211,20 +223,25 @@ def _add_close(
             np.add.at(stress, row, length[:, None, None] * (stressed @ traction))
 
 
-def traction_beside(
-    near: Near, kernel: Kernel, slave: bool, surface: Surface, pressure: FloatArray, traction: FloatArray
+def adjacent_traction(
+    grid: ContactGrid,
+    kernel: Kernel,
+    slave: bool,
+    surface: Surface,
+    pressure: FloatArray,
+    traction: FloatArray,
 ) -> FloatArray:
     """Tractions (b, 2) at the nodes of a body's surface of the fields by nodal ``pressure`` and ``traction``
     (m,) on the slave, less these themselves where they act."""
-    pressure, traction = near.uneven(pressure), near.uneven(traction)
-    if near.corners_of(slave):
+    pressure, traction = grid.uneven(pressure), grid.uneven(traction)
+    if grid.corners_of(slave):
         # What is left beside corners changes little along the contact.
         z = as_complex(surface.curve.points(surface.arc_length))
-        on = _on_samples(near, pressure, traction)
+        on = _on_samples(grid, pressure, traction)
         curvature = surface.curve.curvature(surface.arc_length)
-        found = near.forces(kernel, slave).traction(z, as_complex(surface.normal), curvature)
+        found = grid.forces(kernel, slave).traction(z, as_complex(surface.normal), curvature)
         return np.asarray(np.einsum("ekcd,kd->ec", found, on))
-    loads = _Loads.of(near, slave, kernel, pressure[:, None], traction[:, None])
+    loads = _Loads.of(grid, slave, kernel, pressure[:, None], traction[:, None])
     z = as_complex(surface.curve.points(surface.arc_length))
     curvature = surface.curve.curvature(surface.arc_length)
     total = np.zeros((len(z), 2))

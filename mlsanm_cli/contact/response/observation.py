@@ -43,19 +43,19 @@ class Observed:
 @dataclass(frozen=True)
 class ResponseFunctionals:
     """Rows in this order: of the ``pairings`` the gaps of nodes, or what is sampled of contacts on grids of
-    their own; slips of the ``rough`` ones, which have friction and pressures of nodes; reactions of ``held``
-    surfaces; what the scene's probes see; pulls of ``sprung`` surfaces."""
+    their own; slips of the ``frictional`` ones with pressures of nodes; reactions of ``held`` surfaces;
+    what the scene's probes see; pulls of ``sprung`` surfaces."""
 
     scene: Scene
     pairings: tuple[Pairing, ...]
-    rough: tuple[Pairing, ...]
+    frictional: tuple[Pairing, ...]
     held: tuple[Surface, ...]
     sprung: tuple[Surface, ...]
 
     @classmethod
     def of(cls, scene: Scene, pairings: tuple[Pairing, ...]) -> ResponseFunctionals:
         """All that the contact problem of a scene needs and reports."""
-        rough = tuple(pairing for pairing in pairings if pairing.friction and pairing.near is None)
+        rough = tuple(pairing for pairing in pairings if pairing.friction and pairing.grid is None)
         held = tuple((name, s) for name, body in scene.bodies.items() for s in body.gripped)
         sprung = tuple((name, s) for name, body in scene.bodies.items() for s in body.soft_springs)
         return cls(scene, pairings, rough, held, sprung)
@@ -65,14 +65,14 @@ class ResponseFunctionals:
         """Rows of every contact's gaps, every rough one's slips, every held surface, every probe and every
         sprung surface."""
         gaps = [_rows_of(pairing) for pairing in self.pairings]
-        slips = [len(pairing.position) for pairing in self.rough]
+        slips = [len(pairing.position) for pairing in self.frictional]
         pulls = [3] * len(self.sprung)
         return [*gaps, *slips, *(3 for _ in self.held), *(ROWS for _ in self.scene.probes), *pulls]
 
     @property
     def of_stress(self) -> slice:
         """Rows that stresses make, of held surfaces: free expansion, which has none, is no part of them."""
-        counts, first = self.counts, len(self.pairings) + len(self.rough)
+        counts, first = self.counts, len(self.pairings) + len(self.frictional)
         return slice(sum(counts[:first]), sum(counts[: first + len(self.held)]))
 
     def rows(self, name: str) -> sparse.csr_array:
@@ -80,11 +80,11 @@ class ResponseFunctionals:
         scene, body = self.scene, self.scene.bodies[name]
         gaps = [
             gap_rows(body, name, (pairing,))
-            if pairing.near is None
+            if pairing.grid is None
             else sampled_rows(body, name, pairing, pairing.normal)
             for pairing in self.pairings
         ]
-        slips = [slip_rows(body, name, (pairing,)) for pairing in self.rough]
+        slips = [slip_rows(body, name, (pairing,)) for pairing in self.frictional]
         reactions = [
             reaction_rows(body, surface, scene.center(owner, surface)) if owner == name else None
             for owner, surface in self.held
@@ -108,7 +108,7 @@ class ResponseFunctionals:
             return some
 
         gaps = dict(zip((p.name for p in self.pairings), taken(len(self.pairings)), strict=True))
-        slips = dict(zip((p.name for p in self.rough), taken(len(self.rough)), strict=True))
+        slips = dict(zip((p.name for p in self.frictional), taken(len(self.frictional)), strict=True))
         held = dict(zip(self.held, taken(len(self.held)), strict=True))
         probes = taken(len(self.scene.probes))
         return Observed(
@@ -118,9 +118,9 @@ class ResponseFunctionals:
 
 def _rows_of(pairing: Pairing) -> int:
     """How many rows are observed of a contact's gaps, or of its samples and what is watched."""
-    if pairing.near is None:
+    if pairing.grid is None:
         return len(pairing.position)
-    return 2 * pairing.near.count + int((~pairing.candidate).sum())
+    return 2 * pairing.grid.count + int((~pairing.candidate).sum())
 
 
 def observe(
@@ -145,7 +145,7 @@ def observe(
                 solved[:, some] = answer["solution"]
         if not quick:
             solutions[name] = solved
-        observed[:, columns.motion_places] += rows @ scene.loose_patterns(name)
+        observed[:, columns.motion_places] += rows @ scene.floating_patterns(name)
     return observed, solutions
 
 

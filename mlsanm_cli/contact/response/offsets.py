@@ -18,10 +18,10 @@ def of_obstacles(
     total = columns.zeros(sum(len(pairing.position) for pairing in pairings))
     rows = _rows(pairings)
     unknown = 0
-    for mover in scene.rigid_constraints:
-        for motion in mover.motions:
-            if isinstance(mover, Obstacle) and mover.contact in rows:
-                pairing, own = rows[mover.contact]
+    for constraint in scene.rigid_constraints:
+        for motion in constraint.motions:
+            if isinstance(constraint, Obstacle) and constraint.contact in rows:
+                pairing, own = rows[constraint.contact]
                 direction = pairing.normal if along == "normal" else pairing.tangent
                 if motion.prescribed is None:
                     total.motion[own, unknown] -= direction[:, motion.component]

@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts, opposed
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.near_fields import traction_beside
+from mlsanm_cli.contact.response.near_fields import adjacent_traction
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
@@ -37,7 +37,7 @@ def work_on(
 
     ``displacement`` (n, 2) and ``stress`` (n, 3), that of strain beyond the free one, are nodal; ``single``
     are (node, component) pairs held at zero. What is held has the displacements prescribed. Displacements
-    ``near`` (n, 2) in closed form are taken off all of it: of the rest the work is told.
+    ``near`` (n, 2) in closed form are taken off all of it: of the rest the work is returned.
     """
     elastic = scene.bodies[body]
     cloud, material = elastic.model.cloud, elastic.model.material
@@ -133,15 +133,15 @@ def _given_tractions(
             total[load.surface] += factors[load.number] * load.values
     for pairing in condensed.reported:
         pressure, traction = condensed.contact_values(pairing, unknowns)
-        if pairing.near is not None:
+        if pairing.grid is not None:
             kernel = scene.bodies[body].model.kernel
             for own, slave, sign in pairing.sides:
                 if own == body:
                     for name, surface in surfaces.items():
-                        beside = traction_beside(pairing.near, kernel, slave, surface, pressure, traction)
-                        total[name] -= sign * beside
-                    if pairing.near.covers:
-                        mean = pairing.near.mean_traction(pressure, traction)
+                        adjacent = adjacent_traction(pairing.grid, kernel, slave, surface, pressure, traction)
+                        total[name] -= sign * adjacent
+                    if pairing.grid.covers:
+                        mean = pairing.grid.mean_traction(pressure, traction)
                         total[pairing.surface_of(slave).name] += sign * mean
         elif pairing.slave_body == body:
             given, chosen = _on_slave(pairing, pressure, traction), pairing.candidate
@@ -160,7 +160,7 @@ def _on_master(
     total = 0.0
     for pairing in condensed.reported:
         master = pairing.master
-        if pairing.master_body != body or master is None or pairing.near is not None:
+        if pairing.master_body != body or master is None or pairing.grid is not None:
             continue
         pressure, traction = condensed.contact_values(pairing, unknowns)
         given, slave = _on_slave(pairing, pressure, traction), pairing.slave
@@ -177,7 +177,7 @@ def _on_master(
 
 def _beyond_nodes(body: ElasticBody, load: SurfaceLoad, path: FloatArray) -> float:
     """What a load does along a ``path`` (n, 2) beyond what its nodal values do, per unit factor: of a load
-    that few nodes see, these tell little."""
+    that few nodes see, these mean little."""
     if load.between is None:
         return 0.0
     surface = body.model.cloud.surfaces[load.surface]

@@ -13,7 +13,7 @@ from mlsanm_cli.io.atomic import replacing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's colours, told apart with any common colour blindness; yellow is too pale on white.
+# Okabe and Ito's colours, distinguished with any common colour blindness; yellow is too pale on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 REFERENCE_COLOUR = "#000000"

@@ -39,14 +39,14 @@ def plot_pressure(
     arc_label: str = "arc length",
     *,
     pressure_label: str = "pressure",
-    told: str = "",
+    suffix: str = "",
 ) -> None:
     """Draw the pressure at every node of one contact for several load levels.
 
     ``arc`` (m,), ``pressure`` (levels, m), one label per level. Nodes are drawn as markers, so that an
     oscillation from node to node shows. With ``reference``, which belongs to the last level, the difference
     to it is drawn below in percent of its peak. Raises ValueError for wrong shapes, RunError if ``path``
-    cannot be written. ``told`` follows the contact in the title.
+    cannot be written. ``suffix`` follows the contact in the title.
     """
     if pressure.shape != (len(level_labels), len(arc)) or not level_labels:
         raise ValueError(f"pressure has shape {pressure.shape}, expected {(len(level_labels), len(arc))}")
@@ -71,7 +71,7 @@ def plot_pressure(
             )
             _draw_difference(lower, arc[inside], pressure[-1][inside], reference, shades[-1])
         alone = len(level_labels) == 1 and reference is None
-        parts = [contact, *([level_labels[0]] if alone else []), *([told] if told else [])]
+        parts = [contact, *([level_labels[0]] if alone else []), *([suffix] if suffix else [])]
         upper.set_title(f"Contact pressure, {', '.join(parts)}")
         upper.set_ylabel(pressure_label)
         low, high = float(pressure[:, inside].min(initial=0.0)), float(pressure[:, inside].max(initial=0.0))

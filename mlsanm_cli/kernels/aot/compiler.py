@@ -87,7 +87,9 @@ def compiled(kernels: Iterable[Kernel]) -> Code:
         machine_code = next(iter(results.values())).library.codegen._tm.emit_object(whole)
         math = tuple(intrinsics.INTR_MATH)
     except (AttributeError, ImportError) as error:
-        raise UnloadableError(f"numba {numba.__version__} does not give its code away: {error}") from error
+        raise UnloadableError(
+            f"numba {numba.__version__} does not expose its machine code: {error}"
+        ) from error
     symbols = [one.name for one in whole.functions if one.is_declaration and not one.name.startswith("llvm.")]
     entries = {name: result.fndesc.llvm_func_name for name, result in results.items()}
     return Code(machine_code, entries, tuple(symbols), math)
@@ -112,12 +114,12 @@ def _check_layout(kernel: Kernel, types: tuple[Any, ...], result: Any) -> None:
 
     parts = getattr(result, "types", (result,))
     found = [(getattr(part, "dtype", part), getattr(part, "ndim", 0)) for part in parts]
-    told = [(numba.from_dtype(value.dtype), value.ndim) for value in kernel.signature.results]
-    if found != (told or [(numba.types.none, 0)]):
+    declared = [(numba.from_dtype(value.dtype), value.ndim) for value in kernel.signature.results]
+    if found != (declared or [(numba.types.none, 0)]):
         raise TypeError(f"{kernel.name} returns {result}")
     models = registry.cpu_target.target_context.data_model_manager
     passed = "".join(_kinds(models[one].get_argument_type()) for one in types)
-    back = _kinds(models[result].get_return_type()) if told else ""
+    back = _kinds(models[result].get_return_type()) if declared else ""
     for kinds, values in ((passed, kernel.signature.arguments), (back, kernel.signature.results)):
         if kinds != "".join(value.kinds for value in values):
             raise UnloadableError(f"numba {numba.__version__} passes values as {kinds} to {kernel.name}")

@@ -105,7 +105,7 @@ class Loaded:
             machine,
             None,
             f"compiled kernels cannot be kept ({reason}); every run compiles them again. "
-            "Set MLSANM_CACHE_DIR to a directory to which you, and nobody else, may write.",
+            "Set MLSANM_CACHE_DIR to a directory that only you may write to.",
         )
 
     def function(self, kernel: Kernel) -> Callable[..., Any]:
@@ -161,7 +161,7 @@ def _compiled() -> Loaded:
     except RuntimeError as error:
         place, missing = None, error
     try:
-        code = _beside(compiler.compiled, every_kernel())
+        code = _compiled_apart(compiler.compiled, every_kernel())
         compiler.prove(code)
         machine = Machine(code)
     except UnloadableError as error:
@@ -183,10 +183,10 @@ def _left_to_numba(place: Path | None, reason: UnloadableError) -> Loaded:
         kept.leave_to_numba(place, str(reason))
     except OSError as error:
         return Loaded.unkept(None, f"{reason}; {error}")
-    return Loaded(None, place, f"numba itself keeps the compiled kernels ({reason}); runs start later for it")
+    return Loaded(None, place, f"numba itself keeps the compiled kernels ({reason}); runs start more slowly")
 
 
-def _beside(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
+def _compiled_apart(compiled: Callable[[Iterable[Kernel]], Code], kernels: Sequence[Kernel]) -> Code:
     """``compiled(kernels)`` in a thread of its own, which when interrupted ends before the next kernel.
 
     An interrupt that comes while LLVM calls Python, as it often does, would be printed and lost; while we

@@ -98,10 +98,10 @@ def write(place: Path, code: Code) -> None:
     if reason:
         raise PermissionError(reason)
     # Not by tempfile, whose files no other user may read: one may compile for all.
-    beside = place / f"{NAME}.{os.getpid()}.{os.urandom(8).hex()}"
-    with replacing(place / NAME, beside):
-        beside.write_bytes(encoded(code))
-        _shut(beside)
+    temporary = place / f"{NAME}.{os.getpid()}.{os.urandom(8).hex()}"
+    with replacing(place / NAME, temporary):
+        temporary.write_bytes(encoded(code))
+        _shut(temporary)
 
 
 def left_to_numba(place: Path) -> bool:

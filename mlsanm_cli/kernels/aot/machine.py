@@ -174,9 +174,9 @@ def _exception(name: str, status: int, address: int | None) -> Exception:
     """The exception with which a kernel has ended."""
     if status < 1 or address is None:
         return SystemError(f"{name} ended with status {status}")
-    told = _Exception.from_address(address)
-    kind, arguments, _ = pickle.loads(ctypes.string_at(told.pickled, told.size))
-    if told.dynamic:
+    fault = _Exception.from_address(address)
+    kind, arguments, _ = pickle.loads(ctypes.string_at(fault.pickled, fault.size))
+    if fault.dynamic:
         return RuntimeError(f"{name}: {kind.__name__}")
     found: Exception = kind(*arguments)
     return found

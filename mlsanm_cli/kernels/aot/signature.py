@@ -124,13 +124,15 @@ class Signature:
     @classmethod
     def of(cls, name: str, function: Callable[..., Any]) -> Signature:
         """That of a ``function`` called ``name``. Raises TypeError for types that kernels do not know."""
-        told = dict(function.__annotations__)
-        result = told.pop("return")
-        if not all(isinstance(annotation, str) for annotation in (result, *told.values())):
+        annotations = dict(function.__annotations__)
+        result = annotations.pop("return")
+        if not all(isinstance(annotation, str) for annotation in (result, *annotations.values())):
             raise TypeError(f"{name}: its module must begin with 'from __future__ import annotations'")
         parts = result[6:-1].split(", ") if result.startswith("tuple[") else [result]
         return cls(
-            tuple(Value.of(f"{name}: {argument}", annotation) for argument, annotation in told.items()),
+            tuple(
+                Value.of(f"{name}: {argument}", annotation) for argument, annotation in annotations.items()
+            ),
             () if result == "None" else tuple(Value.of(f"{name}: its result", part) for part in parts),
             not result.startswith("tuple["),
         )

@@ -122,7 +122,7 @@ def _stencils(model: BodyModel, centers: FloatArray, points: FloatArray) -> Sten
 
 
 def rule_of(model: BodyModel) -> Rule:
-    """As many of Gauss's points as tell the moments of stresses of the degree exactly."""
+    """As many of Gauss's points as integrate the moments of stresses of the degree exactly."""
     return GAUSS[model.settings.degree // 2 + 1]
 
 

@@ -188,8 +188,8 @@ class _Neo(Response):
         if not order:
             m = np.zeros(theta.shape[-1])
             for _ in range(ITERATIONS):
-                lack = mu * np.expm1(m) + lam * (self._log[0, 0] + 0.5 * m)
-                m -= lack / (mu * np.exp(m) + 0.5 * lam)
+                excess = mu * np.expm1(m) + lam * (self._log[0, 0] + 0.5 * m)
+                m -= excess / (mu * np.exp(m) + 0.5 * lam)
             log[0, 0], theta[0, 0] = m, np.exp(m)
             theta[0, 1:] = -lam * self._log[0, 1:] / (mu + 0.5 * lam / theta[0, 0])
             log[0, 1:] = theta[0, 1:] / theta[0, 0]

@@ -48,7 +48,7 @@ class Weights:
         total = elastic.rows - 3 * pieces.count - single
         table = RowTable(elastic.first_row, total, total + single, model.material.modulus, {})
         nodes = row_weights(model, elastic.held, elastic.held_nodes, table, elastic.gripped)
-        known: BoolArray = pieces.told(list(elastic.held_nodes))
+        known: BoolArray = pieces.rows_known(list(elastic.held_nodes))
         scale = np.tile(pieces.strength / (model.material.modulus * pieces.size), 3)
         return cls(nodes, np.where(known, scale, 0.0))
 

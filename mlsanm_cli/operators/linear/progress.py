@@ -41,7 +41,7 @@ def watched(pivots: IntArray, height: IntArray) -> Iterator[IntArray]:
         _now.remove(one)
 
 
-def told() -> str:
+def progress_text() -> str:
     """How far the factorisation at work is, "" where there is none."""
     if not _now:
         return ""

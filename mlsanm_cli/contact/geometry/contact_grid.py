@@ -142,10 +142,10 @@ class Facing:
 
 
 @dataclass(frozen=True)
-class Near:
+class ContactGrid:
     """A contact's range from ``first`` to ``last``, the ``count`` of its samples, and the ``hats`` of its
     pressures. ``centers`` are where fields end in the slave's and the master's hollows, if these have one,
-    ``corners`` those at the ends of their surfaces. A ``rough`` grid only serves to find out where the
+    ``corners`` those at the ends of their surfaces. A ``provisional`` grid only serves to find out where the
     contact is."""
 
     facing: Facing
@@ -155,7 +155,7 @@ class Near:
     hats: Hats
     centers: tuple[complex | None, complex | None] = (None, None)
     corners: tuple[tuple[Corner, ...], tuple[Corner, ...]] = ((), ())
-    rough: bool = False
+    provisional: bool = False
 
     def around(self, s: FloatArray) -> FloatArray:
         """Places (e,), on a closed base those turns away that are nearest to the range."""
@@ -353,6 +353,6 @@ class Near:
         table = np.abs(basis @ blocks @ basis.T)
         return float(max(table[..., -2:, :].max(), table[..., -2:].max()))
 
-    def samples_differ(self, other: Near) -> bool:
+    def samples_differ(self, other: ContactGrid) -> bool:
         """Whether another grid of the same contact has other samples."""
         return (self.first, self.last, self.count) != (other.first, other.last, other.count)
