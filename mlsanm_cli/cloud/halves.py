@@ -79,7 +79,7 @@ def halved(
         return None
     own = np.arange(len(boundary)) == image
     side = np.where(own, 0, np.sign(boundary[:, line.axis] - line.at)).astype(np.int64)
-    images = _surface_images(image, surfaces)
+    images = surface_images(image, surfaces)
     ends = side[edges]
     if images is None or (ends == 0).all(axis=1).any():
         return None
@@ -115,7 +115,7 @@ def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[Floa
             yield places[k]
 
 
-def _surface_images(
+def surface_images(
     image: IntArray, surfaces: Mapping[str, Surface]
 ) -> dict[str, tuple[str, IntArray]] | None:
     """The image of every surface and of its nodes (b,), by their places there; None where there are none."""

@@ -95,6 +95,16 @@ def _far(case: Case, name: str) -> float:
     return np.inf if body.has_nodes else usual_spacing(drawn(body.shape))
 
 
+def _brought(case: Case, body: Body, cloud: Cloud, line: Line | None) -> Cloud:
+    """The cloud whose nodes came with the body, its own mirror image if a ``line`` is given and it is one."""
+    cloud = with_cuts(case, body, cloud)
+    if line is None:
+        return cloud
+    from mlsanm_cli.cloud.loops import mirrored
+
+    return mirrored(cloud, line) or cloud
+
+
 def clouds(
     case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE, line: Line | None = None
 ) -> dict[str, Cloud]:
@@ -103,7 +113,7 @@ def clouds(
     placed = {}
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-            placed[body.name] = with_cuts(case, body, foreign(body.shape).cloud)
+            placed[body.name] = _brought(case, body, foreign(body.shape).cloud, line)
         else:
             spacing = spacing_of(case, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]

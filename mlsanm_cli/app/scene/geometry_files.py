@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +35,7 @@ class Foreign:
     traced: Traced
     normals: FloatArray | None
 
-    @property
+    @cached_property
     def cloud(self) -> Cloud:
         """The cloud of the file's own nodes."""
         return cloud_of_nodes(self.points, self.traced, self.normals)

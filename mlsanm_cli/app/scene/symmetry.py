@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.app.scene.clouds import spacing_of
-from mlsanm_cli.app.scene.surfaces import outline_of
+from mlsanm_cli.app.scene.surfaces import foreign, outline_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Mesh, Points
-from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.case.model.case import Body
 from mlsanm_cli.cloud.mirror import SAME, Line
 
 SAMPLES = 33
@@ -23,21 +23,36 @@ def line_of(case: Case) -> Line | None:
     """
     if case.mls.scheme != "least-squares" or any(contact.friction for contact in case.contact):
         return None
-    if any(isinstance(body.shape, Mesh | Points) for body in case.body):
+    if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
         return None
-    boxes = np.array([_box(outline_of(case, body)) for body in case.body])
+    boxes = np.array([_box(_points(case, body)) for body in case.body])
     size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
     middle = boxes.mean(axis=1)
     for axis in (0, 1):
         line = Line(axis, float(middle[0, axis]))
         same = np.abs(middle[:, axis] - line.at).max() <= SAME * size
-        if same and all(spacing_of(case, body).symmetric(line) for body in case.body):
+        if same and all(_symmetric(case, body, line, float(size)) for body in case.body):
             return line
     return None
 
 
-def _box(outline: Outline) -> FloatArray:
-    """Lowest and highest coordinates (2, 2) of an outline."""
+def _symmetric(case: Case, body: Body, line: Line, size: float) -> bool:
+    """Whether a body's spacing is its own mirror image, or the nodes are that came with it."""
+    if not body.has_nodes:
+        return spacing_of(case, body).symmetric(line)
+    points = _points(case, body)
+    return line.images(points, np.full(len(points), size / np.sqrt(len(points)))) is not None
+
+
+def _points(case: Case, body: Body) -> FloatArray:
+    """The nodes (n, 2) that came with a body, or points along its outline."""
+    if isinstance(body.shape, Mesh | Points):
+        return foreign(body.shape).points
     fractions = np.linspace(0.0, 1.0, SAMPLES)
-    points = np.concatenate([curve.points(curve.length * fractions) for curve in outline.curves])
+    curves = outline_of(case, body).curves
+    return np.concatenate([curve.points(curve.length * fractions) for curve in curves])
+
+
+def _box(points: FloatArray) -> FloatArray:
+    """Lowest and highest coordinates (2, 2)."""
     return np.array([points.min(axis=0), points.max(axis=0)])
