@@ -35,14 +35,14 @@ def test_reader_gives_back_what_was_written_in_the_order_of_the_case(tmp_path: P
         write_fields(run, 0, 0.5, {"upper/von_mises": np.arange(5.0), "block/von_mises": np.ones(5)})
         run.set_status("done")
     with h5py.File(tmp_path / "run.h5", "r") as file:
-        expected = {
+        attributes = {
             "format": 1,
             "mlsanm_version": __version__,
             "status": "done",
             "threads": 1,
             "wall_limit": 2.5,
         }
-        assert dict(file.attrs) == {**expected, "argv": "mlsanm run a.toml"}
+        assert dict(file.attrs) == {**attributes, "argv": "mlsanm run a.toml"}
         assert dict(file["series/3"].attrs) == {"length": 0.125, "start": 0.375}
     data = read_run(tmp_path)
     assert data.status == "done"
