@@ -20,7 +20,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
@@ -116,14 +115,10 @@ def cubic(table: FloatArray, at: FloatArray) -> FloatArray:
     """Cubic interpolation (..., rest) of the rows of a ``table`` (n, rest) ``at`` numbers of rows (...)."""
     at = np.clip(at, 1.0, len(table) - 3.0)
     first = np.minimum(at.astype(np.int64), len(table) - 4)
-    u = at - first
+    u = (at - first).reshape(*at.shape, *[1] * (table.ndim - 1))
+    a, b, c, d = (table[first + shift] for shift in (-1, 0, 1, 2))
     low, high = u * (u - 1.0) / 6.0, (u + 1.0) * (u - 2.0) / 2.0
-    shares = np.stack([-low * (u - 2.0), high * (u - 1.0), -high * u, low * (u + 1.0)], axis=-1)
-    numbers = first[..., None] + np.arange(-1, 3)
-    # One product in place of four tables as large as what is found.
-    begin = np.arange(0, 4 * at.size + 1, 4)
-    rows = sparse.csr_array((shares.ravel(), numbers.ravel(), begin), shape=(at.size, len(table)))
-    return np.asarray(rows @ table.reshape(len(table), -1)).reshape(*at.shape, *table.shape[1:])
+    return np.asarray(-low * (u - 2.0) * a + high * (u - 1.0) * b - high * u * c + low * (u + 1.0) * d)
 
 
 def _convolved(seen: FloatArray, density: FloatArray) -> FloatArray:
