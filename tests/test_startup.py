@@ -119,10 +119,8 @@ SAME = (
 )
 ORDERS = {
     "lean, parts first": LEAN + PARTS + BLAS + WHOLE,
-    "lean, BLAS first": LEAN + BLAS + PARTS + WHOLE,
     "lean, scipy first": LEAN + WHOLE + BLAS + PARTS,
     "parts first": PARTS + BLAS + WHOLE,
-    "scipy first": WHOLE + BLAS + PARTS,
 }
 
 
@@ -137,13 +135,3 @@ def python(code: str) -> str:
 @pytest.mark.parametrize("order", ORDERS)
 def test_they_are_scipys_own(order: str) -> None:
     assert python(ORDERS[order] + SAME) == "1 2.0\n"
-
-
-@pytest.mark.parametrize(("names", "whole"), [(NAMES.replace(" brentq,", ""), []), ("brentq", ["linalg"])])
-def test_they_come_without_their_packages(names: str, whole: list[str]) -> None:
-    loaded = (
-        "import sys, types\n"
-        "packages = ('linalg', 'optimize', 'spatial', 'sparse.csgraph', 'special')\n"
-        "print([name for name in packages if type(sys.modules.get(f'scipy.{name}')) is types.ModuleType])\n"
-    )
-    assert python(LEAN + PARTS.replace(NAMES, names) + loaded) == f"{whole}\n"

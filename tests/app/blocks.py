@@ -11,6 +11,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import solve
+from tests.case_text import pin
 
 BLOCK = """
 format = 1
@@ -38,17 +39,7 @@ alpha = [1e-3, 4e-3, 6e-3]"""
 LEFT = '[[support]]\nboundary = "block.left"\nux = 0.0\n'
 BOTTOM = '[[support]]\nboundary = "block.bottom"\nuy = 0.0\n'
 # Statically determinate: exact for every uniform stress.
-PINS = """
-[[support]]
-body = "block"
-near = [0.0, 0.0]
-ux = 0.0
-uy = 0.0
-[[support]]
-body = "block"
-near = [2.0, 0.0]
-uy = 0.0
-"""
+PINS = pin("block", [0.0, 0.0], ux=0.0, uy=0.0) + pin("block", [2.0, 0.0], uy=0.0)
 WEIGHT = '[[load]]\nname = "weight"\nbody = "block"\nkind = "body-force"\nbody-force = [0.0, -3.0]\n'
 HEAT = '[[load]]\nname = "heat"\nbody = "block"\nkind = "temperature"\ntemperature = 5.0\n'
 

@@ -12,6 +12,7 @@ from mlsanm_cli.app.sweep.run_sweep import SweepOptions, sweep
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import CaseError
 from tests.app.scenes import Quiet, hertz, solve
+from tests.case_text import contact
 
 EXACT = 'contact.interface.regularization.law="exact"'
 
@@ -24,12 +25,9 @@ def test_a_load_of_the_wrong_sign_is_named(friction: float, tmp_path: Path) -> N
     assert summary["hint"] == "load press pulls cylinder away from contact interface: change its sign"
 
 
-OBSTACLE = """
-[[contact]]
-name = "interface"
-slave = "cylinder.arc"
-obstacle = { kind = "polyline", points = [[-1.0, 0.0], [1.0, 0.0]] }
-"""
+OBSTACLE = contact(
+    "interface", "cylinder.arc", obstacle={"kind": "polyline", "points": [[-1.0, 0.0], [1.0, 0.0]]}
+)
 
 
 def test_surfaces_that_look_the_wrong_way(tmp_path: Path) -> None:

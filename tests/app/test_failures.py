@@ -46,6 +46,7 @@ def altered(change: Change, saved: bool) -> Callable[[CondensedScene, Checkpoint
     return path
 
 
+@pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("saved", [False, True])
 @pytest.mark.parametrize("bad", BAD)
 def test_a_residual(bad: float, saved: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -77,6 +78,7 @@ def test_a_traction_beyond_its_limit(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert [node["residual"] for node in nodes] == sorted((node["residual"] for node in nodes), reverse=True)
 
 
+@pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("bad", [0.0, float("nan")])
 @pytest.mark.parametrize(("text", "name"), [(PATCH, "contact_stability"), (BAR, "bulk_stability")])
 def test_a_certificate(
@@ -115,6 +117,7 @@ def test_a_search_for_contact_without_end_tells_of_the_certificate(tmp_path: Pat
     assert summary["stability"] < -1.0
 
 
+@pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("bad", BAD)
 def test_a_force_balance(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = LinearMap.__call__
@@ -129,6 +132,7 @@ def test_a_force_balance(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert (summary["status"], "forces on body lower" in summary["stop_reason"]) == ("failed", True)
 
 
+@pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("bad", BAD)
 @pytest.mark.parametrize("fields", ["[]", '["displacement"]'])
 def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -142,6 +146,7 @@ def test_a_linear_residual(bad: float, fields: str, tmp_path: Path, monkeypatch:
     assert (summary["status"], "elastic systems" in summary["stop_reason"]) == ("failed", True)
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_a_linear_residual_of_one_body_or_state_is_not_forgotten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,97 +18,43 @@ from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.app.resume import resume
 from mlsanm_cli.errors import CaseError, RunError
 from tests.app.scenes import Quiet, solve
+from tests.case_text import body, box, head, item, load, material, support, table
 
-BEAM = """
-format = 1
-[model]
-plane = "strain"
-strain = "finite"
-[material.steel]
-E = 1200.0
-nu = 0.0
-law = "saint-venant-kirchhoff"
-[[body]]
-name = "beam"
-material = "steel"
-spacing = 0.25
-shape = { kind = "rectangle", x = [0.0, 10.0], y = [0.0, 1.0] }
-[[support]]
-boundary = "beam.left"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "tip"
-boundary = "beam.right"
-kind = "traction"
-traction = [0.0, "60 * y * (1 - y)"]
-[[probe]]
-name = "end"
-body = "beam"
-point = [10.0, 0.5]
-[output]
-at = [0.1, 0.4, 1.0]
-"""
+BEAM = (
+    head("strain", strain="finite")
+    + material("steel", E=1200.0, nu=0.0, law="saint-venant-kirchhoff")
+    + body("beam", "steel", 0.25, box([0.0, 10.0], [0.0, 1.0]))
+    + support("beam.left", ux=0.0, uy=0.0)
+    + load("tip", "beam.right", "traction", traction=[0.0, "60 * y * (1 - y)"])
+    + item("probe", name="end", body="beam", point=[10.0, 0.5])
+    + table("output", at=[0.1, 0.4, 1.0])
+)
 TIPS = {0.1: (0.0572, 0.3039), 0.4: (0.3354, 0.6775), 1.0: (0.5674, 0.8253)}
 """Shortening and deflection over the length by position: 80 x 8 nine-node finite elements."""
 
-BLOCK = """
-format = 1
-[model]
-plane = "strain"
-strain = "finite"
-[material.rubber]
-E = 2.6
-nu = 0.3
-law = "neo-hookean"
-[[body]]
-name = "block"
-material = "rubber"
-spacing = 0.05
-shape = { kind = "rectangle", x = [0.0, 1.0], y = [0.0, 1.0] }
-[[support]]
-boundary = "block.bottom"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "press"
-boundary = "block.top"
-kind = "displacement"
-displacement = [0.0, -0.4]
-[[probe]]
-name = "side"
-body = "block"
-point = [1.0, 0.5]
-"""
+BLOCK = (
+    head("strain", strain="finite")
+    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    + body("block", "rubber", 0.05, box([0.0, 1.0], [0.0, 1.0]))
+    + support("block.bottom", ux=0.0, uy=0.0)
+    + load("press", "block.top", "displacement", displacement=[0.0, -0.4])
+    + item("probe", name="side", body="block", point=[1.0, 0.5])
+)
 
-ARCH = """
-format = 1
-[model]
-plane = "strain"
-strain = "finite"
-[material.m]
-E = 1000.0
-nu = 0.0
-law = "saint-venant-kirchhoff"
-[[body]]
-name = "arch"
-material = "m"
-spacing = 0.0625
-[body.shape]
-kind = "sector"
-center = [0.0, 0.0]
-radii = [9.875, 10.125]
-angles = [69.94647717, 110.05352283]
-[[support]]
-boundary = ["arch.start", "arch.end"]
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "snow"
-boundary = "arch.outer"
-kind = "traction"
-traction = [0.0, -0.2]
-"""
+ARCH = (
+    head("strain", strain="finite")
+    + material("m", E=1000.0, nu=0.0, law="saint-venant-kirchhoff")
+    + body("arch", "m", 0.0625)
+    + table(
+        "body.shape",
+        kind="sector",
+        center=[0.0, 0.0],
+        radii=[9.875, 10.125],
+        angles=[69.94647717, 110.05352283],
+    )
+    + support(["arch.start", "arch.end"], ux=0.0, uy=0.0)
+    + load("snow", "arch.outer", "traction", traction=[0.0, -0.2])
+)
 
 
 @pytest.fixture(scope="module")

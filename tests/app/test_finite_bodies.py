@@ -10,86 +10,55 @@ import pytest
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import solve
+from tests.case_text import (
+    body,
+    box,
+    contact,
+    disk,
+    head,
+    item,
+    load,
+    material,
+    plane,
+    pushed,
+    support,
+    table,
+)
 
-HEAD = """
-format = 1
-[model]
-plane = "strain"
-strain = "finite"
-[material.rubber]
-E = 2.6
-nu = 0.3
-law = "neo-hookean"
-"""
+HEAD = head("strain", strain="finite") + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
 DISK = (
     HEAD
-    + """
-[[body]]
-name = "disk"
-material = "rubber"
-spacing = 0.25
-shape = { kind = "half-disk", center = [0.0, 3.0], radius = 1.0, side = "lower" }
-refine = [{at = [0.0, 2.0], spacing = 0.05, radius = 0.5, growth = 0.2}]
-[[body]]
-name = "block"
-material = "rubber"
-spacing = 0.3
-shape = { kind = "rectangle", x = [-2.0, 2.0], y = [0.0, 2.0] }
-refine = [{at = [0.0, 2.0], spacing = 0.05, radius = 0.5, growth = 0.2}]
-[[support]]
-boundary = "block.bottom"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "press"
-boundary = "disk.flat"
-kind = "displacement"
-displacement = [0.0, -0.3]
-[[contact]]
-name = "touch"
-slave = "disk.arc"
-master = "block.top"
-[contact.regularization]
-law = "exact"
-[output]
-at = [0.1, 0.333333333333, 0.666666666667, 1.0]
-"""
+    + body(
+        "disk",
+        "rubber",
+        0.25,
+        {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"},
+        refine=[{"at": [0.0, 2.0], "spacing": 0.05, "radius": 0.5, "growth": 0.2}],
+    )
+    + body(
+        "block",
+        "rubber",
+        0.3,
+        box([-2.0, 2.0], [0.0, 2.0]),
+        refine=[{"at": [0.0, 2.0], "spacing": 0.05, "radius": 0.5, "growth": 0.2}],
+    )
+    + support("block.bottom", ux=0.0, uy=0.0)
+    + load("press", "disk.flat", "displacement", displacement=[0.0, -0.3])
+    + contact("touch", "disk.arc", "block.top")
+    + table("contact.regularization", law="exact")
+    + table("output", at=[0.1, 0.333333333333, 0.666666666667, 1.0])
 )
 
 BLOCKS = (
     HEAD
-    + """
-[[body]]
-name = "low"
-material = "rubber"
-spacing = 0.25
-shape = { kind = "rectangle", x = [0.0, 1.0], y = [0.0, 1.0] }
-[[body]]
-name = "high"
-material = "rubber"
-spacing = 0.19
-shape = { kind = "rectangle", x = [0.0, 1.0], y = [1.0, 2.0] }
-[[support]]
-boundary = "low.bottom"
-uy = 0.0
-[[support]]
-boundary = "low.left"
-ux = 0.0
-[[support]]
-boundary = "high.left"
-ux = 0.0
-[[load]]
-name = "press"
-boundary = "high.top"
-kind = "displacement"
-uy = -0.3
-[[contact]]
-name = "joint"
-slave = "high.bottom"
-master = "low.top"
-[contact.regularization]
-law = "exact"
-"""
+    + body("low", "rubber", 0.25, box([0.0, 1.0], [0.0, 1.0]))
+    + body("high", "rubber", 0.19, box([0.0, 1.0], [1.0, 2.0]))
+    + support("low.bottom", uy=0.0)
+    + support("low.left", ux=0.0)
+    + support("high.left", ux=0.0)
+    + load("press", "high.top", "displacement", uy=-0.3)
+    + contact("joint", "high.bottom", "low.top")
+    + table("contact.regularization", law="exact")
 )
 
 
@@ -120,8 +89,8 @@ def test_even_state_through_unlike_clouds(tmp_path: Path) -> None:
     directory = tmp_path / "run"
     summary = solve(BLOCKS, directory)
     assert summary["status"] == "done"
-    for body in ("low", "high"):
-        stretch = read_run(directory).states[-1].bodies[body]["stretch"]
+    for name in ("low", "high"):
+        stretch = read_run(directory).states[-1].bodies[name]["stretch"]
         np.testing.assert_allclose(stretch[:, 1], 0.85, rtol=1e-6)
         np.testing.assert_allclose(stretch[:, 0], stretch[0, 0], rtol=1e-6)
 
@@ -138,54 +107,30 @@ def test_a_body_between_two_others_is_held_by_them(tmp_path: Path) -> None:
     directory = tmp_path / "run"
     summary = solve(text, directory)
     assert summary["status"] == "done"
-    for body in ("low", "high", "top"):
-        stretch = read_run(directory).states[-1].bodies[body]["stretch"]
+    for name in ("low", "high", "top"):
+        stretch = read_run(directory).states[-1].bodies[name]["stretch"]
         np.testing.assert_allclose(stretch[:, 1], 0.85, rtol=1e-6)
     assert summary["force_balance"] <= 1e-9
 
 
 ROLLER = (
     HEAD
-    + """
-[[body]]
-name = "roller"
-material = "rubber"
-spacing = 0.3
-shape = { kind = "disk", center = [0.0, 1.0], radius = 1.0 }
-refine = [{along = "arc", spacing = 0.09, radius = 0.05, growth = 0.3}]
-[[load]]
-name = "press"
-kind = "obstacle"
-obstacle = "plate"
-uy = -0.1
-[[load]]
-name = "roll"
-kind = "obstacle"
-obstacle = "plate"
-ux = 2.0
-[[contact]]
-name = "floor"
-slave = "roller.arc"
-friction = 0.5
-obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
-[contact.regularization]
-law = "exact"
-[[contact]]
-name = "plate"
-slave = "roller.arc"
-friction = 0.5
-obstacle = { kind = "plane", point = [0.0, 2.0], normal = [0.0, -1.0] }
-[contact.regularization]
-law = "exact"
-[[stage]]
-press = 1.0
-[[stage]]
-roll = 1.0
-[[probe]]
-name = "middle"
-body = "roller"
-point = [0.0, 1.0]
-"""
+    + body(
+        "roller",
+        "rubber",
+        0.3,
+        disk([0.0, 1.0], 1.0),
+        refine=[{"along": "arc", "spacing": 0.09, "radius": 0.05, "growth": 0.3}],
+    )
+    + pushed("press", "plate", uy=-0.1)
+    + pushed("roll", "plate", ux=2.0)
+    + contact("floor", "roller.arc", friction=0.5, obstacle=plane([0.0, 0.0], [0.0, 1.0]))
+    + table("contact.regularization", law="exact")
+    + contact("plate", "roller.arc", friction=0.5, obstacle=plane([0.0, 2.0], [0.0, -1.0]))
+    + table("contact.regularization", law="exact")
+    + item("stage", press=1.0)
+    + item("stage", roll=1.0)
+    + item("probe", name="middle", body="roller", point=[0.0, 1.0])
 )
 
 
@@ -213,8 +158,8 @@ def test_a_body_is_dragged_along_another(tmp_path: Path) -> None:
     """Half a disk dragged by 1.5 contact widths along a block, with friction: pairs follow, no force is lost,
     and the work is what friction dissipates."""
     at, along = (
-        "{at = [0.0, 2.0], spacing = 0.05, radius = 0.5, growth = 0.2}",
-        '{along = "top", spacing = 0.07, radius = 0.05, growth = 0.25}',
+        "{ at = [0.0, 2.0], spacing = 0.05, radius = 0.5, growth = 0.2 }",
+        '{ along = "top", spacing = 0.07, radius = 0.05, growth = 0.25 }',
     )
     one, _, rest = DISK.replace("[0.0, -0.3]", "[0.0, -0.06]").partition(at)
     text = one + at.replace("radius = 0.5", "radius = 0.3") + rest.replace(at, along)

@@ -15,6 +15,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
 from tests.app.scenes import Quiet, solve
+from tests.case_text import body, contact, head, material, plane, pushed, support, table
 
 BLOCK = """
 format = 1
@@ -181,40 +182,22 @@ def test_a_profile_of_points_is_as_good_as_the_disk_it_is_of(tmp_path: Path) -> 
     assert summary["force_balance"] <= 1e-6
 
 
-RING = """
-format = 1
-[model]
-plane = "strain"
-strain = "finite"
-[material.rubber]
-E = 2.6
-nu = 0.3
-law = "neo-hookean"
-[[body]]
-name = "ring"
-material = "rubber"
-spacing = 0.025
-shape = { kind = "sector", center = [0.0, 0.0], radii = [0.95, 1.05], angles = [0.0, 90.0] }
-[[support]]
-boundary = "ring.start"
-uy = 0.0
-[[support]]
-boundary = "ring.end"
-ux = 0.0
-[[load]]
-name = "press"
-kind = "obstacle"
-obstacle = "plate"
-uy = -0.525
-[[contact]]
-name = "plate"
-slave = "ring.outer"
-obstacle = { kind = "plane", point = [0.0, 1.05], normal = [0.0, -1.0] }
-[contact.regularization]
-law = "exact"
-[output]
-at = [0.2, 0.6, 1.0]
-"""
+RING = (
+    head("strain", strain="finite")
+    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    + body(
+        "ring",
+        "rubber",
+        0.025,
+        {"kind": "sector", "center": [0.0, 0.0], "radii": [0.95, 1.05], "angles": [0.0, 90.0]},
+    )
+    + support("ring.start", uy=0.0)
+    + support("ring.end", ux=0.0)
+    + pushed("press", "plate", uy=-0.525)
+    + contact("plate", "ring.outer", obstacle=plane([0.0, 1.05], [0.0, -1.0]))
+    + table("contact.regularization", law="exact")
+    + table("output", at=[0.2, 0.6, 1.0])
+)
 
 
 def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:

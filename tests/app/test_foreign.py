@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -18,34 +19,19 @@ from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet
+from tests.case_text import body, head, load, material, pin, support, table
 
 DATA = Path(__file__).parents[1] / "data"
 
-PULLED = """format = 1
-[model]
-plane = "stress"
-[material.steel]
-E = 210e3
-nu = 0.3
-[[body]]
-name = "plate"
-material = "steel"
-[body.shape]
-kind = "mesh"
-file = "plate.msh"
-[[support]]
-boundary = "plate.left"
-ux = 0.0
-[[support]]
-body = "plate"
-near = [-5.0, 0.0]
-uy = 0.0
-[[load]]
-name = "pull"
-boundary = "plate.right"
-kind = "traction"
-traction = [100.0, 0.0]
-"""
+PULLED = (
+    head("stress")
+    + material("steel", E=210e3, nu=0.3)
+    + body("plate", "steel")
+    + table("body.shape", kind="mesh", file="plate.msh")
+    + support("plate.left", ux=0.0)
+    + pin("plate", [-5.0, 0.0], uy=0.0)
+    + load("pull", "plate.right", "traction", traction=[100.0, 0.0])
+)
 CLOUD = PULLED.replace('"mesh"', '"points"').replace("plate.msh", "plate.csv")
 OUTLINE = PULLED.replace('material = "steel"\n[', 'material = "steel"\nspacing = 1.0\n[')
 OUTLINE = OUTLINE.replace('file = "plate.msh"', 'file = "plate.msh"\nuse = "outline"')
@@ -160,94 +146,52 @@ def ring_case(text: str) -> str:
     )
 
 
+def mesh(text: str, words: tuple[str, ...], line: str, content: str = GOOD) -> tuple[Any, ...]:
+    return text, "plate.msh", content, words, line
+
+
+def points(rows: list[tuple[object, ...]], *words: str, text: str = "", header: str = "x,y,tag") -> Any:
+    return text or ring_case(CLOUD), "plate.csv", csv(rows, header), words, "file ="
+
+
 # The case, the file's name and content, what the message names, and how the line told begins.
 BAD = {
     "missing file": (PULLED, "other.msh", GOOD, ("there is no file", "plate.msh"), "file ="),
-    "broken mesh": (
-        PULLED,
-        "plate.msh",
-        GOOD[: len(GOOD) // 2],
-        ("plate.msh: meshio cannot read it",),
-        "file =",
-    ),
-    "empty mesh": (PULLED, "plate.msh", "", ("plate.msh",), "file ="),
-    "missing group": (
+    "broken mesh": mesh(PULLED, ("plate.msh: meshio cannot read it",), "file =", GOOD[: len(GOOD) // 2]),
+    "empty mesh": mesh(PULLED, ("plate.msh",), "file =", ""),
+    "missing group": mesh(
         PULLED.replace("plate.right", "plate.rigth"),
-        "plate.msh",
-        GOOD,
         ('no boundary "rigth"', "plate.right"),
         'boundary = "plate.rigth',
     ),
-    "missing group of elements": (
+    "missing group of elements": mesh(
         PULLED.replace('"plate.msh"', '"plate.msh"\ngroup = "steel"'),
-        "plate.msh",
-        GOOD,
         ('no group of elements "steel"', "sheet"),
         "file =",
     ),
-    "spacing of given nodes": (
+    "spacing of given nodes": mesh(
         OUTLINE.replace('use = "outline"\n', ""),
-        "plate.msh",
-        GOOD,
         ("body.plate.spacing", "does not apply", 'use = "outline"'),
         "spacing =",
     ),
-    "refined nodes": (
-        PULLED + "[adapt]\npasses = 1\n",
-        "plate.msh",
-        GOOD,
-        ("cannot be refined",),
-        "passes =",
+    "refined nodes": mesh(PULLED + "[adapt]\npasses = 1\n", ("cannot be refined",), "passes ="),
+    "reference without radius": mesh(
+        PULLED + '[reference]\nsolution = "hertz-line"\n', ("needs a [[contact]]",), "solution ="
     ),
-    "unknown use": (
-        OUTLINE.replace('"outline"', '"outlines"'),
-        "plate.msh",
-        GOOD,
-        ('did you mean "outline"',),
-        "use =",
+    "empty boundary": points(
+        [(0, 0, ""), (1, 0, ""), (0, 1, "")], "plate.csv: no node has a tag", text=CLOUD
     ),
-    "reference without radius": (
-        PULLED + '[reference]\nsolution = "hertz-line"\n',
-        "plate.msh",
-        GOOD,
-        ("needs a [[contact]]",),
-        "solution =",
+    "normals inward": points(
+        [(x, y, t, -x, -y) for x, y, t in RING],
+        "line 2: the normal at (1, 0) points inward",
+        "24 such",
+        header="x,y,tag,nx,ny",
     ),
-    "empty boundary": (
-        CLOUD,
-        "plate.csv",
-        csv([(0, 0, ""), (1, 0, ""), (0, 1, "")]),
-        ("plate.csv: no node has a tag",),
-        "file =",
+    "duplicate nodes": points([*RING, (0, 0, ""), (0, 0, "")], "line 27", "line 26 again"),
+    "crossing outline": points(
+        [(x, (x + 0.1) * y, t) for x, y, t in RING], "the outline crosses itself near ("
     ),
-    "normals inward": (
-        ring_case(CLOUD),
-        "plate.csv",
-        csv([(x, y, t, -x, -y) for x, y, t in RING], "x,y,tag,nx,ny"),
-        ("line 2: the normal at (1, 0) points inward", "24 such"),
-        "file =",
-    ),
-    "duplicate nodes": (
-        ring_case(CLOUD),
-        "plate.csv",
-        csv([*RING, (0, 0, ""), (0, 0, "")]),
-        ("line 27", "line 26 again"),
-        "file =",
-    ),
-    "crossing outline": (
-        ring_case(CLOUD),
-        "plate.csv",
-        csv([(x, (x + 0.1) * y, t) for x, y, t in RING]),
-        ("the outline crosses itself near (",),
-        "file =",
-    ),
-    "nodes that form no curve": (
-        ring_case(CLOUD),
-        "plate.csv",
-        csv([RING[(5 * k) % 24] for k in range(24)]),
-        ("the outline crosses itself",),
-        "file =",
-    ),
+    "nodes that form no curve": points([RING[5 * k % 24] for k in range(24)], "the outline crosses itself"),
 }
 
 

@@ -15,7 +15,8 @@ from mlsanm_cli.contact.laws.regularized_friction import FrictionTangent
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
-from tests.app.scenes import PUNCHES, Quiet, hertz, solve
+from tests.app.scenes import FAST, PUNCHES, Quiet, hertz, solve
+from tests.case_text import item, load, table
 
 SHEARED = (
     hertz()
@@ -24,20 +25,13 @@ SHEARED = (
     .replace("accuracy = 0.01", "friction = 0.4\naccuracy = 0.03")
     .replace(
         '[reference]\nsolution = "hertz-line"',
-        """[[load]]
-name = "shear"
-boundary = "cylinder.flat"
-kind = "platen"
-fx = 50.0
-[[stage]]
-press = 1.0
-[[stage]]
-shear = 1.0
-[[stage]]
-shear = -1.0
-[output]
-at = [1.0, 1.5, 2.25, 3.0]
-""",
+        (
+            load("shear", "cylinder.flat", "platen", fx=50.0)
+            + item("stage", press=1.0)
+            + item("stage", shear=1.0)
+            + item("stage", shear=-1.0)
+            + table("output", at=[1.0, 1.5, 2.25, 3.0])
+        ),
     )
 )
 EXACT = 'contact.interface.regularization.law="exact"'
@@ -151,10 +145,7 @@ def test_contacts_have_etas_of_their_own(tmp_path: Path) -> None:
 def test_sliding_as_a_whole_ends_the_run(tmp_path: Path) -> None:
     for law in ("exact", "hyperbolic"):
         summary = solve(
-            SHEARED,
-            tmp_path / law,
-            f'contact.interface.regularization.law="{law}"',
-            "load.shear.fx=180.0",
+            SHEARED, tmp_path / law, f'contact.interface.regularization.law="{law}"', "load.shear.fx=180.0"
         )
         assert summary["status"] == "failed"
         assert summary["stop_reason"].startswith("the contact slides as a whole at position 1.5")
@@ -165,17 +156,10 @@ def test_sliding_as_a_whole_ends_the_run(tmp_path: Path) -> None:
 
 def test_the_law_without_memory_is_warned_of(tmp_path: Path) -> None:
     console = Quiet()
-    solve(SHEARED, tmp_path / "turning", HOLONOMIC, console=console)
+    solve(SHEARED, tmp_path / "turning", HOLONOMIC, FAST, console=console)
     assert any("load shear turns back" in warning for warning in console.warnings)
-    console = Quiet()
-    summary = solve(
-        SHEARED,
-        tmp_path / "once",
-        HOLONOMIC,
-        "stage=[{press=1.0},{shear=1.0}]",
-        "output.at=[2.0]",
-        console=console,
-    )
+    once, console = ("stage=[{press=1.0},{shear=1.0}]", "output.at=[2.0]"), Quiet()
+    summary = solve(SHEARED, tmp_path / "once", HOLONOMIC, FAST, *once, console=console)
     assert not any("turns back" in warning for warning in console.warnings)
     assert summary["contacts"]["interface"]["dissipated_work"] is None
     assert summary["contacts"]["interface"]["force"] == pytest.approx([-50.0, 226.0], rel=1e-8)

@@ -13,7 +13,7 @@ import tomli_w
 from benchmarks.forked import mlsanm, preload, run_all
 from benchmarks.fuzz_cases import CASES, READERS, Trial, broken_case, damaged_run, faults
 
-BROKEN, DAMAGED = 50, 15
+BROKEN, DAMAGED = 30, 8
 
 
 def trouble(trials: list[Trial]) -> list[str]:

@@ -12,35 +12,31 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import ContactData, read_run
 from tests.app.scenes import Quiet, solve
+from tests.case_text import body, box, contact, head, load, material, pin, plane, support
 
 E, NU = 1000.0, 0.3
-HEAD = f"""
-format = 1
-[model]
-plane = "strain"
-[material.stuff]
-E = {E}
-nu = {NU}
-"""
-BODY = """
-[[body]]
-name = "{name}"
-material = "stuff"
-shape = {{ kind = "rectangle", x = [{x[0]}, {x[1]}], y = [{y[0]}, {y[1]}] }}
-"""
-ROLLERS = (
-    '[[support]]\nboundary = "{name}.left"\nux = 0.0\n[[support]]\nboundary = "{name}.right"\nux = 0.0\n'
-)
-PRESS = '[[load]]\nname = "press"\nboundary = "upper.top"\nkind = "platen"\nfy = {force}\n'
-ON_PLANE = """
-[[contact]]
-name = "c"
-slave = "upper.bottom"
-obstacle = {{ kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }}
-gap = "{gap}"
-"""
-ON_BODY = '[[contact]]\nname = "c"\nslave = "{slave}"\nmaster = "{master}"\ngap = "{gap}"\n'
-CLAMP = '[[support]]\nboundary = "lower.bottom"\nuy = 0.0\n'
+HEAD = head("strain") + material("stuff", E=E, nu=NU)
+CLAMP = support("lower.bottom", uy=0.0)
+
+
+def block(name: str, x: tuple[float, float], y: tuple[float, float]) -> str:
+    return body(name, "stuff", shape=box(x, y))
+
+
+def between_rollers(name: str, y: tuple[float, float]) -> str:
+    sides = support(f"{name}.left", ux=0.0) + support(f"{name}.right", ux=0.0)
+    return block(name, (0.0, 1.0), y) + sides
+
+
+UPPER, LOWER = between_rollers("upper", (0.0, 1.0)), between_rollers("lower", (-1.0, 0.0))
+
+
+def press(force: float) -> str:
+    return load("press", "upper.top", "platen", fy=force)
+
+
+def on_plane(gap: str | float) -> str:
+    return contact("c", "upper.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), gap=gap)
 
 
 def westergaard(x: FloatArray, length: float, load: float, full: float) -> FloatArray:
@@ -64,14 +60,14 @@ def test_a_wavy_gap_on_flat_faces(below: str, waves: int, tmp_path: Path) -> Non
     full = np.pi * modulus * height / length
     mean = 0.3 * full
     gap = f"{height}*(1 - cos(2*pi*(x - {0.5 * length})*{waves}))"
-    text = HEAD + BODY.format(name="upper", x=(0.0, 1.0), y=(0.0, 1.0)) + ROLLERS.format(name="upper")
-    text += PRESS.format(force=-mean)
+    text = HEAD + UPPER
+    text += press(-mean)
     if below == "plane":
-        text += ON_PLANE.format(gap=gap)
+        text += on_plane(gap)
     else:
-        text += BODY.format(name="lower", x=(0.0, 1.0), y=(-1.0, 0.0)) + ROLLERS.format(name="lower")
+        text += LOWER
         pair = ("upper.bottom", "lower.top") if below == "body" else ("lower.top", "upper.bottom")
-        text += CLAMP + ON_BODY.format(slave=pair[0], master=pair[1], gap=gap)
+        text += CLAMP + contact("c", *pair, gap=gap)
     found = contact_of(text, tmp_path / "run", "contact.c.regularization.law=exact")
     pressure, x = found.pressure[-1], found.points[:, 0]
     expected = westergaard(x - 0.5 * length, length, mean, full)
@@ -84,12 +80,11 @@ def test_a_wavy_gap_on_flat_faces(below: str, waves: int, tmp_path: Path) -> Non
 def test_nodes_know_the_gap_as_grids_do(tmp_path: Path) -> None:
     modulus, height = E / (1.0 - NU**2) / 2.0, 1e-3
     full = np.pi * modulus * height
-    fine = "shape = {{", "refine = [{{ along = 'bottom', spacing = 0.04, radius = 0.0 }}]\nshape = {{"
-    text = HEAD + BODY.replace(*fine).format(name="upper", x=(0.0, 1.0), y=(0.0, 1.0))
-    text += BODY.replace(*fine).replace("bottom", "top").format(name="lower", x=(0.0, 1.0), y=(-1.0, 0.0))
-    text += ROLLERS.format(name="upper") + ROLLERS.format(name="lower") + CLAMP
-    text += PRESS.format(force=-0.5 * full)
-    text += ON_BODY.format(slave="upper.bottom", master="lower.top", gap=f"{height}*(1 - cos(2*pi*x - pi))")
+    text = HEAD + CLAMP + press(-0.5 * full)
+    for part, edge in ((UPPER, "bottom"), (LOWER, "top")):
+        fine = f"refine = [{{ along = '{edge}', spacing = 0.04, radius = 0.0 }}]\nshape"
+        text += part.replace("shape", fine)
+    text += contact("c", "upper.bottom", "lower.top", gap=f"{height}*(1 - cos(2*pi*x - pi))")
     found = contact_of(text, tmp_path / "run", "solver.formulation=monolithic")
     pressure, x = found.pressure[-1], found.points[:, 0]
     expected = westergaard(x - 0.5, 1.0, 0.5 * full, full)
@@ -99,11 +94,9 @@ def test_nodes_know_the_gap_as_grids_do(tmp_path: Path) -> None:
 def test_a_crowned_gap_is_hertz_contact(tmp_path: Path) -> None:
     radius, force = 10.0, 2.0
     modulus = E / (1.0 - NU**2) / 2.0
-    text = HEAD + BODY.format(name="upper", x=(-2.0, 2.0), y=(0.0, 2.0))
-    text += BODY.format(name="lower", x=(-2.0, 2.0), y=(-2.0, 0.0)) + CLAMP + PRESS.format(force=-force)
-    text += '[[support]]\nbody = "lower"\nnear = [0.0, -2.0]\nux = 0.0\n'
-    text += '[[support]]\nbody = "upper"\nnear = [0.0, 2.0]\nux = 0.0\n'
-    text += ON_BODY.format(slave="upper.bottom", master="lower.top", gap=f"x**2/{2.0 * radius}")
+    text = HEAD + block("upper", (-2.0, 2.0), (0.0, 2.0)) + block("lower", (-2.0, 2.0), (-2.0, 0.0)) + CLAMP
+    text += press(-force) + pin("lower", [0.0, -2.0], ux=0.0) + pin("upper", [0.0, 2.0], ux=0.0)
+    text += contact("c", "upper.bottom", "lower.top", gap=f"x**2/{2.0 * radius}")
     found = contact_of(text, tmp_path / "run")
     half = np.sqrt(4.0 * force * radius / (np.pi * modulus))
     peak = np.sqrt(force * modulus / (np.pi * radius))
@@ -113,16 +106,16 @@ def test_a_crowned_gap_is_hertz_contact(tmp_path: Path) -> None:
 
 
 def test_a_constant_gap_is_as_if_drawn(tmp_path: Path) -> None:
-    text = HEAD + BODY.format(name="upper", x=(0.0, 1.0), y=(0.0, 1.0)) + ROLLERS.format(name="upper")
-    text += PRESS.format(force=-1.0).replace("fy = -1.0", "uy = -0.01") + ON_PLANE.format(gap="0.004")
-    found = contact_of(text.replace('gap = "0.004"', "gap = 0.004"), tmp_path / "run")
+    text = HEAD + UPPER
+    text += press(-1.0).replace("fy = -1.0", "uy = -0.01") + on_plane(0.004)
+    found = contact_of(text, tmp_path / "run")
     stiff = E * (1.0 - NU) / ((1.0 + NU) * (1.0 - 2.0 * NU))
     np.testing.assert_allclose(found.pressure[-1], 0.006 * stiff, rtol=1e-6)
 
 
 def test_a_gap_without_a_value_is_told_by_its_key(tmp_path: Path) -> None:
     case = tmp_path / "case.toml"
-    text = HEAD + BODY.format(name="upper", x=(0.0, 1.0), y=(0.0, 1.0)) + ROLLERS.format(name="upper")
-    case.write_text(text + PRESS.format(force=-1.0) + ON_PLANE.format(gap="sqrt(x - 0.5)"))
+    text = HEAD + UPPER
+    case.write_text(text + press(-1.0) + on_plane("sqrt(x - 0.5)"))
     with pytest.raises(CaseError, match=r"contact.c.gap.*has no value"):
         run(case, out=tmp_path / "run", console=Quiet())

@@ -64,7 +64,7 @@ def test_pages_lead_to_places_that_are_there() -> None:
         heads = re.findall(r"^#+ (.*)$", path.read_text(), flags=re.MULTILINE)
         return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
 
-    for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
+    for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")):
         for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
             if link.startswith("http"):
                 continue

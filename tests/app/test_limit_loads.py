@@ -10,40 +10,19 @@ import pytest
 
 from mlsanm_cli.contact.laws.limit_load import limit_load
 from tests.app.scenes import solve
+from tests.case_text import body, box, contact, head, item, material, plane
 from tests.contact.friction import half_planes
 
-BRICK = """
-format = 1
-[model]
-plane = "strain"
-[material.stone]
-E = 20e3
-nu = 0.2
-[[body]]
-name = "brick"
-material = "stone"
-shape = { kind = "rectangle", x = [0.0, 2.0], y = [0.0, 3.0] }
-[[load]]
-name = "weight"
-kind = "body-force"
-body = "brick"
-body-force = [0.0, -1.0]
-[[load]]
-name = "quake"
-kind = "body-force"
-body = "brick"
-body-force = [1.0, 0.0]
-[[contact]]
-name = "floor"
-slave = "brick.bottom"
-obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
-friction = 0.9
-accuracy = 0.05
-[[stage]]
-weight = 1.0
-[[stage]]
-quake = 1.0
-"""
+BRICK = (
+    head("strain")
+    + material("stone", E=20e3, nu=0.2)
+    + body("brick", "stone", shape=box([0.0, 2.0], [0.0, 3.0]))
+    + item("load", name="weight", kind="body-force", body="brick", body_force=[0.0, -1.0])
+    + item("load", name="quake", kind="body-force", body="brick", body_force=[1.0, 0.0])
+    + contact("floor", "brick.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.9, accuracy=0.05)
+    + item("stage", weight=1.0)
+    + item("stage", quake=1.0)
+)
 EXACT = 'contact.floor.regularization.law="exact"'
 UP = "load.quake.body-force=[0.0, 2.5]"
 
@@ -52,7 +31,6 @@ UP = "load.quake.body-force=[0.0, 2.5]"
     ("settings", "how", "position"),
     [
         ([], "tips over", 1.0 + 2.0 / 3.0),
-        ([EXACT], "tips over", 1.0 + 2.0 / 3.0),
         ([EXACT, UP], "loses contact", 1.4),
         ([EXACT, UP, "contact.floor.friction=0.0"], "loses contact", 1.4),
     ],

@@ -16,22 +16,6 @@ from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, PINS, WEIGHT, WOOD, Resu
 from tests.app.scenes import PATCH, Quiet, solve
 
 
-@pytest.mark.parametrize("degree", [2, 4])
-def test_self_weight(degree: int, tmp_path: Path) -> None:
-    text = block(LEFT, '[[support]]\nboundary = "block.right"\nux = 0.0\n', BOTTOM, WEIGHT)
-    found = Result(text, tmp_path / "run", f"mls.degree={degree}")
-    direct = 200.0 * 0.75 / (1.25 * 0.5)
-    y = found.points[:, 1]
-    assert np.abs(found.stress[:, 1] + 3.0 * (1.0 - y)).max() <= 1e-8 * 3.0
-    assert np.abs(found.stress[:, 2]).max() <= 1e-8 * 3.0
-    expected = -3.0 / direct * (y - 0.5 * y**2)
-    assert np.abs(found.displacement[:, 1] - expected).max() <= 1e-8 * np.abs(expected).max()
-    assert np.abs(found.displacement[:, 0]).max() <= 1e-8 * np.abs(expected).max()
-    np.testing.assert_allclose(found.forces["weight"], [0.0, -6.0], atol=1e-12)
-    np.testing.assert_allclose(found.forces["block.bottom"], [0.0, 6.0], atol=1e-9)
-    assert found.summary["force_balance"] <= 1e-10
-
-
 def test_body_force_against_a_platen(tmp_path: Path) -> None:
     # Nothing but the platen resists the weight: it carries exactly that and what is applied to it.
     text = block(

@@ -2,60 +2,29 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare
-from mlsanm_cli.app.scene.clouds import clouds
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
-from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import disk
-from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.laws.active_set import solve_exact
-from mlsanm_cli.contact.response.condensed import condense
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.operators.linear.cholesky import CholeskySolver
-from mlsanm_cli.solve.load_factors import stage_factors
 from tests.app.scenes import Quiet, solve
+from tests.case_text import EXACT, body, box, contact, disk, head, load, material, plane, pushed, support
 
-DISK = """
-format = 1
-[model]
-plane = "strain"
-[material.steel]
-E = 1.0
-nu = 0.3
-[[body]]
-name = "disk"
-material = "steel"
-spacing = 0.25
-shape = { kind = "disk", center = [0.0, 0.0], radius = 1.0 }
-refine = [
-    { at = [0.0, 1.0], spacing = 0.012, radius = 0.06, growth = 0.2 },
-    { at = [0.0, -1.0], spacing = 0.012, radius = 0.06, growth = 0.2 },
-]
-[[load]]
-name = "press"
-kind = "obstacle"
-obstacle = "top"
-fy = -0.0022
-[[contact]]
-name = "bottom"
-slave = "disk.arc"
-obstacle = { kind = "plane", point = [0.0, -1.0], normal = [0.0, 3.0] }
-regularization = { law = "exact" }
-[[contact]]
-name = "top"
-slave = "disk.arc"
-obstacle = { kind = "plane", point = [0.0, 1.0], normal = [0.0, -1.0] }
-regularization = { law = "exact" }
-"""
+PRECISION: dict[str, Any] = {"regularization": EXACT, "accuracy": 0.03}
+DISK = (
+    head("strain")
+    + material("steel", E=1.0, nu=0.3)
+    + body("disk", "steel", 0.25, disk([0.0, 0.0], 1.0))
+    + pushed("press", "top", fy=-0.0022)
+    + contact("bottom", "disk.arc", obstacle=plane([0.0, -1.0], [0.0, 3.0]), **PRECISION)
+    + contact("top", "disk.arc", obstacle=plane([0.0, 1.0], [0.0, -1.0]), **PRECISION)
+)
 SIDEWAYS = DISK.replace("fy = -0.0022", "force = [1e-4, -0.0022]")
 MONOLITHIC = ['solver.formulation="monolithic"']
 LAW = ['contact.floor.regularization.law="hyperbolic"']
@@ -65,95 +34,47 @@ SMOOTH = [f'contact.{name}.regularization.law="hyperbolic"' for name in ("bottom
 ROUGH = [f"contact.{name}.friction=0.3" for name in ("bottom", "top")]
 APART = ["contact.top.obstacle.point=[0.0, 1.05]", "contact.bottom.obstacle.point=[0.0, -1.02]"]
 
-BLOCK = """
-format = 1
-[model]
-plane = "strain"
-[material.steel]
-E = 1.0
-nu = 0.3
-[[body]]
-name = "block"
-material = "steel"
-spacing = 0.25
-shape = { kind = "rectangle", x = [0.0, 1.0], y = [0.0, 1.0] }
-[[load]]
-name = "push"
-boundary = "block.top"
-kind = "traction"
-traction = [0.0, -0.001]
-[[contact]]
-name = "floor"
-slave = "block.bottom"
-obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
-regularization = { law = "exact" }
-"""
+BLOCK = (
+    head("strain")
+    + material("steel", E=1.0, nu=0.3)
+    + body("block", "steel", 0.25, box([0.0, 1.0], [0.0, 1.0]))
+    + load("push", "block.top", "traction", traction=[0.0, -0.001])
+    + contact("floor", "block.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), regularization=EXACT)
+)
 
 
-class Mirrored(Cloud):
-    """A cloud whose areas are as symmetric as its nodes: of a trapezoid, either diagonal is Delaunay's."""
-
-    @cached_property
-    def areas(self) -> FloatArray:
-        twin = cKDTree(self.points).query(self.points * np.array([1.0, -1.0]))[1]
-        plain = Cloud(self.points, self.spacing, self.surfaces).areas
-        return np.asarray(0.5 * (plain + plain[twin]))
+Touching = Callable[[list[str]], tuple[Path, Quiet]]
 
 
-def mirrored(cloud: Cloud) -> Cloud:
-    """The upper half of a cloud of the unit disk and its mirror image, with no node on the line between."""
-    arc, clear = cloud.surfaces["arc"], 0.3 * cloud.spacing
-    upper = arc.index[cloud.points[arc.index, 1] > clear[arc.index]]
-    angle = np.mod(np.arctan2(cloud.points[upper, 1], cloud.points[upper, 0]) - 0.5 * np.pi, 2.0 * np.pi)
-    s = np.sort(np.mod(np.concatenate([angle, np.pi - angle]), 2.0 * np.pi))
-    curve = disk((0.0, 0.0), 1.0).curves[0]
-    inner = np.setdiff1d(np.flatnonzero(cloud.points[:, 1] > clear), arc.index)
-    kept = cloud.points[inner]
-    points = np.concatenate([curve.points(s), kept, kept * np.array([1.0, -1.0])])
-    at = np.arccos(np.clip(np.abs(points[: len(s), 1]), 0.0, 1.0))
-    depth = np.arccos(np.clip(cloud.points[upper, 1], 0.0, 1.0))
-    ranked = np.argsort(depth)
-    around = np.interp(at, depth[ranked], cloud.spacing[upper][ranked])
-    spacing = np.concatenate([around, cloud.spacing[inner], cloud.spacing[inner]])
-    return Mirrored(points, spacing, {"arc": Surface("arc", curve, np.arange(len(s)), s, curve.normals(s))})
+@pytest.fixture(scope="module")
+def touching(tmp_path_factory: pytest.TempPathFactory) -> Touching:
+    """Runs of the disk between plates that touch it from the start, each solved once."""
+
+    @cache
+    def made(*settings: str) -> tuple[Path, Quiet]:
+        directory, console = tmp_path_factory.mktemp("touching") / "run", Quiet()
+        assert solve(DISK, directory, *settings, console=console)["status"] == "done"
+        return directory, console
+
+    return lambda settings: made(*settings)
 
 
-@pytest.mark.parametrize(("scale", "largest"), [(1.0, 0.02), (0.5, 0.01), (0.25, 5e-4)])
-def test_both_contacts_of_a_mirrored_disk_are_alike(scale: float, largest: float) -> None:
-    """But for discretisation errors: the cloud knows of no mirror, so that its pieces are not images. With
-    spacings times 1, 0.7, 0.5, 0.35 and 0.25 the figure is 9e-3, 1e-4, 6e-3, 3e-4 and 2e-4."""
-    text = DISK.replace("= 0.25", f"= {0.25 * scale!r}").replace("= 0.012", f"= {0.012 * scale!r}")
-    case = parse_case(text, Path("case.toml")).case
-    placed = clouds(case)
-    prepared = prepare(case, {"disk": mirrored(placed["disk"])}, grids=False)
-    condensed = condense(assemble_bodies(case, prepared, CholeskySolver()), prepared.pairings)
-    pressure = solve_exact(condensed, stage_factors(case)[-1]).pressure
-    bottom, top = (pressure[condensed.spans[name]] for name in ("bottom", "top"))
-    # Both run counter-clockwise: one from left to right, the other from right to left.
-    assert np.abs(bottom - top[::-1]).max() <= largest * bottom.max()
-
-
-def test_a_disk_between_plates_may_neither_turn_nor_drift(tmp_path: Path) -> None:
-    console = Quiet()
-    assert solve(DISK, tmp_path / "run", console=console)["status"] == "done"
-    assert [note.split(",")[0] for note in console.notes[:2]] == [
+def test_a_disk_between_plates_may_neither_turn_nor_drift(touching: Touching) -> None:
+    assert [note.split(",")[0] for note in touching([])[1].notes[:2]] == [
         "body disk: rotation is fixed at 0",
         "body disk: ux is fixed at 0",
     ]
-    console = Quiet()
-    assert solve(DISK, tmp_path / "rough", *ROUGH, console=console)["status"] == "done"
-    assert not [note for note in console.notes if "fixed at 0" in note]
+    assert not [note for note in touching(ROUGH)[1].notes if "fixed at 0" in note]
 
 
 @pytest.mark.parametrize("settings", [[], SMOOTH, ROUGH])
-def test_a_gap_closes_before_the_force_grows(tmp_path: Path, settings: list[str]) -> None:
-    solve(DISK, tmp_path / "touching", *settings)
+def test_a_gap_closes_before_the_force_grows(touching: Touching, tmp_path: Path, settings: list[str]) -> None:
     summary = solve(DISK, tmp_path / "apart", *settings, *APART)
     assert summary["status"] == "done"
-    touching, apart = (
-        read_run(tmp_path / name).contacts["top"].pressure[-1] for name in ("touching", "apart")
+    pressed, apart = (
+        read_run(place).contacts["top"].pressure[-1] for place in (touching(settings)[0], tmp_path / "apart")
     )
-    assert apart == pytest.approx(touching, abs=2e-5 * touching.max())
+    assert apart == pytest.approx(pressed, abs=2e-5 * pressed.max())
     moved = read_run(tmp_path / "apart").path.displacements["press"][:, 1]
     if settings == SMOOTH:
         # The law lets the plates float onto the disk before any load.
@@ -241,13 +162,8 @@ def test_an_eccentric_push_moves_the_pressure_below_it(tmp_path: Path) -> None:
 
 
 def test_an_interference_moves_with_the_stages_that_name_it(tmp_path: Path) -> None:
-    fitted = (
-        BLOCK.replace('law = "exact" }', 'law = "exact" }\ninterference = 0.01')
-        + """
-[[support]]
-boundary = "block.top"
-uy = 0.0
-"""
+    fitted = BLOCK.replace('law = "exact" }', 'law = "exact" }\ninterference = 0.01') + support(
+        "block.top", uy=0.0
     )
     fitted = fitted[: fitted.index("[[load]]")] + fitted[fitted.index("[[contact]]") :]
     staged = fitted + "[[stage]]\nfloor = 0.5\n[[stage]]\nfloor = 1.0\n"
@@ -264,29 +180,17 @@ uy = 0.0
 
 def test_a_flat_pad_with_rounded_corners_stays_where_nothing_drives_it(tmp_path: Path) -> None:
     # Its roundings resist a motion along the block, but it is the flat face that touches at first.
-    text = """
-format = 1
-model = { plane = "strain" }
-material.steel = { E = 210e3, nu = 0.3 }
-support = [{ boundary = "block.bottom", ux = 0.0, uy = 0.0 }]
-load = [{ name = "press", boundary = "pad.top", kind = "platen", fy = -600.0 }]
-contact = [{ name = "face", slave = "pad.face", master = "block.top" }]
-[[body]]
-name = "pad"
-material = "steel"
-[body.shape]
-kind = "polygon"
-points = [[-4, 0], [4, 0], [4, 6], [-4, 6]]
-names = ["face", "right", "top", "left"]
-rounding = [2.0, 2.0, 0.0, 0.0]
-[[body]]
-name = "block"
-material = "steel"
-[body.shape]
-kind = "rectangle"
-x = [-20.0, 20.0]
-y = [-20.0, 0.0]
-"""
+    pad: dict[str, Any] = {"kind": "polygon", "points": [[-4, 0], [4, 0], [4, 6], [-4, 6]]}
+    pad |= {"names": ["face", "right", "top", "left"], "rounding": [2.0, 2.0, 0.0, 0.0]}
+    text = (
+        head("strain")
+        + material("steel", E=210e3, nu=0.3)
+        + body("pad", "steel", shape=pad)
+        + body("block", "steel", shape=box([-20.0, 20.0], [-20.0, 0.0]))
+        + support("block.bottom", ux=0.0, uy=0.0)
+        + load("press", "pad.top", "platen", fy=-600.0)
+        + contact("face", "pad.face", "block.top")
+    )
     console = Quiet()
     summary = solve(text, tmp_path / "run", console=console)
     assert summary["status"] == "done"

@@ -64,7 +64,6 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "newton": (hertz(), (*COARSE, SMOOTH[1], 'solver.method="newton"')),
     "ghost": (hertz(), (*COARSE, SMOOTH[1], 'mls.scheme="ghost"')),
-    "displacement": (hertz().replace("fy = -226.0", "uy = -0.002"), (*COARSE, SMOOTH[1])),
     "pushed": (PUSHED, SMOOTH[:2]),
     "tilting": (TILTING, SMOOTH[:2]),
     "collocation": ("paper", (*EVEN, SMOOTH[1])),

@@ -7,37 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.assessment.deformed import distances
 from tests.app.scenes import solve
+from tests.case_text import EXACT, body, box, contact, head, item, load, material, pin, plane, support, table
 
-SOLID = """
-format = 1
-[model]
-plane = "strain"
-[material.solid]
-E = 1000.0
-nu = 0.3
-alpha = 1e-3
-"""
+SOLID = head("strain") + material("solid", E=1000.0, nu=0.3, alpha=0.001)
 PAD = (
     SOLID
-    + """
-[[body]]
-name = "pad"
-material = "solid"
-spacing = 0.3
-[body.shape]
-kind = "polygon"
-points = [[-2.0, 0.0], [2.0, 0.0], [2.0, 3.0], [-2.0, 3.0]]
-names = ["face", "right", "top", "left"]
-rounding = [0.8, 0.8, 0.0, 0.0]
-[[load]]
-name = "press"
-boundary = "pad.top"
-kind = "platen"
-uy = -0.15
-ux = 0.0
-"""
+    + body("pad", "solid", 0.3)
+    + table(
+        "body.shape",
+        kind="polygon",
+        points=[[-2.0, 0.0], [2.0, 0.0], [2.0, 3.0], [-2.0, 3.0]],
+        names=["face", "right", "top", "left"],
+        rounding=[0.8, 0.8, 0.0, 0.0],
+    )
+    + load("press", "pad.top", "platen", uy=-0.15, ux=0.0)
 )
 ANGLES = np.linspace(0.0, 0.5 * np.pi, 13)
 """Curves that are no arcs are no rounded corners: a contact does not take them in by itself."""
@@ -62,84 +46,43 @@ SIDES = (
     + curve("corner1", -1.2, np.pi)
 )
 CURVED = PAD.partition('kind = "polygon"')[0] + 'kind = "outline"\n' + SIDES + PAD[PAD.index("[[load]]") :]
-BLOCK = """
-[[body]]
-name = "block"
-material = "solid"
-spacing = 0.3
-shape = { kind = "rectangle", x = [-5.0, 5.0], y = [-4.0, 0.0] }
-[[support]]
-boundary = "block.bottom"
-ux = 0.0
-uy = 0.0
-[[contact]]
-name = "face"
-slave = "pad.face"
-master = "block.top"
-regularization = { law = "exact" }
-"""
-PLANE = """
-[[contact]]
-name = "face"
-slave = "pad.face"
-obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
-regularization = { law = "exact" }
-"""
+BLOCK = (
+    body("block", "solid", 0.3, box([-5.0, 5.0], [-4.0, 0.0]))
+    + support("block.bottom", ux=0.0, uy=0.0)
+    + contact("face", "pad.face", "block.top", regularization=EXACT)
+)
+PLANE = contact("face", "pad.face", obstacle=plane([0.0, 0.0], [0.0, 1.0]), regularization=EXACT)
 WHOLE = 'contact.face.slave=["pad.face", "pad.corner1", "pad.corner2"]'
 BARS = (
     SOLID
-    + """
-[[body]]
-name = "hot"
-material = "solid"
-spacing = 0.5
-shape = { kind = "rectangle", x = [0.0, 4.0], y = [0.0, 1.0] }
-[[body]]
-name = "cold"
-material = "solid"
-spacing = 0.5
-shape = { kind = "rectangle", x = [4.1, 6.0], y = [-0.5, 1.5] }
-[[support]]
-boundary = "hot.left"
-ux = 0.0
-[[support]]
-body = "hot"
-near = [0.0, 0.0]
-uy = 0.0
-[[support]]
-boundary = "cold.right"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "heat"
-kind = "temperature"
-body = "hot"
-temperature = 50.0
-[output]
-at = [0.25, 1.0]
-"""
+    + body("hot", "solid", 0.5, box([0.0, 4.0], [0.0, 1.0]))
+    + body("cold", "solid", 0.5, box([4.1, 6.0], [-0.5, 1.5]))
+    + support("hot.left", ux=0.0)
+    + pin("hot", [0.0, 0.0], uy=0.0)
+    + support("cold.right", ux=0.0, uy=0.0)
+    + item("load", name="heat", kind="temperature", body="hot", temperature=50.0)
+    + table("output", at=[0.25, 1.0])
 )
 SLIT = (
     SOLID
-    + """
-[[body]]
-name = "clip"
-material = "solid"
-spacing = 0.15
-[body.shape]
-kind = "polygon"
-points = [[0.0, 0.0], [6.0, 0.0], [6.0, 1.0], [1.0, 1.0], [1.0, 1.15], [6.0, 1.15], [6.0, 2.15], [0.0, 2.15]]
-names = ["lower", "l", "inner", "root", "outer", "u", "upper", "back"]
-[[support]]
-boundary = "clip.lower"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "squeeze"
-boundary = "clip.upper"
-kind = "pressure"
-pressure = 0.2
-"""
+    + body("clip", "solid", 0.15)
+    + table(
+        "body.shape",
+        kind="polygon",
+        points=[
+            [0.0, 0.0],
+            [6.0, 0.0],
+            [6.0, 1.0],
+            [1.0, 1.0],
+            [1.0, 1.15],
+            [6.0, 1.15],
+            [6.0, 2.15],
+            [0.0, 2.15],
+        ],
+        names=["lower", "l", "inner", "root", "outer", "u", "upper", "back"],
+    )
+    + support("clip.lower", ux=0.0, uy=0.0)
+    + load("squeeze", "clip.upper", "pressure", pressure=0.2)
 )
 
 
@@ -200,13 +143,6 @@ def test_a_slit_that_closes_too_far_is_told(tmp_path: Path) -> None:
 def test_sharp_corners_that_slide_a_little_are_let_be(tmp_path: Path) -> None:
     punch = (PAD + BLOCK).replace("rounding = [0.8, 0.8, 0.0, 0.0]", "rounding = [0.0, 0.0, 0.0, 0.0]")
     assert solve(punch, tmp_path / "punch")["status"] == "done"
-
-
-def test_distances_are_those_to_the_nearest_chord() -> None:
-    edges = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 1.0, 2.0]])
-    distance, nearest = distances(np.array([[0.4, 0.3], [0.9, 1.5], [2.0, 3.0]]), edges)
-    assert distance == pytest.approx([0.3, 0.1, np.sqrt(2.0)])
-    assert nearest.tolist() == [0, 1, 1]
 
 
 def test_a_contact_pressed_up_to_a_smooth_end_is_told(tmp_path: Path) -> None:

@@ -12,40 +12,21 @@ import pytest
 
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, solve
+from tests.case_text import EXACT, body, box, contact, disk, head, material, pushed, support, table
 
 ROOT = Path(__file__).parents[2]
 AREAS = {"cylinder": 0.5 * np.pi, "block": 8.0}
-CYLINDER = """
-format = 1
-[model]
-plane = "strain"
-[material.rubber]
-E = 10.0
-nu = 0.3
-[[body]]
-name = "pad"
-material = "rubber"
-spacing = 0.25
-shape = { kind = "rectangle", x = [-2.0, 2.0], y = [-2.0, 0.0] }
-[[support]]
-boundary = "pad.bottom"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "down"
-kind = "obstacle"
-obstacle = "drum"
-uy = -0.02
-[[contact]]
-name = "drum"
-slave = "pad.top"
-accuracy = 0.01
-friction = 0.3
-obstacle = { kind = "disk", center = [0.0, 1.0], radius = 1.0 }
-regularization = { law = "exact" }
-[output]
-at = [0.5, 1.0]
-"""
+CYLINDER = (
+    head("strain")
+    + material("rubber", E=10.0, nu=0.3)
+    + body("pad", "rubber", 0.25, box([-2.0, 2.0], [-2.0, 0.0]))
+    + support("pad.bottom", ux=0.0, uy=0.0)
+    + pushed("down", "drum", uy=-0.02)
+    + contact(
+        "drum", "pad.top", accuracy=0.01, friction=0.3, obstacle=disk([0.0, 1.0], 1.0), regularization=EXACT
+    )
+    + table("output", at=[0.5, 1.0])
+)
 
 
 def read(path: Path) -> Any:

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.results import overlay
+from mlsanm_cli.app.results import animate, overlay
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.plot_choice import Choice, load_words
@@ -83,6 +83,7 @@ def test_bodies_are_coloured_by_the_field_asked_for(
     assert len(marks.nodes) == 2
 
 
+@pytest.mark.usefixtures("by_nodes")
 def test_units_are_labels_and_change_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept: list[tuple[Any, ...]] = []
     monkeypatch.setattr(plot_module, "plot_pressure", lambda *given, **words: kept.append((*given, words)))
@@ -159,12 +160,13 @@ def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, monkeypatch: pytest.
     assert (np.abs(traction) <= limit * (1.0 + 1e-9)).all()
 
 
-def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path) -> None:
+def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(animate, "FRAMES", 5)
     (file,) = plot(hertz_run, choice=Choice(animate=True, out=tmp_path / "p.gif"))
     with Image.open(file) as picture:
-        assert getattr(picture, "n_frames") == 40  # noqa: B009
+        assert getattr(picture, "n_frames") == 5  # noqa: B009
         first = np.asarray(picture.convert("RGB")).astype(int)
-        picture.seek(39)
+        picture.seek(4)
         last = np.asarray(picture.convert("RGB")).astype(int)
     assert np.abs(first - last).sum() > 0
     assert file.stat().st_size < 1e6
@@ -174,7 +176,8 @@ def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path) -> None:
         assert getattr(picture, "n_frames") == 3  # noqa: B009
 
 
-def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path) -> None:
+def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(animate, "FRAMES", 2)
     case = tmp_path / "bar.toml"
     case.write_text(BAR)
     run_case(case, out=tmp_path / "run", console=Quiet())

@@ -96,20 +96,6 @@ def test_saved_fields_give_only_levels_that_they_span(tmp_path: Path) -> None:
         probe.probe_point(tmp_path / "bar", [1.2], "bar", (1.3, 0.7))
 
 
-def test_the_ring_converges_to_lame(tmp_path: Path) -> None:
-    """Hoop stress at the inner side 500/3, displacement there by the closed formula."""
-    errors = []
-    for spacing in (0.2, 0.05):
-        summary = solve(starter("ring"), tmp_path / f"ring{spacing}", f"body.ring.spacing={spacing}")
-        seen = summary["probes"]["inner"]
-        plane, ratio = 210e3 / (1.0 - 0.3**2), 0.3 / 0.7
-        moved = 100.0 / plane * (5.0 / 3.0 + ratio)
-        errors.append([seen["stress"][1] / (500.0 / 3.0) - 1.0, seen["displacement"][0] / moved - 1.0])
-    coarse, fine = np.abs(errors)
-    assert (fine <= [0.001, 0.0003]).all()
-    assert (fine <= coarse / 4.0).all()
-
-
 def test_probes_see_what_the_fields_show(hertz_probes: Path) -> None:
     """Rows condensed with the contact against fields solved for, inside a step and at its end."""
     run = read_run(hertz_probes)
@@ -238,15 +224,11 @@ def test_what_there_is_to_probe(hertz_probes: Path) -> None:
     ("setting", "key", "words"),
     [
         ('probe=[{name="p", body="bar", point=[2.1, 0.5]}]', "probe.p.point", "outside body"),
-        ('probe=[{name="p", body="rod", point=[1.0, 0.5]}]', "probe.p.body", 'no body "rod"'),
         (
             'probe=[{name="p", body="bar", point=[1.0, 0.5]}, {name="p", body="bar", point=[1.0, 0.5]}]',
             "probe.p.name",
             "another probe",
         ),
-        ('probe={name="p"}', "probe", "list"),
-        ('probe=[{name="p", body="bar", point=[1.0]}]', "probe.p.point", "two numbers"),
-        ('probe=[{name="p", body="bar", at=[1.0, 0.5]}]', "probe.p.at", "unknown key"),
     ],
 )
 def test_wrong_probes(setting: str, key: str, words: str, tmp_path: Path) -> None:

@@ -13,159 +13,53 @@ from mlsanm_cli.app.scene.free_motions import free_motions
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.errors import CaseError
 from tests.app.scenes import solve
+from tests.case_text import (
+    EXACT,
+    annulus,
+    body,
+    box,
+    contact,
+    disk,
+    head,
+    item,
+    load,
+    material,
+    pin,
+    plane,
+    pushed,
+    support,
+)
 
-SQUEEZED = """
-format = 1
-[model]
-plane = "strain"
-[material.rubber]
-E = 50.0
-nu = 0.45
-[[body]]
-name = "base"
-material = "rubber"
-shape = { kind = "rectangle", x = [-9.549841954259321, 9.549841954259321], y = [0.0, 2.657353613610373] }
-[[body]]
-name = "disk"
-material = "rubber"
-shape = { kind = "disk", center = [0.0, 4.9096456071428705], radius = 2.2522919935324976 }
-[[body]]
-name = "lid"
-material = "rubber"
-shape = { kind = "rectangle", x = [-4.9, 4.9], y = [7.161937600675368, 11.299480446932417] }
-[[support]]
-boundary = "base.bottom"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "press"
-boundary = "lid.top"
-kind = "platen"
-fy = -2.0
-ux = 0.0
-[[contact]]
-name = "lower"
-slave = "base.top"
-master = "disk.arc"
-[[contact]]
-name = "upper"
-slave = "disk.arc"
-master = "lid.bottom"
-"""
-FIT = """
-format = 1
-[model]
-plane = "strain"
-[material.steel]
-E = 210e3
-nu = 0.3
-[[body]]
-name = "ring"
-material = "steel"
-spacing = 0.4
-shape = { kind = "annulus", center = [0.0, 0.0], radii = [1.0, 2.0] }
-[[body]]
-name = "shaft"
-material = "steel"
-spacing = 0.4
-shape = { kind = "disk", center = [0.0, 0.0], radius = 1.0 }
-[[contact]]
-name = "fit"
-slave = "shaft.arc"
-master = "ring.inner"
-interference = 1e-3
-"""
-PINNED = """
-format = 1
-[model]
-plane = "strain"
-[material.steel]
-E = 210e3
-nu = 0.3
-[[body]]
-name = "disk"
-material = "steel"
-shape = {{ kind = "disk", center = [0.0, 0.0], radius = 10.0 }}
-[[support]]
-body = "disk"
-near = {near!r}
-ux = 0.0
-uy = 0.0
-[[contact]]
-name = "floor"
-slave = "disk.arc"
-obstacle = {{ kind = "plane", point = {below!r}, normal = {up!r} }}
-[[load]]
-name = "press"
-kind = "obstacle"
-obstacle = "floor"
-displacement = {moved!r}
-"""
-WEIGHT = """
-[[load]]
-name = "weight"
-kind = "body-force"
-body = "{body}"
-body-force = [0.0, {value!r}]
-"""
-PINS = """
-format = 1
-[model]
-plane = "strain"
-[material.cast]
-E = 110e3
-nu = 0.25
-[[body]]
-name = "plate"
-material = "cast"
-shape = { kind = "rectangle", x = [-20.0, 20.0], y = [0.0, 8.0] }
-[[load]]
-name = "push"
-boundary = "plate.top"
-kind = "pressure"
-pressure = 50.0
-[[contact]]
-name = "left"
-slave = "plate.bottom"
-obstacle = { kind = "disk", center = [-14.0, -5.0], radius = 5.0 }
-regularization = { law = "exact" }
-accuracy = 0.01
-[[contact]]
-name = "right"
-slave = "plate.bottom"
-obstacle = { kind = "disk", center = [16.0, -5.0], radius = 5.0 }
-regularization = { law = "exact" }
-accuracy = 0.01
-"""
-SEAL = """
-format = 1
-[model]
-plane = "strain"
-[material.rubber]
-E = {modulus!r}
-nu = 0.45
-[[body]]
-name = "seal"
-material = "rubber"
-shape = {{ kind = "disk", center = [{x!r}, {y!r}], radius = {radius!r} }}
-[[load]]
-name = "close"
-kind = "obstacle"
-obstacle = "lid"
-displacement = {moved!r}
-[[contact]]
-name = "groove"
-slave = "seal.arc"
-obstacle = {{ kind = "polyline", points = {groove!r} }}
-regularization = {{ law = "exact" }}
-accuracy = 0.03
-[[contact]]
-name = "lid"
-slave = "seal.arc"
-obstacle = {{ kind = "plane", point = {above!r}, normal = {down!r} }}
-regularization = {{ law = "exact" }}
-accuracy = 0.03
-"""
+SQUEEZED = (
+    head("strain")
+    + material("rubber", E=50.0, nu=0.45)
+    + body("base", "rubber", shape=box([-9.549841954259321, 9.549841954259321], [0.0, 2.657353613610373]))
+    + body("disk", "rubber", shape=disk([0.0, 4.9096456071428705], 2.2522919935324976))
+    + body("lid", "rubber", shape=box([-4.9, 4.9], [7.161937600675368, 11.299480446932417]))
+    + support("base.bottom", ux=0.0, uy=0.0)
+    + load("press", "lid.top", "platen", fy=-2.0, ux=0.0)
+    + contact("lower", "base.top", "disk.arc")
+    + contact("upper", "disk.arc", "lid.bottom")
+)
+FIT = (
+    head("strain")
+    + material("steel", E=210e3, nu=0.3)
+    + body("ring", "steel", 0.4, annulus([0.0, 0.0], [1.0, 2.0]))
+    + body("shaft", "steel", 0.4, disk([0.0, 0.0], 1.0))
+    + contact("fit", "shaft.arc", "ring.inner", interference=0.001)
+)
+PINS = (
+    head("strain")
+    + material("cast", E=110e3, nu=0.25)
+    + body("plate", "cast", shape=box([-20.0, 20.0], [0.0, 8.0]))
+    + load("push", "plate.top", "pressure", pressure=50.0)
+    + contact("left", "plate.bottom", obstacle=disk([-14.0, -5.0], 5.0), regularization=EXACT, accuracy=0.01)
+    + contact("right", "plate.bottom", obstacle=disk([16.0, -5.0], 5.0), regularization=EXACT, accuracy=0.01)
+)
+
+
+def weight(of: str, value: float) -> str:
+    return item("load", name="weight", kind="body-force", body=of, body_force=[0.0, value])
 
 
 def prepared(text: str) -> SceneModel:
@@ -180,16 +74,15 @@ def seal(unit: float = 1.0, modulus: float = 8.0, turned: bool = False) -> str:
         return [-y * unit, x * unit] if turned else [x * unit, y * unit]
 
     walls = [(8.0, 4.5), (3.1, 4.5), (3.1, 0.0), (-3.1, 0.0), (-3.1, 4.5), (-8.0, 4.5)]
-    x, y = place(0.0, 3.0)
-    return SEAL.format(
-        modulus=modulus,
-        x=x,
-        y=y,
-        radius=3.0 * unit,
-        moved=place(0.0, -0.6),
-        groove=[place(*one) for one in walls],
-        above=place(0.0, 6.0),
-        down=place(0.0, -1.0),
+    law = {"regularization": EXACT, "accuracy": 0.03}
+    groove = {"kind": "polyline", "points": [place(*one) for one in walls]}
+    return (
+        head("strain")
+        + material("rubber", E=modulus, nu=0.45)
+        + body("seal", "rubber", shape=disk(place(0.0, 3.0), 3.0 * unit))
+        + pushed("close", "lid", displacement=place(0.0, -0.6))
+        + contact("groove", "seal.arc", obstacle=groove, **law)
+        + contact("lid", "seal.arc", obstacle=plane(place(0.0, 6.0), place(0.0, -1.0)), **law)
     )
 
 
@@ -213,7 +106,7 @@ def test_a_motion_of_two_bodies_names_both() -> None:
     assert [note.split(":")[0] for note in notes] == ["body ring", "body shaft", "body ring", "body ring"]
     assert all("moves together with body shaft" in note for note in notes[2:])
     with pytest.raises(CaseError) as caught:
-        prepared(FIT + WEIGHT.format(body="shaft", value=-1.0))
+        prepared(FIT + weight("shaft", -1.0))
     message = caught.value.problems[0].message
     assert "body ring in uy, which moves body shaft with it" in message
     assert "a force of -3.06" in message
@@ -222,10 +115,16 @@ def test_a_motion_of_two_bodies_names_both() -> None:
 @pytest.mark.parametrize("way", [(0.0, 1.0), (-1.0, 0.0), (0.6, 0.8)])
 def test_a_disk_held_at_its_top_may_turn_about_it(way: tuple[float, float]) -> None:
     up = np.array(way)
-    place = {"below": -10.0 * up, "up": up, "moved": 0.01 * up}
-    text = PINNED.format(**{key: one.tolist() for key, one in place.items()}, near="NEAR")
+    top, below, moved = ((size * up).tolist() for size in (10.0, -10.0, 0.01))
     # The node that is nearest to the top of a tilted scene is not quite there.
-    found = prepared(text.replace("'NEAR'", str((10.0 * up).tolist())))
+    found = prepared(
+        head("strain")
+        + material("steel", E=210e3, nu=0.3)
+        + body("disk", "steel", shape=disk([0.0, 0.0], 10.0))
+        + pin("disk", top, ux=0.0, uy=0.0)
+        + contact("floor", "disk.arc", obstacle=plane(below, list(way)))
+        + pushed("press", "floor", displacement=moved)
+    )
     assert len(found.weak) == 1
     assert found.weak[0].startswith("body disk: rotation is hardly resisted")
 
@@ -254,9 +153,9 @@ def test_a_seal_fills_its_groove_in_all_directions_and_units(
     other = solve(seal(**settings), tmp_path / "other")  # type: ignore[arg-type]
     assert other["status"] == "done", other["stop_reason"]
     scale = settings.get("modulus", 8.0) / 8.0
-    for name, contact in one["contacts"].items():
+    for name, found in one["contacts"].items():
         assert other["contacts"][name]["peak_pressure"] == pytest.approx(
-            scale * contact["peak_pressure"], rel=1e-6
+            scale * found["peak_pressure"], rel=1e-6
         )
     assert other["stability"] == pytest.approx(one["stability"], rel=1e-6)
 

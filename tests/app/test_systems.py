@@ -12,6 +12,7 @@ import pytest
 
 from mlsanm_cli import system
 from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.kernels.aot import kept
 from tests.app.scenes import BAR
 
 ROOT = Path(__file__).parents[2]
@@ -78,6 +79,16 @@ def test_memory_in_the_unit_of_the_system(monkeypatch: pytest.MonkeyPatch) -> No
     assert system.peak_memory_mb() == 300.0
     monkeypatch.setattr(sys, "platform", "linux")
     assert system.peak_memory_mb() == 300.0 * 1024.0
+
+
+def test_kept_kernels_are_not_left_to_numba_where_users_are_not_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They had been on Windows, at every run: no file was taken for one of this user."""
+    monkeypatch.delattr(os, "getuid")
+    assert not kept.left_to_numba(tmp_path)
+    (tmp_path / kept.LEFT).touch()
+    assert kept.left_to_numba(tmp_path)
 
 
 def test_links_and_pipes_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

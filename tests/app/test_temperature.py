@@ -14,22 +14,13 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
 from tests.app.blocks import PINS, Result, block
 from tests.app.scenes import Quiet
+from tests.case_text import pin
 
 E, NU, ALPHA = 200.0, 0.25, 1e-3
 HEAT = '[[load]]\nname = "heat"\nbody = "block"\nkind = "temperature"\ntemperature = "{}"\n'
 WALLS = '[[support]]\nboundary = ["block.left", "block.right"]\nux = 0.0\n'
 FOOT = '[[support]]\nbody = "block"\nnear = [0.0, 0.0]\nuy = 0.0\n'
-ROUND = """
-[[support]]
-body = "block"
-near = [{0}, 0.0]
-ux = 0.0
-uy = 0.0
-[[support]]
-body = "block"
-near = [-{0}, 0.0]
-uy = 0.0
-"""
+ROUND = pin("block", [1.0, 0.0], ux=0.0, uy=0.0) + pin("block", [-1.0, 0.0], uy=0.0)
 PROBE = '[[probe]]\nname = "p"\nbody = "block"\npoint = [0.3, 0.4]\n'
 DISK = '{ kind = "disk", center = [0.0, 0.0], radius = 1.0 }'
 RING = '{ kind = "annulus", center = [0.0, 0.0], radii = [0.5, 1.0] }'
@@ -90,10 +81,10 @@ def ring(r: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 @pytest.mark.parametrize(
-    ("shape", "field", "formula", "radius", "close"),
+    ("shape", "field", "formula", "close"),
     [
-        (DISK, "x**2 + y**2", disk, 1.0, 2e-3),
-        (RING, "log(hypot(x, y))", ring, 1.0, 8e-3),
+        (DISK, "x**2 + y**2", disk, 2e-3),
+        (RING, "log(hypot(x, y))", ring, 8e-3),
     ],
     ids=["disk", "ring"],
 )
@@ -101,12 +92,11 @@ def test_round_bodies(
     shape: str,
     field: str,
     formula: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
-    radius: float,
     close: float,
     plane: str,
     tmp_path: Path,
 ) -> None:
-    text = block(ROUND.format(radius), HEAT.format(field), PROBE, plane=plane).replace(RECTANGLE, shape)
+    text = block(ROUND, HEAT.format(field), PROBE, plane=plane).replace(RECTANGLE, shape)
     text = text.replace("spacing = 0.2", "spacing = 0.06")
     found = Result(text, tmp_path / "run", "mls.degree=4")
     x, y = found.points.T

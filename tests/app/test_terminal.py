@@ -177,9 +177,8 @@ def test_shell_completion(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_line_for_the_shell_is_printed_and_nothing_else(shell: str) -> None:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_MLSANM_COMPLETE": f"{shell}_source"}
+def test_the_line_for_the_shell_is_printed_and_nothing_else() -> None:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "_MLSANM_COMPLETE": "zsh_source"}
     command = [sys.executable, "-m", "mlsanm_cli.cli"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")

@@ -8,30 +8,15 @@ import pytest
 
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.errors import CaseError
+from tests.case_text import body, box, head, load, material, support
 
-BLOCK = """
-format = 1
-[model]
-plane = "strain"
-strain = "finite"
-[material.rubber]
-E = 2.6
-nu = 0.3
-law = "neo-hookean"
-[[body]]
-name = "block"
-material = "rubber"
-shape = { kind = "rectangle", x = [0.0, 1.0], y = [0.0, 1.0] }
-[[support]]
-boundary = "block.bottom"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "press"
-boundary = "block.top"
-kind = "pressure"
-pressure = 0.5
-"""
+BLOCK = (
+    head("strain", strain="finite")
+    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    + body("block", "rubber", shape=box([0.0, 1.0], [0.0, 1.0]))
+    + support("block.bottom", ux=0.0, uy=0.0)
+    + load("press", "block.top", "pressure", pressure=0.5)
+)
 
 
 def problems(text: str, *overrides: str) -> dict[str, str]:

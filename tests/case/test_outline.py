@@ -13,41 +13,22 @@ from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.summary import toml_text
 from tests.case.scenes import only, parse, problems
+from tests.case_text import body, head, item, load, material, support, table
 
-WAVY = """format = 1
-[model]
-plane = "strain"
-[material.m]
-E = 1.0
-nu = 0.3
-[[body]]
-name = "block"
-material = "m"
-[body.shape]
-kind = "outline"
-[[body.shape.sides]]
-name = "top"
-points = [[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [3.0, 0.1], [4.0, 0.0]]
-[[body.shape.sides]]
-name = "right"
-to = [4.0, -1.0]
-[[body.shape.sides]]
-name = "bottom"
-to = [0.0, -1.0]
-[[body.shape.sides]]
-name = "left"
-[[support]]
-boundary = ["block.bottom", "block.left"]
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "press"
-boundary = "block.top"
-kind = "pressure"
-pressure = 1.0
-from = [1.0, 0.1]
-to = [3.0, 0.1]
-"""
+WAVY = (
+    head("strain")
+    + material("m", E=1.0, nu=0.3)
+    + body("block", "m")
+    + table("body.shape", kind="outline")
+    + item(
+        "body.shape.sides", name="top", points=[[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [3.0, 0.1], [4.0, 0.0]]
+    )
+    + item("body.shape.sides", name="right", to=[4.0, -1.0])
+    + item("body.shape.sides", name="bottom", to=[0.0, -1.0])
+    + item("body.shape.sides", name="left")
+    + support(["block.bottom", "block.left"], ux=0.0, uy=0.0)
+    + load("press", "block.top", "pressure", pressure=1.0, from_=[1.0, 0.1], to=[3.0, 0.1])
+)
 SIDES = "body.block.shape.sides"
 
 

@@ -13,36 +13,23 @@ from mlsanm_cli.app.scene.surfaces import drawn
 from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.polygon import signed_area
 from tests.case.scenes import only, parse, problems
+from tests.case_text import body, head, item, load, material, support, table
 
-PLATE = """format = 1
-[model]
-plane = "stress"
-[material.m]
-E = 1.0
-nu = 0.3
-[[body]]
-name = "plate"
-material = "m"
-spacing = 0.2
-[body.shape]
-kind = "polygon"
-points = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 2.0], [2.0, 4.0], [0.0, 4.0]]
-names = ["bottom", "tip", "arm", "shank", "top", "left"]
-rounding = [0.0, 0.0, 0.3, 0.5, 0.0, 0.0]
-[[body.shape.holes]]
-name = "bolt"
-center = [1.0, 1.0]
-radius = 0.4
-[[support]]
-boundary = "plate.left"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "pull"
-boundary = "plate.tip"
-kind = "traction"
-traction = [1.0, 0.0]
-"""
+PLATE = (
+    head("stress")
+    + material("m", E=1.0, nu=0.3)
+    + body("plate", "m", 0.2)
+    + table(
+        "body.shape",
+        kind="polygon",
+        points=[[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 2.0], [2.0, 4.0], [0.0, 4.0]],
+        names=["bottom", "tip", "arm", "shank", "top", "left"],
+        rounding=[0.0, 0.0, 0.3, 0.5, 0.0, 0.0],
+    )
+    + item("body.shape.holes", name="bolt", center=[1.0, 1.0], radius=0.4)
+    + support("plate.left", ux=0.0, uy=0.0)
+    + load("pull", "plate.tip", "traction", traction=[1.0, 0.0])
+)
 CORNERS = ((0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0))
 
 

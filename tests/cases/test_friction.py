@@ -187,6 +187,8 @@ def test_shear_patch(tmp_path: Path, law: str) -> None:
     if law == "exact":
         assert np.abs(contact.slip[-1]).max() <= 1e-12
         assert contact.dissipated_work.max() == 0.0
+        assert summary["error_estimate"]["displacement"] <= 1e-10
+        assert summary["error_estimate"]["pressure"]["interface"] <= 1e-7
         for body in data.states[-1].bodies.values():
             assert (
                 np.abs(body["stress"][:, 2] / -20.0 - np.sign(body["stress"][:, 2].mean()) * -1.0).max()

@@ -29,17 +29,15 @@ def test_disk_between_plates(tmp_path: Path, law: str) -> None:
     assert np.array(bottom["force"]) == pytest.approx([0.0, 500.0], abs=1e-8)
     assert np.array(top["force"]) == pytest.approx([0.0, -500.0], abs=1e-8)
     assert np.array(summary["forces"]["press"]) == pytest.approx([0.0, -500.0], abs=1e-8)
-    # The cloud is symmetric from left to right only; the mirrored one of tests/app/test_loose.py from top to
-    # bottom as well, and so are its contacts.
+    # The cloud is symmetric from left to right only.
     assert top["peak_pressure"] == pytest.approx(bottom["peak_pressure"], rel=3e-3)
     for contact in (top, bottom):
         assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=3e-3)
 
 
-@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
-def test_stack(tmp_path: Path, law: str) -> None:
+def test_stack(tmp_path: Path) -> None:
     contacts = ("floor", "joint1", "joint2", "joint3")
-    summary, data = solve("stack", tmp_path / law, *laws(law, *contacts))
+    summary, data = solve("stack", tmp_path / "stack", *laws("exact", *contacts))
     for name in contacts:
         assert np.abs(data.contacts[name].pressure[-1] - 100.0).max() <= 1e-6 * 100.0
     # Blocks 1 and 3 are alike, and so are 2 and 4.

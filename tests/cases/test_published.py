@@ -15,7 +15,6 @@ from benchmarks.formulas.persson import PinInHole
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData, read_run
-from mlsanm_cli.reference.hertz import HertzLine
 from tests.app.scenes import Quiet
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -76,21 +75,6 @@ def test_hertz_forces(exact: tuple[Mapping[str, Any], RunData]) -> None:
     np.testing.assert_allclose(reaction, -applied, atol=2e-9 * 226.566)
 
 
-def test_hertz_stress_below_the_surface(tmp_path: Path) -> None:
-    hertz = HertzLine(226.566, 1.0, 0.5 * 210e3 / (1.0 - 0.3**2))
-    x, depth = (hertz.half_width * one.ravel() for one in np.meshgrid([0.0, 1.5], [0.1, 0.786, 1.5, 3.0]))
-    probes = [
-        f'{{name="p{k}", body="block", point=[{x[k]:.9f}, {-depth[k]:.9f}]}}' for k in range(len(depth))
-    ]
-    summary, _ = solve("hertz", tmp_path / "run", EXACT, f"probe=[{', '.join(probes)}]")
-    stress = np.array([summary["probes"][f"p{k}"]["stress"] for k in range(len(depth))])
-    # The formula's z points into the body.
-    difference = stress - hertz.stress(x, depth) * [1.0, 1.0, -1.0]
-    # Within the finite block xx is off by 1.8 % of the peak; the others have only the method's own error.
-    assert np.abs(difference).max() <= 0.02 * hertz.peak_pressure
-    assert np.abs(difference[:, 1:]).max() <= 0.002 * hertz.peak_pressure
-
-
 def test_hertz_by_series(
     exact: tuple[Mapping[str, Any], RunData], regularised: tuple[Mapping[str, Any], RunData]
 ) -> None:
@@ -127,6 +111,9 @@ def test_patch(tmp_path: Path) -> None:
     for body in data.states[-1].bodies.values():
         assert np.abs(body["stress"][:, 1] / -100.0 - 1.0).max() <= 1e-6
     assert summary["force_balance"] <= 1e-8
+    # An exact result is known to be exact.
+    assert summary["error_estimate"]["displacement"] <= 1e-11
+    assert summary["error_estimate"]["pressure"]["interface"] <= 1e-7
 
 
 def test_lame(tmp_path: Path) -> None:
@@ -152,7 +139,6 @@ def test_lame(tmp_path: Path) -> None:
     ("degree", "nodes", "overrides", "bar"),
     [
         (4, 3700, (), 0.005),
-        (2, 3700, (), 0.01),
         (2, 11000, ("body.plate.refine.0.spacing=0.0125", "body.plate.refine.0.growth=0.08"), 0.005),
     ],
 )
@@ -174,7 +160,7 @@ def test_kirsch(degree: int, nodes: int, overrides: tuple[str, ...], bar: float,
     assert np.abs(difference).max() <= 3.5 * bar
 
 
-@pytest.mark.parametrize("clearance", [0.1, 0.03, 0.01])
+@pytest.mark.parametrize("clearance", [0.1, 0.01])
 def test_pin_in_hole(clearance: float, tmp_path: Path) -> None:
     hole = (
         f"body.plate.shape.center=[0.0, {clearance}]",

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from click.shell_completion import BashComplete
 
 from mlsanm_cli.case.reference import value_keys
 from mlsanm_cli.cli import main
+from mlsanm_cli.cli.commands import cli
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT / "cases" / "hertz.toml"
@@ -20,17 +19,11 @@ CASE = ROOT / "cases" / "hertz.toml"
 
 def completed(words: str, count: int) -> list[str]:
     """What stands behind the words, of which ``count`` come before the one that is completed."""
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(ROOT),
-        "_MLSANM_COMPLETE": "bash_complete",
-        "COMP_WORDS": words,
-        "COMP_CWORD": str(count),
-    }
-    command = [sys.executable, "-m", "mlsanm_cli.cli"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    return [line.partition(",")[2] for line in done.stdout.splitlines() if line]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COMP_WORDS", words)
+        patch.setenv("COMP_CWORD", str(count))
+        told = BashComplete(cli, {}, "mlsanm", "_MLSANM_COMPLETE").complete()
+    return [line.partition(",")[2] for line in told.splitlines() if line]
 
 
 def test_keys_have_the_names_of_the_case_in_them() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.cli.text import number, pretty
+from mlsanm_cli.cli.text import pretty
 
 
 class Terminal(io.StringIO):
@@ -65,13 +65,6 @@ def test_a_log_gets_the_first_the_last_and_one_step_per_second() -> None:
     assert "\x1b" not in stream.getvalue()
 
 
-def test_slow_steps_are_all_shown_once() -> None:
-    stream = io.StringIO()
-    play(TerminalConsole(stream, Settings(), clock=Clock(2.0)), steps=4)
-    steps = [line for line in stream.getvalue().splitlines() if line.startswith("step")]
-    assert [int(line.split()[1]) for line in steps] == [1, 2, 3, 4]
-
-
 def test_a_terminal_keeps_the_last_step_and_no_phase() -> None:
     stream = Terminal()
     play(TerminalConsole(stream, Settings(color="never"), clock=Clock(0.01), width=120))
@@ -112,13 +105,6 @@ def test_a_step_is_cut_between_its_columns_only(width: int, shown: str) -> None:
     assert stream.getvalue().replace("\r\x1b[K", "") == shown
 
 
-def test_a_phase_never_wraps() -> None:
-    stream = Terminal()
-    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=20)
-    console.phase("finding the contacts' grids")
-    assert stream.getvalue().replace("\r\x1b[K", "") == "finding the con ..."
-
-
 def test_a_warning_between_steps_stands_on_its_own_line() -> None:
     stream = Terminal()
     console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=120)
@@ -153,18 +139,6 @@ def test_wide_items_are_shown_one_below_the_other() -> None:
     assert pretty({"bodies": items}, width=300).count("key 11") == 1
 
 
-def test_a_list_of_items_is_a_numbered_table() -> None:
-    shown = pretty({"nodes": [{"x": 1.5, "gap": 0.0}, {"x": 2.5, "gap": None}]}).splitlines()
-    assert [line.split() for line in shown] == [["nodes"], ["x", "gap"], ["1", "1.5", "0"], ["2", "2.5", "-"]]
-
-
-def test_numbers() -> None:
-    assert number(float("nan")) == "-"
-    assert number([]) == "none"
-    assert number(True) == "yes"
-    assert number(123456789) == "123456789"
-
-
 def test_a_line_that_stands_still_tells_since_when() -> None:
     stream = Terminal()
     console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=40, interval=0.02)
@@ -184,11 +158,3 @@ def test_a_line_that_stands_still_tells_since_when() -> None:
     assert stream.getvalue() == ended
     # What stays is the step as it was.
     assert stream.screen() == ["step    3   position 0.5", ""]
-
-
-def test_a_log_is_not_ticked() -> None:
-    stream = io.StringIO()
-    console = TerminalConsole(stream, Settings(), interval=0.01)
-    console.phase("factorising")
-    time.sleep(0.1)
-    assert stream.getvalue() == "factorising ...\n"

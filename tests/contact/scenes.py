@@ -20,6 +20,7 @@ from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.solve.load_factors import stage_factors
+from tests.case_text import body, contact, head, item, load, material, pin, support, table
 
 
 def synthetic(
@@ -61,103 +62,22 @@ def synthetic(
     )
 
 
-BLOCKS = """
-format = 1
-title = "Stacked blocks"
-[model]
-plane = "strain"
-[material.steel]
-E = 210e3
-nu = {nu}
-[[body]]
-name = "upper"
-material = "steel"
-spacing = {upper}
-[body.shape]
-kind = "rectangle"
-x = [0.0, 2.0]
-y = [1.0, 2.0]
-[[body]]
-name = "lower"
-material = "steel"
-spacing = {lower}
-[body.shape]
-kind = "rectangle"
-x = [{left}, {right}]
-y = [0.0, 1.0]
-[[support]]
-boundary = "lower.bottom"
-uy = 0.0
-[[support]]
-boundary = "lower.left"
-ux = 0.0
-[[support]]
-boundary = "upper.left"
-ux = 0.0
-[[load]]
-name = "press"
-boundary = "upper.top"
-kind = "platen"
-fy = -200.0
-[[contact]]
-name = "interface"
-slave = "upper.bottom"
-master = "lower.top"
-[contact.regularization]
-law = "exact"
-"""
-
-CYLINDER = """
-format = 1
-title = "Half-disk on a block"
-[model]
-plane = "strain"
-[material.steel]
-E = 210e3
-nu = 0.3
-[[body]]
-name = "cylinder"
-material = "steel"
-spacing = {far}
-[body.shape]
-kind = "half-disk"
-center = [0.0, 1.0]
-radius = 1.0
-side = "lower"
-[[body.refine]]
-at = [0.0, 0.0]
-spacing = {fine}
-radius = 0.07
-[[body]]
-name = "block"
-material = "steel"
-spacing = {far}
-[body.shape]
-kind = "rectangle"
-x = [-2.0, 2.0]
-y = [-2.0, 0.0]
-[[body.refine]]
-at = [{shift}, 0.0]
-spacing = {master}
-radius = 0.07
-[[support]]
-boundary = "block.bottom"
-uy = 0.0
-[[support]]
-body = "block"
-near = [0.0, -2.0]
-ux = 0.0
-[[load]]
-name = "press"
-boundary = "cylinder.flat"
-kind = "platen"
-{control}
-[[contact]]
-name = "interface"
-slave = "cylinder.arc"
-master = "block.top"
-reach = 0.02
-"""
+def blocks_text(nu: float, upper: float, lower: float, left: float = 0.0, right: float = 2.0) -> str:
+    """Two stacked blocks of these spacings; the lower one goes from ``left`` to ``right``."""
+    return (
+        head("strain")
+        + material("steel", E=210e3, nu=nu)
+        + body("upper", "steel", upper)
+        + table("body.shape", kind="rectangle", x=[0.0, 2.0], y=[1.0, 2.0])
+        + body("lower", "steel", lower)
+        + table("body.shape", kind="rectangle", x=[left, right], y=[0.0, 1.0])
+        + support("lower.bottom", uy=0.0)
+        + support("lower.left", ux=0.0)
+        + support("upper.left", ux=0.0)
+        + load("press", "upper.top", "platen", fy=-200.0)
+        + contact("interface", "upper.bottom", "lower.top")
+        + table("contact.regularization", law="exact")
+    )
 
 
 PARTNERS = ("x y", "ux uy", "fx fy", "bottom left", "top right")
@@ -224,8 +144,7 @@ def blocks(
     ratio: float = 1.37, nu: float = 0.3, spacing: float = 0.1, *overrides: str, overhang: float = 0.0
 ) -> Small:
     """Two blocks pressed together, node spacings 1 : ``ratio``; the lower one may stand out on both sides."""
-    text = BLOCKS.format(nu=nu, upper=spacing, lower=spacing * ratio, left=-overhang, right=2.0 + overhang)
-    return build(text, *overrides)
+    return build(blocks_text(nu, spacing, spacing * ratio, -overhang, 2.0 + overhang), *overrides)
 
 
 def cylinder(
@@ -236,5 +155,18 @@ def cylinder(
     shift: float = 0.0,
 ) -> Small:
     """A half-disk of radius 1 on a block; a/R = 0.05 under the default force."""
-    text = CYLINDER.format(far=0.2, fine=fine, master=master or fine, control=control, shift=shift)
+    text = (
+        head("strain")
+        + material("steel", E=210e3, nu=0.3)
+        + body("cylinder", "steel", 0.2)
+        + table("body.shape", kind="half-disk", center=[0.0, 1.0], radius=1.0, side="lower")
+        + item("body.refine", at=[0.0, 0.0], spacing=fine, radius=0.07)
+        + body("block", "steel", 0.2)
+        + table("body.shape", kind="rectangle", x=[-2.0, 2.0], y=[-2.0, 0.0])
+        + item("body.refine", at=[shift, 0.0], spacing=master or fine, radius=0.07)
+        + support("block.bottom", uy=0.0)
+        + pin("block", [0.0, -2.0], ux=0.0)
+        + f"{load('press', 'cylinder.flat', 'platen')}{control}\n"
+        + contact("interface", "cylinder.arc", "block.top", reach=0.02)
+    )
     return build(text, *overrides)

@@ -11,7 +11,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import surface_fit
 from mlsanm_cli.contact.response.coercivity import contact_stability, relative_resistance
 from mlsanm_cli.contact.response.functionals import gap_rows, reaction_rows
-from mlsanm_cli.contact.response.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.contact.response.load_vectors import _on_pieces
 from mlsanm_cli.contact.response.short_waves import SMOOTH
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -292,30 +291,3 @@ def test_nodes_left_out_are_watched(forced: Small) -> None:
     state = forced.exact()
     assert (watched(state.factors, state.motion, state.pressure) > 0.0).all()
     assert forced.condensed.gap.constant == pytest.approx(pairing.gap[pairing.candidate])
-
-
-def test_linear_maps() -> None:
-    columns = Columns(2, 1, 3)
-    rows = np.arange(12.0).reshape(2, 6)
-    mapped = columns.split(rows, np.array([1.0, -1.0]))
-    f, q, p = np.array([1.0, 2.0]), np.array([3.0]), np.array([4.0, 5.0, 6.0])
-    value = rows @ np.concatenate([f, q, p]) + np.array([1.0, -1.0])
-    assert mapped(f, q, p) == pytest.approx(value)
-    assert (mapped + mapped + -mapped)(f, q, p) == pytest.approx(value)
-    assert mapped.take(np.array([False, True]))(f, q, p) == pytest.approx(value[1:])
-    assert stack([mapped, mapped.take(slice(0, 1))], columns)(f, q, p) == pytest.approx([*value, value[0]])
-    assert stack([], columns)(f, q, p).shape == (0,)
-    assert columns.of_loads(np.array([[2.0, 0.5]]))(f, q, p) == pytest.approx([3.0])
-    alone: LinearMap = columns.of_pressures(slice(1, 3), np.array([[1.0, -1.0]]))
-    assert alone(f, q, p) == pytest.approx([-1.0])
-
-
-def test_all_functionals_at_once_are_those_of_solution_after_solution(pushed: Small) -> None:
-    for name, body in pushed.scene.bodies.items():
-        sources = pushed.condensed.sources[name]
-        observed = gap_rows(body, name, pushed.condensed.pairings)
-        expected = observed @ body.system.solve(sources)
-        size = np.linalg.norm(expected, axis=0)
-        assert (
-            np.linalg.norm(body.system.functionals(observed, sources) - expected, axis=0) <= 1e-8 * size
-        ).all()

@@ -38,12 +38,6 @@ def test_pressure_profile(fine: Small) -> None:
     assert half_width(fine.coordinate, pressure) == pytest.approx(HERTZ.half_width, abs=0.004)
 
 
-def test_half_the_force_gives_less_width(fine: Small) -> None:
-    state = fine.exact(0.25 * fine.factors)
-    assert state.pressure.max() == pytest.approx(0.5 * HERTZ.peak_pressure, rel=0.03)
-    assert half_width(fine.coordinate, state.pressure) == pytest.approx(0.025, abs=0.004)
-
-
 @pytest.mark.parametrize(("body", "sign"), [("block", -1.0), ("cylinder", 1.0)])
 def test_stress_below_the_surface(fine: Small, body: str, sign: float) -> None:
     points = fine.scene.bodies[body].model.cloud.points

@@ -1,21 +1,18 @@
-"""The hyperbolic law: derivatives, series, and its way to the exact law."""
+"""The hyperbolic law and its way to the exact law; its derivatives are tested with those of friction."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.regularization import Regularization
-from mlsanm_cli.contact.laws.regularized_friction import FrictionTangent, RegularizedFriction
+from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.laws.scales import WIDEST, regularize
 from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.errors import NumericalError
-from tests.contact.derivatives import highest_terms, lack_of_orders, tangent_times
 from tests.contact.scenes import Small, cylinder, synthetic
 
 
@@ -48,44 +45,6 @@ def state(problem: RegularizedFriction, seed: int) -> FloatArray:
     """An admissible state (2m + k,)."""
     rng = np.random.default_rng(seed + 1)
     return np.concatenate([rng.uniform(0.1, 3.0, 2 * problem.m), rng.normal(size=problem.k)])
-
-
-sizes = {"m": st.integers(1, 6), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}
-
-
-@given(**sizes)
-def test_tangent_undoes_the_residuals_derivative(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
-    x, v = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
-    found = problem.tangent(x, 0.3).solve(tangent_times(problem, x, 0.3, v))
-    assert np.abs(found - v).max() <= 1e-7 * np.abs(v).max()
-
-
-@given(**sizes)
-def test_load_derivative(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
-    x = state(problem, seed)
-    expected = problem.residual(x, 1.0) - problem.residual(x, 0.0)
-    assert problem.load_derivative(x, 0.3) == pytest.approx(expected, abs=1e-10)
-    assert np.abs(expected).max() > 0.0
-
-
-@given(**sizes)
-def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
-    x = state(problem, seed)
-    tangent = problem.tangent(x, 0.3)
-    assert isinstance(tangent, FrictionTangent)
-    assert lack_of_orders(problem, tangent, x, seed) <= 1e-8
-
-
-@given(order=st.integers(1, 8), **sizes)
-def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
-    rng = np.random.default_rng(seed + 3)
-    x = np.concatenate([state(problem, seed)[None], rng.normal(size=(order, problem.size))])
-    found, expected, _ = highest_terms(problem, x, rng.normal(size=order + 1))
-    assert np.abs(found - expected).max() <= 1e-6 * max(1.0, np.abs(expected).max())
 
 
 def test_first_order_has_no_terms_from_below() -> None:

@@ -21,10 +21,11 @@ from tests.contact.friction import in_units
 from tests.contact.scenes import synthetic
 
 
-def random_problem(m: int, k: int, seed: int) -> RegularizedFriction:
-    """A made-up problem; the first node has no friction, of the others some stick, slip or are open."""
+def random_problem(m: int, k: int, seed: int, smooth: int = 1) -> RegularizedFriction:
+    """A made-up problem; the first ``smooth`` nodes have no friction, of the others some stick, slip or are
+    open."""
     rng = np.random.default_rng(seed)
-    n = m - 1
+    n = max(m - smooth, 0)
     root = rng.normal(size=(m + n, m + n))
     whole = root @ root.T + np.eye(m + n)
     columns = Columns(2, k, m, n)
@@ -33,7 +34,7 @@ def random_problem(m: int, k: int, seed: int) -> RegularizedFriction:
     base = synthetic(whole[:m, :m], rng.normal(size=m))
     condensed = replace(
         base,
-        friction_nodes=np.arange(1, m),
+        friction_nodes=np.arange(m - n, m),
         friction=rng.uniform(0.1, 1.0, n),
         gap=replace(gap, pressure=whole[:m, :m], traction=whole[:m, m:]),
         slip=replace(slip, pressure=whole[m:, :m], traction=whole[m:, m:]),
@@ -52,7 +53,7 @@ def random_problem(m: int, k: int, seed: int) -> RegularizedFriction:
     )
     kind = rng.integers(0, 4, n)
     closed = np.zeros(m, dtype=bool)
-    closed[1:] = kind > 0
+    closed[m - n :] = kind > 0
     sets = ContactStatus(closed, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
     start, end, stick_reference = rng.normal(size=2), rng.normal(size=2), rng.normal(size=n)
     return RegularizedFriction(DenseCoupling.of(condensed, law).softened(), start, end, sets, stick_reference)
@@ -65,28 +66,33 @@ def state(problem: RegularizedFriction, seed: int) -> FloatArray:
     return np.concatenate([rng.uniform(0.1, 3.0, 2 * m), rng.normal(size=problem.k + problem.n)])
 
 
-sizes = {"m": st.integers(2, 7), "k": st.integers(0, 3), "seed": st.integers(0, 10_000)}
+sizes = {
+    "m": st.integers(2, 7),
+    "k": st.integers(0, 3),
+    "seed": st.integers(0, 10_000),
+    "smooth": st.sampled_from([1, 1, 7]),
+}
 
 
 @given(**sizes)
-def test_tangent_undoes_the_residuals_derivative(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
+def test_tangent_undoes_the_residuals_derivative(m: int, k: int, seed: int, smooth: int) -> None:
+    problem = random_problem(m, k, seed, smooth)
     x, v = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)
     found = problem.tangent(x, 0.3).solve(tangent_times(problem, x, 0.3, v))
     assert np.abs(found - v).max() <= 1e-6 * np.abs(v).max()
 
 
 @given(**sizes)
-def test_load_derivative(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
+def test_load_derivative(m: int, k: int, seed: int, smooth: int) -> None:
+    problem = random_problem(m, k, seed, smooth)
     x = state(problem, seed)
     expected = problem.residual(x, 1.0) - problem.residual(x, 0.0)
     assert problem.load_derivative(x, 0.3) == pytest.approx(expected, abs=1e-10)
 
 
 @given(**sizes)
-def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
+def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int, smooth: int) -> None:
+    problem = random_problem(m, k, seed, smooth)
     x = state(problem, seed)
     tangent = problem.tangent(x, 0.3)
     assert isinstance(tangent, FrictionTangent)
@@ -94,8 +100,8 @@ def test_high_orders_at_once_are_those_one_by_one(m: int, k: int, seed: int) -> 
 
 
 @given(order=st.integers(1, 6), **sizes)
-def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
+def test_series_terms_are_those_of_the_residual(order: int, m: int, k: int, seed: int, smooth: int) -> None:
+    problem = random_problem(m, k, seed, smooth)
     rng = np.random.default_rng(seed + 3)
     x = np.concatenate([state(problem, seed)[None], rng.normal(size=(order, problem.size))])
     found, expected, _ = highest_terms(problem, x, rng.normal(size=order + 1))
@@ -153,8 +159,8 @@ def test_nothing_resists_is_told() -> None:
 
 
 @given(**sizes)
-def test_units_change_no_digit(m: int, k: int, seed: int) -> None:
-    problem = random_problem(m, k, seed)
+def test_units_change_no_digit(m: int, k: int, seed: int, smooth: int) -> None:
+    problem = random_problem(m, k, seed, smooth)
     length, stress = 2.0**-20, 2.0**40
     base = DenseCoupling.of(*in_units(problem.condensed, problem.law, length, stress)).softened()
     end = problem.start + problem.change

@@ -15,52 +15,23 @@ from mlsanm_cli.contact.response import condensed
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.contact.response.short_waves import SMOOTH, resolved
+from tests.case_text import annulus, body, contact, head, item, load, material, support, table
 from tests.contact.scenes import Small, build, cylinder
 
-FIT = """
-format = 1
-[model]
-plane = "stress"
-[material.steel]
-E = 210e3
-nu = 0.3
-[[body]]
-name = "hub"
-material = "steel"
-spacing = 0.05
-[body.shape]
-kind = "annulus"
-center = [0.0, 0.0]
-radii = [1.0, 1.6]
-[[body]]
-name = "bush"
-material = "steel"
-spacing = 0.05
-[body.shape]
-kind = "annulus"
-center = [0.0, 0.0]
-radii = [0.6, 1.0]
-[[support]]
-boundary = "hub.outer"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "push"
-boundary = "bush.inner"
-kind = "traction"
-traction = {traction}
-[[contact]]
-name = "fit"
-slave = "bush.outer"
-master = "hub.inner"
-interference = 0.001
-friction = 0.3
-[[stage]]
-fit = 1.0
-push = 1.0
-[mls]
-degree = 4
-"""
+
+def fit(traction: list[float]) -> str:
+    """A bush in a hub, pushed."""
+    return (
+        head("stress")
+        + material("steel", E=210e3, nu=0.3)
+        + body("hub", "steel", 0.05, annulus([0.0, 0.0], [1.0, 1.6]))
+        + body("bush", "steel", 0.05, annulus([0.0, 0.0], [0.6, 1.0]))
+        + support("hub.outer", ux=0.0, uy=0.0)
+        + load("push", "bush.inner", "traction", traction=traction)
+        + contact("fit", "bush.outer", "hub.inner", interference=0.001, friction=0.3)
+        + item("stage", fit=1.0, push=1.0)
+        + table("mls", degree=4)
+    )
 
 
 @cache
@@ -135,12 +106,12 @@ def test_gaps_follow_the_fit_of_tractions() -> None:
 
 def test_degree_4_resists_where_spacings_grow_along_the_contact() -> None:
     settings = ["mls.degree=4", "mls.neighbors=37", "contact.interface.friction=0.3"]
-    for body, depth in (("cylinder", 1.0), ("block", 0.0)):
+    for name, depth in (("cylinder", 1.0), ("block", 0.0)):
         zones = ["{at=[0.0,0.0],spacing=0.005,radius=0.06,growth=0.2}"]
         for x in (-0.05, -0.0353553, 0.0353553, 0.05):
             y = depth * (1.0 - math.sqrt(1.0 - x**2))
             zones.append(f"{{at=[{x},{y}],spacing=0.0005,radius=0.002,growth=0.2}}")
-        settings.append(f"body.{body}.refine=[{','.join(zones)}]")
+        settings.append(f"body.{name}.refine=[{','.join(zones)}]")
     one = cylinder(0.006, *settings)
     bearing = np.abs(one.coordinate) <= 0.05
     assert 0.2 <= contact_stability(one.condensed, bearing) <= 2.0
@@ -179,8 +150,8 @@ def test_a_fit_sticks_alike_whichever_way_it_is_pushed() -> None:
     # Towards 90 degrees lies the seam of the bush's arc, where the fits along it had ended: tractions there
     # were off by a sixth of the largest.
     angles, tractions = np.linspace(-np.pi, np.pi, 73), []
-    for push, turn in (("[30.0, 0.0]", 0.0), ("[0.0, 30.0]", 0.5 * np.pi)):
-        one = build(FIT.format(traction=push))
+    for push, turn in (([30.0, 0.0], 0.0), ([0.0, 30.0], 0.5 * np.pi)):
+        one = build(fit(push))
         zero = np.zeros_like(one.factors)
         state, _ = increment(one.condensed, unloaded(one.condensed, zero), one.factors)
         assert state.sets.stuck.all()

@@ -1,4 +1,4 @@
-"""Contact problems in the form the continuation layer asks for, and their exact (active-set) answers."""
+"""Contact problems in the form the continuation layer asks for."""
 
 from __future__ import annotations
 
@@ -169,19 +169,3 @@ def open_start(problem: Contact) -> FloatArray:
     return np.concatenate(
         [np.zeros(problem.m), problem.h0 + problem.delta, -problem.delta[: problem.force.size]]
     )
-
-
-def exact_pressure(problem: Contact, lam: float) -> tuple[FloatArray, FloatArray]:
-    """Return pressure and gap of p >= 0, h >= 0, p h = 0 by an active set (no rigid motions)."""
-    free = problem.h0 + lam * problem.hl
-    active = free < 0.0
-    for _ in range(200):
-        pressure = np.zeros(problem.m)
-        pressure[active] = np.linalg.solve(problem.compliance[np.ix_(active, active)], -free[active])
-        gap = free + problem.compliance @ pressure
-        gap[active] = 0.0
-        changed = np.where(active, pressure > 0.0, gap < 0.0)
-        if np.array_equal(changed, active):
-            return pressure, gap
-        active = changed
-    raise AssertionError("the active set does not settle")

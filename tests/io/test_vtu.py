@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -17,7 +14,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.vtk_xml import vertices, write_grid
 from mlsanm_cli.io.vtu import BodyState, ModelBody, StateWriter, write_model, write_single
 
-ROOT = Path(__file__).parents[2]
 RNG = np.random.default_rng(3)
 
 
@@ -145,20 +141,6 @@ def test_wrong_shapes_are_refused(tmp_path: Path, field: str, shape: tuple[int, 
 def test_a_missing_directory_is_a_run_error(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="cannot write"):
         StateWriter(tmp_path / "none").write(0.0, {"a": state(2)})
-
-
-def test_importing_the_layer_loads_neither_meshio_nor_matplotlib() -> None:
-    code = (
-        "import sys\n"
-        "import mlsanm_cli.io.vtu, mlsanm_cli.io.run_file, mlsanm_cli.io.run_reader, mlsanm_cli.io.run_dir\n"
-        "import mlsanm_cli.io.summary, mlsanm_cli.io.plots.plots, mlsanm_cli.io.plots.cloud\n"
-        "print({'meshio', 'matplotlib', 'scipy', 'rich'} & set(sys.modules))"
-    )
-    command = [sys.executable, "-c", code]
-    output = subprocess.run(
-        command, capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": str(ROOT)}
-    )
-    assert output.stdout.strip() == "set()"
 
 
 def test_triangles_fill_a_body_and_points_in_none_stay_vertices(tmp_path: Path) -> None:

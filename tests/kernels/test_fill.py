@@ -104,14 +104,6 @@ def test_no_two_nodes_are_closer_than_their_spacing(zones: list[Zone], seed: int
     assert (distance >= (1.0 - 1e-9) * least).all()
 
 
-def test_even_spacing_keeps_every_interior_node_a_whole_spacing_away() -> None:
-    points, boundary = front(SQUARE, Spacing(0.07), 5)
-    interior = np.arange(boundary, len(points))
-    distance = cdist(points[interior], points)
-    distance[np.arange(len(interior)), interior] = np.inf
-    assert distance.min() >= 0.07 * (1.0 - 1e-8)
-
-
 def test_same_seed_same_bits_other_seed_other_nodes() -> None:
     spacing = Spacing(0.1, (Zone.around((0.5, 1.0), 0.01, 0.1, 0.12),))
     first, again = (build_cloud(SQUARE, spacing, 7).points for _ in range(2))

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,10 +14,8 @@ import pytest
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels import blas
 from mlsanm_cli.kernels.aot import kept
-from mlsanm_cli.kernels.aot.jit import load
 from mlsanm_cli.kernels.aot.machine import Code
-from tests.app.scenes import hertz
-from tests.kernels.programs import KERNELS, MORE, ROOT, ROOTS, answer, files, run, run_plain, started
+from tests.kernels.programs import KERNELS, MORE, ROOTS, answer, files, run, run_plain, started
 
 
 @pytest.fixture(scope="module")
@@ -95,17 +91,18 @@ def test_another_version_or_setting_of_numba_has_code_of_its_own(
     assert kept.directory() == places[0]
 
 
-@pytest.mark.parametrize("number", range(7))
-def test_everything_that_code_depends_on_is_in_its_name(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    before, parts = kept.directory(), kept.circumstances()
-    assert kept.directory() == before
-    changed = tuple(part + "x" * (at == number) for at, part in enumerate(parts))
-    monkeypatch.setattr(kept, "circumstances", lambda: changed)
-    assert kept.directory() != before
+def test_everything_that_code_depends_on_is_in_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    parts, names = kept.circumstances(), {kept.directory()}
+    for number in range(len(parts)):
+        changed = tuple(part + "x" * (at == number) for at, part in enumerate(parts))
+        monkeypatch.setattr(kept, "circumstances", lambda changed=changed: changed)
+        names.add(kept.directory())
+    assert len(parts) >= 7
+    assert len(names) == len(parts) + 1
 
 
 def test_many_processes_may_start_cold_at_once(tmp_path: Path) -> None:
-    processes = [started(tmp_path, KERNELS + ROOTS) for _ in range(3)]
+    processes = [started(tmp_path, KERNELS + ROOTS) for _ in range(2)]
     told = [process.communicate()[0].splitlines() for process in processes]
     assert all(lines[1].startswith("[1.0, 1.5] [0, 1, 2] 4 0.25") for lines in told)
     assert len(files(tmp_path)) == 1
@@ -188,24 +185,13 @@ from mlsanm_cli.kernels.aot import compiler
 right = compiler._kinds
 compiler._kinds = lambda layout: right(layout).replace("ppiip", "ppip")
 """
-UNPROVEN = """
-from mlsanm_cli.kernels.aot import compiler
-right = compiler.compiled
-def wrong(kernels):
-    code = right(kernels)
-    return machine.Code(code.object, code.entries, (*code.symbols, "nobody_has_this"), code.math)
-compiler.compiled = wrong
-"""
 CRASH = """
 from mlsanm_cli.kernels.aot import compiler
 compiler.PROOF = "import os; os.abort()"
 """
 
 
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [(WRONG_LAYOUT, "passes values as"), (UNPROVEN, "no function nobody_has_this"), (CRASH, "-6")],
-)
+@pytest.mark.parametrize(("change", "reason"), [(WRONG_LAYOUT, "passes values as"), (CRASH, "-6")])
 def test_code_that_could_not_be_loaded_is_left_to_numba(change: str, reason: str, tmp_path: Path) -> None:
     # The same arguments are refused.
     check = "try:\n  roots(np.ones(2, dtype=np.float32), 1.0, 1)\nexcept TypeError as error:\n  print(error)"
@@ -242,7 +228,7 @@ USES = """
 first = ones(3, 1_000_000)
 kept_part = first[1, 5:8]
 del first
-for _ in range(80):
+for _ in range(30):
     assert ones(3, 1_000_000).sum() == 3e6
 # Not the largest ever: a process inherits that of the one that started it.
 pages = int(open("/proc/self/statm").read().split()[1])
@@ -318,24 +304,3 @@ def test_functions_of_scipy_are_called_as_they_are_declared() -> None:
         wrong = dataclasses.replace(external, arguments=external.arguments.replace("i", "l"))
         with pytest.raises(RunError, match=f"has a {external.name} that kernels cannot call: void"):
             wrong.address()
-
-
-def test_a_warm_run_imports_no_numba(tmp_path: Path) -> None:
-    if load().place is None:
-        pytest.skip("kernels are not kept here")
-    program = """
-import sys
-from mlsanm_cli.cli import main
-code = main(["run", "case.toml", "--quiet"])
-print(code, sorted(name for name in sys.modules if name.startswith("numba")), file=sys.stderr)
-"""
-    (tmp_path / "case.toml").write_text(hertz())
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stderr.splitlines()[-1] == "0 []"

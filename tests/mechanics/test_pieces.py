@@ -18,7 +18,7 @@ from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.mechanics.material import isotropic
-from mlsanm_cli.mechanics.pieces import Pieces, turned_along
+from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
@@ -144,14 +144,6 @@ def test_without_values_between_the_nodes_a_pressure_is_turned_along_the_outline
     exact = body.loads @ pressed(body, name, 1.0)
     source = body.source(name, -cloud.surfaces[name].normal, held=False)
     assert np.abs(body.loads @ source - exact).max() <= 1e-6 * np.abs(exact).max()
-
-
-def test_vectors_are_turned_as_normals_are() -> None:
-    start, end = np.random.default_rng(0).uniform(0.0, 6.0, (2, 20))
-    one, other = (np.stack([np.cos(a), np.sin(a)], axis=1) for a in (start, end))
-    turn = turned_along(one, other)
-    np.testing.assert_allclose(np.einsum("eij,ej->ei", turn, one), other, atol=1e-14)
-    np.testing.assert_allclose(turn @ turn.transpose(0, 2, 1), np.tile(np.eye(2), (20, 1, 1)), atol=1e-14)
 
 
 @pytest.mark.parametrize("held", HELDS)

@@ -345,15 +345,6 @@ def test_sums_that_say_nothing_or_what_others_say_are_left_out() -> None:
     assert (kept.shape, numbers.tolist()) == ((1, 120), [1])
 
 
-def test_no_strong_rows_are_none() -> None:
-    plain, rows, weight = least_squares(1.0)
-    none = Strong.none(120, 300)
-    points = np.random.default_rng(0).uniform(0.0, 1.0, (60, 2))
-    system = factorise(sparse.csr_array(weight[:, None] * rows), weight, points, CholeskySolver(), none)
-    b = sparse.csc_array(np.random.default_rng(1).normal(size=(300, 2)))
-    assert np.array_equal(system.solve(b), plain.solve(b))
-
-
 def test_a_step_comes_with_the_solution_for_more() -> None:
     _, system, _, _ = strengthened(1.0)
     rng = np.random.default_rng(8)

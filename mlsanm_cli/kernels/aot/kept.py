@@ -107,7 +107,8 @@ def write(place: Path, code: Code) -> None:
 def left_to_numba(place: Path) -> bool:
     """Whether an earlier process found that code cannot be kept but by numba, in a directory that is safe."""
     try:
-        return not who_else_may_write(place / LEFT)
+        # Windows judges no file, and so none that is not there either.
+        return (place / LEFT).is_file() and not who_else_may_write(place / LEFT)
     except OSError:
         return False
 
