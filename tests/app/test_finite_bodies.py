@@ -202,6 +202,56 @@ def test_a_roller_rolls(tmp_path: Path) -> None:
     assert floor["dissipated_work"] <= 2e-3 * 2.0 * floor["force"][1]
 
 
+def test_blocks_that_only_just_touch_have_a_start(tmp_path: Path) -> None:
+    """Gaps of round-off decide nothing before loading; all that is pressed arrives."""
+    text = (
+        HEAD
+        + """
+[material.steel]
+E = 52.0
+nu = 0.3
+law = "neo-hookean"
+[[body]]
+name = "low"
+material = "rubber"
+spacing = 0.3
+shape = { kind = "rectangle", x = [-3.0, 3.0], y = [0.0, 2.0] }
+refine = [{along = "top", spacing = 0.15, radius = 0.2, growth = 0.3}]
+[[body]]
+name = "high"
+material = "steel"
+spacing = 0.25
+shape = { kind = "rectangle", x = [-1.0, 1.0], y = [2.0, 3.0] }
+refine = [{along = "bottom", spacing = 0.12, radius = 0.2, growth = 0.3}]
+[[support]]
+boundary = "low.bottom"
+ux = 0.0
+uy = 0.0
+[[load]]
+name = "press"
+kind = "displacement"
+boundary = "high.top"
+uy = -0.05
+[[load]]
+name = "drag"
+kind = "displacement"
+boundary = "high.top"
+ux = 0.0
+[[contact]]
+name = "touch"
+slave = "low.top"
+master = "high.bottom"
+friction = 0.3
+[contact.regularization]
+law = "exact"
+"""
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    touch = summary["contacts"]["touch"]
+    np.testing.assert_allclose(touch["force"], -np.array(touch["force_master"]), atol=1e-9)
+
+
 def test_what_no_contact_keeps_out_is_told(tmp_path: Path) -> None:
     """Without the contact the upper block is pushed into the lower one."""
     text = BLOCKS[: BLOCKS.index("[[contact]]")]

@@ -61,7 +61,8 @@ def _resist(position: float, stability: float) -> None:
         raise UnstableError(
             f"the contact does not resist pressures that change from node to node at position {position:.6g} "
             f"(stability {stability:.2g}, below {CONTACT_LIMIT:g})",
-            "use mls.degree = 2, another body.seed, or an even cloud (lower growth)",
+            "give the softer body's side, or the one with wider spacings, as the slave; or use an even cloud "
+            "(lower growth)",
             stability,
         )
 

@@ -31,6 +31,8 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 AnyContact: TypeAlias = RigidContact | BodyContact
 LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
+NOTHING = 1e-12
+"""Pressures below this part of those of the typical displacement are none."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +160,11 @@ class Pressing:
             u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
             free = free + part * done.free
             traction = traction + part * done.traction
-            settled, sets = count > 1 and done.settled and done.sets.same(sets), done.sets
+            # Where bodies only just touch, round-off tells what nodes do.
+            least = NOTHING * self.stiffness * self.length
+            still = max(float(np.abs(one).max(initial=0.0)) for one in (done.dp, done.dq)) <= least
+            settled = count > 1 and done.settled and (still or done.sets.same(sets))
+            sets = done.sets
             last = float(np.abs(done.du).max()) / self.length
             if not np.isfinite(last):
                 return None
