@@ -15,12 +15,26 @@ from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 
+NO_PLANE = (None, None)
+
 
 def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) -> Side:
     steps = np.diff(arc)
     weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     free = np.zeros(len(arc), dtype=bool)
-    return Side(body, "side", np.arange(len(arc)), places, outward, weight, arc, None, free)
+    return Side(
+        body,
+        "side",
+        np.arange(len(arc)),
+        places,
+        outward,
+        weight,
+        arc,
+        None,
+        free,
+        (0, len(arc) - 1),
+        NO_PLANE,
+    )
 
 
 def bent_pair() -> tuple[BodyContact, FloatArray]:

@@ -10,11 +10,14 @@ from mlsanm_cli.app.finite.overlaps import check_overlaps
 from mlsanm_cli.app.finite.path import RENEW, FiniteState, FiniteStep, most_stretched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.verdict import check_deformation
+from mlsanm_cli.app.scene.contact_ranges import void_center
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.finite.answers import Answer
 from mlsanm_cli.contact.finite.exact import Pressed, Pressing, unpressed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.mechanics.finite.body import BodySeries
+from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.load_factors import factors_at
 
@@ -58,7 +61,8 @@ def _resist(position: float, stability: float) -> None:
         raise UnstableError(
             f"the contact does not resist pressures that change from node to node at position {position:.6g} "
             f"(stability {stability:.2g}, below {CONTACT_LIMIT:g})",
-            "use mls.degree = 2, another body.seed, or an even cloud (lower growth)",
+            "give the softer body's side, or the one with wider spacings, as the slave; or use an even cloud "
+            "(lower growth)",
             stability,
         )
 
@@ -80,6 +84,7 @@ class _Path:
         self.now = unpressed(scene.unknowns, scene.contacts, scene.free)
         self._slip, self._work = none, none
         self._settled = False
+        self._sides = self._answers()
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
 
     def _typical(self) -> float:
@@ -98,6 +103,18 @@ class _Path:
                     series.put(0, still, np.append(factors, np.zeros(count)))
                     found.append(float(np.abs(projector.displaced(series.rows(0))).max()))
         return min(max(found), scene.size)
+
+    def _answers(self) -> tuple[Answer, ...]:
+        """How the sides answer to their own tractions, before anything is deformed."""
+        scene, found = self._scene, []
+        first = dict.fromkeys(scene.bodies, scene.stages.shape[1] + scene.free)
+        for side in (one for contact in scene.contacts for one in contact.sides):
+            cloud = scene.bodies[side.body].elastic.model.cloud
+            centers = void_center(cloud, as_complex(side.places), -as_complex(side.outward))
+            args = (side, self._projectors[side.body], first[side.body])
+            found.append(Answer.of(*args, centers[0]) if centers else Answer.plain(side))
+            first[side.body] += 2 * side.count
+        return tuple(found)
 
     def start(self) -> Pressed:
         """The state before loading; NumericalError where it does not settle."""
@@ -149,7 +166,7 @@ class _Path:
     def _solved(self, position: float) -> Pressed | None:
         factors = factors_at(self._scene.stages, position)
         scene = self._scene
-        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven)
+        args = (scene.contacts, self._length, self._stiffness, scene.loose, scene.driven, self._sides)
         pressing = Pressing(self._projectors, *args)
         tolerance = self._scene.case.solver.tolerance
         before = self.now.place if self._settled else None

@@ -154,7 +154,10 @@ def _pins(
         return [], np.zeros((0, 0))
     cloud = prepared.models[name].cloud
     free = free_motions(cloud, prepared.held[name], prepared.held_nodes[name], {})
-    pinned = pins(cloud.points, free)
+    # Inside: on a side in contact a pin would have no field in closed form.
+    outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
+    inner = np.setdiff1d(np.arange(len(cloud.points)), outer)
+    pinned = [(int(inner[node]), component) for node, component in pins(cloud.points[inner], free)]
     places = [2 * node + component for node, component in pinned]
     patterns = free.patterns(cloud.points)[places]
     scale = np.array([own.size if one == ROTATION else 1.0 for one in free.components])
@@ -194,13 +197,8 @@ def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> A
 
 
 def _side(prepared: SceneModel, body: str, surface: Surface) -> Side:
-    cloud = prepared.models[body].cloud
-    held = np.zeros(len(cloud.points), dtype=bool)
-    for name, components in prepared.held[body].items():
-        held[cloud.surfaces[name].index] |= any(components)
-    for node, _ in prepared.held_nodes[body]:
-        held[node] = True
-    return Side.of(body, cloud.points, surface, held)
+    nodes = [node for node, _ in prepared.held_nodes[body]]
+    return Side.of(body, prepared.models[body].cloud, surface, prepared.held[body], nodes)
 
 
 def law_of(case: Case, body: str) -> Law:

@@ -2,8 +2,9 @@
 bodies and contacts together.
 
 Every iteration factorises the bodies' derivatives and condenses them on the tractions T at the nodes that
-may touch: U = U_0 + z + C dT. Tractions go with pressures and friction and turn with the displacements,
-dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K z); an active set finds dp and dq.
+may touch: U = U_0 + z + C dT, C with what clouds do not resolve of it. Tractions go with pressures and
+friction and turn with the displacements, dT = B (dp, dq) + K dU, so that
+dT = (1 - K C)^-1 (B (dp, dq) + K z); an active set finds dp and dq.
 """
 
 from __future__ import annotations
@@ -17,17 +18,21 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.finite.answers import Answer, Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
 from mlsanm_cli.contact.finite.iteration import Done, Iteration
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
+from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.mechanics.finite.projector import Projector
 
 AnyContact: TypeAlias = RigidContact | BodyContact
 LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
+NOTHING = 1e-12
+"""Pressures below this part of those of the typical displacement are none."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,8 @@ class Pressing:
     """Contacts of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of every
     node of their sides in turn, in the order of the contacts. ``length`` is the typical displacement;
     ``stiffness`` turns gaps into pressures, to guess what touches. The motions of ``loose`` bodies and of
-    ``driven`` obstacles (d,) are load factors behind those of the case."""
+    ``driven`` obstacles (d,) are load factors behind those of the case. ``answers`` are those of all
+    sides to their own tractions."""
 
     projectors: Mapping[str, Projector]
     contacts: Sequence[AnyContact]
@@ -68,6 +74,7 @@ class Pressing:
     stiffness: float
     loose: Sequence[LooseMotions] = ()
     driven: Sequence[DrivenObstacle] = ()
+    answers: Sequence[Answer] = ()
 
     @property
     def free(self) -> int:
@@ -84,9 +91,7 @@ class Pressing:
     def numbers(self) -> IntArray:
         """Where among the displacements of all bodies those of all sides' nodes (2s,) are."""
         found = [
-            self.firsts[side.body] + (2 * side.nodes[:, None] + np.arange(2)).ravel()
-            for contact in self.contacts
-            for side in contact.sides
+            self.firsts[side.body] + (2 * side.nodes[:, None] + np.arange(2)).ravel() for side in self.sides
         ]
         return np.concatenate([*found, np.zeros(0, dtype=np.int64)])
 
@@ -95,10 +100,9 @@ class Pressing:
         """By body, which tractions (2s,) of all sides are its own, in their order."""
         found: dict[str, list[IntArray]] = {name: [] for name in self.projectors}
         first = 0
-        for contact in self.contacts:
-            for side in contact.sides:
-                found[side.body].append(first + np.arange(2 * side.count))
-                first += 2 * side.count
+        for side in self.sides:
+            found[side.body].append(first + np.arange(2 * side.count))
+            first += 2 * side.count
         return {name: np.concatenate([*some, np.zeros(0, dtype=np.int64)]) for name, some in found.items()}
 
     @cached_property
@@ -108,12 +112,18 @@ class Pressing:
         found = [np.where(one.slave.held, 0.0, one.friction) for one in self.contacts]
         return np.concatenate([*found, np.zeros(0)])
 
+    @cached_property
+    def sides(self) -> list[Side]:
+        """The sides of all contacts in turn."""
+        return [side for contact in self.contacts for side in contact.sides]
+
     def meet(
-        self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None
+        self, surface: FloatArray, factors: FloatArray, before: FloatArray | None
     ) -> tuple[Meeting, ...]:
-        """All contacts in a state; slips are from the places (c,) ``before``, or nothing."""
+        """All contacts in a state of the sides' displacements ``surface`` (2s,); slips are from the places
+        (c,) ``before``, or nothing."""
         found, first, node = [], 0, 0
-        moved = displacement[self.numbers].reshape(-1, 2)
+        moved = surface.reshape(-1, 2)
         for contact in self.contacts:
             last = first + contact.slave.count
             own = moved[node : node + sum(side.count for side in contact.sides)]
@@ -135,25 +145,35 @@ class Pressing:
         derivatives."""
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
-        settled = False
+        settled, traction = False, start.traction
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
-            met = self.meet(u, factors, before)
-            done = Iteration(self, factors, before).taken(u, p, q, sets, met, first=count == 1)
+            closer = Closer.of(self.sides, self.answers, u[self.numbers], traction)
+            surface = closer.moved(u[self.numbers], traction)
+            met = self.meet(surface, factors, before)
+            args = (u, traction, p, q, sets, met)
+            done = Iteration(self, factors, before, closer).taken(*args, first=count == 1)
             solves += done.solves
             part = 1.0
             while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
                 part *= 0.5
             u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
             free = free + part * done.free
-            settled, sets = count > 1 and done.settled and done.sets.same(sets), done.sets
+            traction = traction + part * done.traction
+            # Where bodies only just touch, round-off tells what nodes do.
+            least = NOTHING * self.stiffness * self.length
+            still = max(float(np.abs(one).max(initial=0.0)) for one in (done.dp, done.dq)) <= least
+            settled = count > 1 and done.settled and (still or done.sets.same(sets))
+            sets = done.sets
             last = float(np.abs(done.du).max()) / self.length
             if not np.isfinite(last):
                 return None
             if part == 1.0 and settled and last <= tolerance:
                 spent = count * len(self.projectors)
-                args = (given, free, before, (last, count, spent, solves), done)
-                return self._state(u, p, q, sets, *args)
+                counts = (last, count, spent, solves)
+                surface = closer.moved(u[self.numbers], traction)
+                met = self.meet(surface, np.concatenate([given, free]), before)
+                return self._state(u, p, q, sets, met, free, counts, done)
         return None
 
     def _volume(self, u: FloatArray) -> float:
@@ -169,13 +189,11 @@ class Pressing:
         p: FloatArray,
         q: FloatArray,
         sets: NodeSets,
-        given: FloatArray,
+        met: Sequence[Meeting],
         free: FloatArray,
-        before: FloatArray | None,
         counts: tuple[float, int, int, int],
         done: Done,
     ) -> Pressed:
-        met = self.meet(u, np.concatenate([given, free]), before)
         p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
         gap, place, slip = (
             np.concatenate([*(getattr(one, name) for one in met), np.zeros(0)])

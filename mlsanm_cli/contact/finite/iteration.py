@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
@@ -43,6 +44,7 @@ class Done:
     dp: FloatArray
     dq: FloatArray
     free: FloatArray
+    traction: FloatArray
     sets: NodeSets
     chosen: IntArray
     compliance: FloatArray
@@ -80,19 +82,23 @@ class Iteration:
     pressing: Pressing
     factors: FloatArray
     before: FloatArray | None
+    closer: Closer
 
     def taken(
         self,
         u: FloatArray,
+        traction: FloatArray,
         p: FloatArray,
         q: FloatArray,
         sets: NodeSets,
         met: Sequence[Meeting],
         first: bool,
     ) -> Done:
-        """One step from displacements (2N,), pressures and friction (c,)."""
+        """One step from displacements (2N,), pressures and friction (c,), which make the ``traction`` (2s,)
+        of all sides up to what has turned since."""
         pressing = self.pressing
         applied = pressing.tractions(met, p, q)
+        jump = applied - traction
         factorised, z = {}, np.zeros(len(u))
         for name, projector in pressing.projectors.items():
             here = self._here(name)
@@ -106,10 +112,12 @@ class Iteration:
         if not len(chosen) and not pressing.free:
             none, nothing = np.zeros(len(p)), np.zeros((0, 0))
             sets = NodeSets(none.astype(np.int8), none)
-            return Done(z, -p, -q, np.zeros(0), sets, chosen, nothing, nothing, len(factorised), True)
+            return Done(
+                z, -p, -q, np.zeros(0), -traction, sets, chosen, nothing, nothing, len(factorised), True
+            )
         answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
         lack = self._balanced(u, applied, touched, answers, z)
-        return self._settled(p, q, sets, met, z, chosen, touched, answers, lack, first)
+        return self._settled(p, q, sets, met, z, jump, chosen, touched, answers, lack, first)
 
     def _here(self, name: str) -> slice:
         first = self.pressing.firsts[name]
@@ -223,6 +231,7 @@ class Iteration:
         sets: NodeSets,
         met: Sequence[Meeting],
         z: FloatArray,
+        jump: FloatArray,
         chosen: IntArray,
         touched: IntArray,
         answers: Mapping[str, _Answers],
@@ -230,13 +239,15 @@ class Iteration:
         first: bool,
     ) -> Done:
         pressing = self.pressing
-        mu, numbers = pressing.friction[chosen], pressing.numbers
+        mu, numbers, closer = pressing.friction[chosen], pressing.numbers, self.closer
         # Displacements of all sides by the touched tractions.
         seen, shifted = np.zeros((len(numbers), len(touched))), np.zeros((len(numbers), pressing.free))
         for name, answer in answers.items():
             here, rows = self._here(name), pressing.columns[name]
             seen[np.ix_(rows, answer.own)] = answer.by_traction[numbers[rows] - here.start]
             shifted[np.ix_(rows, answer.moves)] = answer.by_motion[numbers[rows] - here.start]
+        seen = closer.changed(seen) + closer.by_traction[:, touched]
+        shifted = closer.changed(shifted)
         for driven in pressing.driven:
             shifted[self._driven(driven), driven.number] -= 1.0
         turning = _diagonal(
@@ -246,7 +257,7 @@ class Iteration:
         friction_slope = _diagonal([one.columns(one.tangent) for one in met])[touched][:, chosen].toarray()
         d_gap = _diagonal([one.d_gap for one in met])[chosen]
         d_slip = _diagonal([one.d_slip for one in met])[chosen]
-        surface = z[numbers]
+        surface = closer.changed(z[numbers]) + closer.by_traction @ jump
         inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
         loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
         follow = inverse @ (turning @ surface)
@@ -278,6 +289,8 @@ class Iteration:
         dp, dq, free = np.split(change, [len(chosen), 2 * len(chosen)])
         tractions = follow + loads @ change
         du = z.copy()
+        moving = jump.copy()
+        moving[touched] += tractions
         for name, answer in answers.items():
             du[self._here(name)] += (
                 answer.by_traction @ tractions[answer.own] + answer.by_motion @ free[answer.moves]
@@ -291,7 +304,7 @@ class Iteration:
         unbalanced = lack.by_traction[: pressing.free - len(pressing.driven)] @ push
         sets = NodeSets(status, slip_sign)
         args = (chosen, compliance, unbalanced, solves, settled)
-        return Done(du, whole_p, whole_q, free, sets, *args)
+        return Done(du, whole_p, whole_q, free, moving, sets, *args)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.meeting import NOWHERE, Meeting, by_component
-from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.contact.finite.transfer import Transfer
 from mlsanm_cli.contact.geometry.contact_grid import turned
@@ -41,19 +40,10 @@ class BodyContact:
         return self.slave, self.master
 
     @cached_property
-    def curve(self) -> NodeCurve:
-        """The master's, over its arc length before loading."""
-        return NodeCurve(self.master.arc, self.master.around)
-
-    @cached_property
-    def _own(self) -> NodeCurve:
-        return NodeCurve(self.slave.arc, self.slave.around)
-
-    @cached_property
     def _outward(self) -> tuple[float, float]:
         """1 or -1, by which a tangent turned by -90 degrees points out of the slave and of the master."""
         found = []
-        for side, curve in ((self.slave, self._own), (self.master, self.curve)):
+        for side, curve in ((self.slave, self.slave.curve), (self.master, self.master.curve)):
             along = curve.rows(side.arc)[1] @ side.places
             found.append(float(np.sign((turned(along) * side.outward).sum())))
         return found[0], found[1]
@@ -67,14 +57,14 @@ class BodyContact:
         are from the places (c,) ``before``, or nothing."""
         slave, master, count = self.slave, self.master, self.slave.count
         at, nodes = slave.places + displacement[:count], master.places + displacement[count:]
-        place, inside = self.curve.closest(nodes, at)
-        rows = self.curve.rows(place)
+        place, inside = master.curve.closest(nodes, at)
+        rows = master.curve.rows(place)
         value, first, second = (row @ nodes for row in rows)
         apart, length = at - value, np.hypot(*first.T)
         along, sign = first / length[:, None], self._outward[1]
         normal = sign * turned(along)
         gap = (apart * normal).sum(axis=1)
-        own = self._outward[0] * turned(self._own.rows(slave.arc)[1] @ at)
+        own = self._outward[0] * turned(slave.curve.rows(slave.arc)[1] @ at)
         faced = (own * normal).sum(axis=1) < OPPOSED * np.hypot(*own.T)
         deep = gap < -DEEP * self._spacing(place) * length
         facing = inside & faced & ~deep
@@ -86,7 +76,7 @@ class BodyContact:
             past = self._since(place, before)
             slip = -sign * length * past
             d_slip = d_slip - sparse.diags_array(sign * past) @ moves.turned_by(along, d_place)
-        transfer = Transfer.of(slave, master, self.curve, place, facing)
+        transfer = Transfer.of(slave, master, master.curve, place, facing)
         return Meeting(
             facing,
             np.where(facing, gap, NOWHERE),
@@ -106,8 +96,8 @@ class BodyContact:
         return replace(self, slave=self.master, master=self.slave)
 
     def _spacing(self, place: FloatArray) -> FloatArray:
-        low = self.curve.interval(place)
-        return np.asarray(self.curve.knots[low + 1] - self.curve.knots[low])
+        low = self.master.curve.interval(place)
+        return np.asarray(self.master.curve.knots[low + 1] - self.master.curve.knots[low])
 
     def _since(self, place: FloatArray, before: FloatArray) -> FloatArray:
         around = self.master.around

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.contact.finite.meeting import by_component
+from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.loads import Loads
+from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
+
+Restraints: TypeAlias = Mapping[str, tuple[bool, bool]]
+
+SQUARE = 1e-6
+"""Sides whose directions are off a right angle by less meet a plane of symmetry squarely."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +32,8 @@ class Side:
     """The ``nodes`` (c,) of a ``surface`` of a ``body``, at ``places`` (c, 2) before loading, there with
     outward normals ``outward`` (c, 2), at ``arc`` (c,) along it; ``weight`` (c,) is the length each stands
     for. ``around`` is the length of a closed surface, and None of others. ``held`` (c,) tells which nodes
-    have a component of their displacement given."""
+    have a component of their displacement given. ``corners`` are the numbers of nodes at corners and ends; at
+    either end ``mirrors`` has the axis across a plane of symmetry, if there is one."""
 
     body: str
     surface: str
@@ -30,19 +44,71 @@ class Side:
     arc: FloatArray
     around: float | None
     held: BoolArray
+    corners: tuple[int, ...]
+    mirrors: tuple[int | None, int | None]
 
     @classmethod
-    def of(cls, body: str, points: FloatArray, surface: Surface, held: BoolArray) -> Side:
-        """By the body's nodes (n, 2), of which some are ``held`` (n,), and the surface."""
+    def of(
+        cls, body: str, cloud: Cloud, surface: Surface, held: Restraints, nodes: Sequence[int] = ()
+    ) -> Side:
+        """By a body's ``cloud``, of whose surfaces some have components ``held``, and single ``nodes``, and
+        the surface."""
         around = surface.curve.length if surface.curve.closed else None
-        places = points[surface.index]
-        args = (surface.normal, surface.weight, surface.arc_length, around)
-        return cls(body, surface.name, surface.index, places, *args, held[surface.index])
+        found = np.zeros(len(cloud.points), dtype=bool)
+        for name, components in held.items():
+            found[cloud.surfaces[name].index] |= any(components)
+        found[list(nodes)] = True
+        ends = (0, len(surface.index) - 1)
+        known = {int(np.argmin(np.abs(surface.arc_length - one))) for one in corners_of(surface.curve)}
+        return cls(
+            body,
+            surface.name,
+            surface.index,
+            cloud.points[surface.index],
+            surface.normal,
+            surface.weight,
+            surface.arc_length,
+            around,
+            found[surface.index],
+            tuple(sorted(known if around is not None else known.union(ends))),
+            (_mirror(cloud, surface, ends[0], held), _mirror(cloud, surface, ends[1], held)),
+        )
 
     @property
     def count(self) -> int:
         """Number of nodes (c)."""
         return len(self.nodes)
+
+    @cached_property
+    def curve(self) -> NodeCurve:
+        """The curve through its nodes, over their arc lengths before loading."""
+        return NodeCurve(self.arc, self.around)
+
+    def turned(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
+        """By what unit numbers (c,) the side has turned at its nodes, displaced by (c, 2), and rows (c, 2c)
+        of how these angles move."""
+        slopes = self.curve.slopes
+        before, now = (as_complex(slopes @ one) for one in (self.places, self.places + displacement))
+        turn = now * np.conj(before)
+        across = as_real(1j * now) / (np.abs(now) ** 2)[:, None]
+        return np.asarray(turn / np.abs(turn)), by_component(slopes, across)
+
+
+def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int | None:
+    """The axis across which a straight surface is held, and nothing else there, that a side meets at its
+    ``end`` at a right angle."""
+    if surface.curve.closed:
+        return None
+    normal = surface.normal[end]
+    for name, components in held.items():
+        beside = cloud.surfaces[name]
+        if name == surface.name or surface.index[end] not in beside.index or sum(components) != 1:
+            continue
+        axis = components.index(True)
+        flat = float(np.ptp(cloud.points[beside.index, axis])) <= SQUARE * beside.curve.length
+        if flat and abs(normal[axis]) <= SQUARE:
+            return axis
+    return None
 
 
 def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[Side]) -> Loads:

@@ -1,0 +1,178 @@
+"""How sides answer to tractions on themselves: by fields in closed form what clouds do not resolve.
+
+For a body that is not deformed the displacements K of a side's nodes by unit tractions there, linear between
+the nodes, are known as in a contact on a grid of its own: the field of a force in closed form, and a smooth
+remainder (:mod:`mlsanm_cli.mechanics.remainder`). The cloud by itself answers with C. What a state adds to
+that is smooth, and told by local fits F along the side::
+
+    displacement of the side = F u + Q (K - F C) Q^T T
+
+with the cloud's own displacements u and the turns Q of the nodes, so that short waves of tractions T never
+are a matter of the cloud, and small loads are answered as by small strains.
+
+Equation (21) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.finite.near_field import exact_compliance
+from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.mechanics.finite.projector import Projector
+from mlsanm_cli.mechanics.finite.tangent import load_columns
+from mlsanm_cli.mechanics.near_field import ComplexArray
+
+CLEAR = 4
+"""Up to so many nodes from corners nothing is put back, from twice as many on all: fields there would have to
+know the corner."""
+WIDE = 4
+"""Half-width of the windows of the fits, in nodes: waves of fewer than about six are not seen."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Of a side's c nodes, x and y in turn, the ``fit`` F (2c, 2c) and what is ``missing`` then, K - F C."""
+
+    fit: FloatArray
+    missing: FloatArray
+
+    @classmethod
+    def of(cls, side: Side, projector: Projector, first: int, center: complex | None) -> Answer:
+        """By a body's equations of the undeformed state, whose loads from the number ``first`` on are the
+        unit tractions; fields end at a ``center`` in hollows."""
+        body = projector.body.elastic
+        share = np.where(np.isin(side.nodes, [node for node, _ in body.held_nodes]), 0.0, _share(side))
+        still, none = np.zeros(body.model.unknowns), np.zeros(projector.body.loads.count)
+        columns = load_columns(projector.body, still, slice(first, first + 2 * side.count))
+        moved = -projector.factorised(still, none).solve_unrefined(projector.scaled_columns(columns))
+        both = np.repeat(share, 2)
+        fit = np.diag(1.0 - both) + both[:, None] * _fit(side)
+        own = fit @ moved[(2 * side.nodes[:, None] + np.arange(2)).ravel()]
+        exact = exact_compliance(side, body, center, np.flatnonzero(share))
+        return cls(fit, _uneven(side, both[:, None] * (exact - own) * both, share))
+
+    @classmethod
+    def plain(cls, side: Side) -> Answer:
+        """Where no field in closed form is known: the cloud's."""
+        return cls(np.eye(2 * side.count), np.zeros((2 * side.count,) * 2))
+
+
+@dataclass(frozen=True)
+class Closer:
+    """What sides' displacements (2s,) are in a state: those of the cloud ``smooth`` (2s, 2s), and those
+    ``by_traction`` (2s, 2s), which change ``by_turning`` (2s, 2s) of the former."""
+
+    smooth: sparse.csr_array
+    by_traction: FloatArray
+    by_turning: FloatArray
+
+    @classmethod
+    def of(
+        cls, sides: Sequence[Side], answers: Sequence[Answer], displacement: FloatArray, traction: FloatArray
+    ) -> Closer:
+        """By the sides' answers, the cloud's ``displacement`` (2s,) of their nodes and their ``traction``."""
+        fits = [one.fit for one in answers] or [np.zeros((0, 0))]
+        smooth = sparse.csr_array(sparse.block_diag(fits, format="csr"))
+        surface = smooth @ displacement
+        by_traction, by_turning = (np.zeros((len(surface),) * 2) for _ in range(2))
+        first = 0
+        for side, answer in zip(sides, answers, strict=True):
+            here = slice(first, first + 2 * side.count)
+            first = here.stop
+            turn, angles = side.turned(surface[here].reshape(-1, 2))
+            whole = by_traction[here, here] = _turned(answer.missing, turn)
+            own, pulled = (_across(one) for one in (whole @ traction[here], traction[here]))
+            by_turning[here, here] = (own - whole @ pulled) @ angles
+        return cls(smooth, by_traction, by_turning)
+
+    def moved(self, displacement: FloatArray, traction: FloatArray) -> FloatArray:
+        """The sides' displacements (2s,)."""
+        return np.asarray(self.smooth @ displacement + self.by_traction @ traction)
+
+    def changed(self, displacement: FloatArray) -> FloatArray:
+        """How these go with changes (2s, ...) of the cloud's."""
+        smooth = self.smooth @ displacement
+        return np.asarray(smooth + self.by_turning @ smooth)
+
+
+def _turned(part: FloatArray, turn: ComplexArray) -> FloatArray:
+    rotation = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]]).transpose(2, 0, 1)
+    count = len(turn)
+    found = np.einsum(
+        "iab,ibjc,jdc->iajd", rotation, part.reshape(count, 2, count, 2), rotation, optimize=True
+    )
+    return np.asarray(found.reshape(2 * count, 2 * count))
+
+
+def _across(values: FloatArray) -> sparse.csr_array:
+    """What vectors (2c,) change by as they turn by angles: (2c, c)."""
+    x, y = values[::2], values[1::2]
+    lines, columns = np.arange(len(values)), np.repeat(np.arange(len(x)), 2)
+    entries = (np.stack([-y, x], axis=1).ravel(), (lines, columns))
+    return sparse.csr_array(entries, shape=(len(values), len(x)))
+
+
+def _uneven(side: Side, missing: FloatArray, share: FloatArray) -> FloatArray:
+    """What is ``missing`` (2c, 2c) of tractions that are no constant: to one all along the cloud answers
+    exactly. Where fields have a ``share`` (c,) below 1, beside corners, only some of a node's neighbours
+    count, and what cancels elsewhere would be left: there it is of differences from the node's own."""
+    count, number = side.count, np.arange(side.count)
+    blocks = missing.reshape(count, 2, count, 2).copy()
+    near = np.abs(number[:, None] - number) <= 3 * WIDE
+    blocks[number, :, number] -= np.einsum("ibjd,ij->ibd", blocks, (1.0 - share)[:, None] * near)
+    blocks -= blocks.sum(axis=2)[:, :, None] * (side.weight / side.weight.sum())[:, None]
+    return blocks.reshape(missing.shape)
+
+
+def _fit(side: Side) -> FloatArray:
+    """Values at the nodes (2c, 2c) of local cubic fits along the side, which go on behind planes of
+    symmetry."""
+    count, number = side.count, np.arange(side.count)
+    arc, node, sign = side.arc, number, np.ones((count, 2))
+    if side.around is not None:
+        arc = np.concatenate([arc - side.around, arc, arc + side.around])
+        node, sign, first = np.tile(number, 3), np.ones((3 * count, 2)), count
+    else:
+        first = 0
+        for end, axis in enumerate(side.mirrors):
+            if axis is None:
+                continue
+            behind = number[1:][::-1] if end == 0 else number[:-1][::-1]
+            image = np.tile(1.0 - 2.0 * np.eye(2)[axis], (count - 1, 1))
+            other = 2.0 * side.arc[-end] - side.arc[behind]
+            one = slice(None, None, 1 - 2 * end)
+            arc = np.concatenate((other, arc)[one])
+            node, sign = np.concatenate((behind, node)[one]), np.concatenate((image, sign)[one])
+            first += (count - 1) * (end == 0)
+    fit = np.zeros((count, 2, count, 2))
+    for i in number:
+        here = first + int(i)
+        low, high = max(0, here - 3 * WIDE), min(len(arc), here + 3 * WIDE + 1)
+        x, away = arc[low:high] - side.arc[i], np.arange(low, high) - here
+        weight = np.exp(-((away / WIDE) ** 2.0))
+        basis = (x / np.abs(x).max())[:, None] ** np.arange(min(4, len(x)))
+        values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
+        for c in (0, 1):
+            np.add.at(fit[i, c, :, c], node[low:high], values * sign[low:high, c])
+    return fit.reshape(2 * count, 2 * count)
+
+
+def _share(side: Side) -> FloatArray:
+    """How much (c,) fields in closed form have to say: nothing where nodes are held, but for planes of
+    symmetry, and beside corners."""
+    number = np.arange(side.count)
+    mirrored = {end for end, axis in zip((0, side.count - 1), side.mirrors, strict=True) if axis is not None}
+    away = np.full(side.count, np.inf)
+    for corner in side.corners:
+        if corner not in mirrored:
+            apart = np.abs(number - corner)
+            apart = apart if side.around is None else np.minimum(apart, side.count - apart)
+            away = np.minimum(away, apart)
+    held = side.held & ~np.isin(number, list(mirrored))
+    return np.where(held, 0.0, np.clip(away / CLEAR - 1.0, 0.0, 1.0))

@@ -1,0 +1,184 @@
+"""What unit tractions at a side's nodes do to these: fields in closed form and a smooth remainder.
+
+Tractions are linear between the nodes; behind planes of symmetry at the side's ends they have images.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
+from mlsanm_cli.mechanics.remainder import remainder_sources
+
+BESIDE = 1e-3
+"""Forces on planes of symmetry are moved off them by this part of their node's length."""
+AT_ONCE = 64
+"""Nodes whose remainders are worked on together, for the sake of memory."""
+
+
+def exact_compliance(side: Side, body: ElasticBody, center: complex | None, nodes: IntArray) -> FloatArray:
+    """Displacements (2c, 2c), x and y of every node in turn, by unit tractions at some ``nodes`` (k,) of a
+    side of an undeformed body; fields end at a ``center`` in hollows. Nothing for other nodes."""
+    near, rows = _Near(side, body, center), (2 * nodes[:, None] + np.arange(2)).ravel()
+    own = (2 * side.nodes[nodes][:, None] + np.arange(2)).ravel()
+    shape = (len(own), body.model.unknowns)
+    seen = sparse.csr_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=shape)
+    total = np.zeros((2 * side.count,) * 2)
+    if not len(nodes):
+        return total
+    total[np.ix_(rows, rows)] = near.field[np.ix_(rows, rows)]
+    for first in range(0, len(nodes), AT_ONCE):
+        some = nodes[first : first + AT_ONCE]
+        smooth = body.system.functionals(seen, sparse.csc_array(near.remainders(some)))
+        columns = rows[2 * first : 2 * (first + len(some))]
+        total[np.ix_(rows, columns)] += smooth * np.repeat(side.weight[some], 2)
+    return total
+
+
+@dataclass(frozen=True)
+class _Near:
+    """The fields of a ``side``'s tractions, with their images behind planes of symmetry at its ends."""
+
+    side: Side
+    body: ElasticBody
+    center: complex | None
+
+    @property
+    def _mirrored(self) -> list[tuple[float, int, FloatArray]]:
+        """Of every plane its place, as an arc length and as its coordinate's axis, and what images are (2,)
+        of both components."""
+        side = self.side
+        return [
+            (float(side.arc[end]), axis, 1.0 - 2.0 * np.eye(2)[axis])
+            for end, axis in zip((0, -1), side.mirrors, strict=True)
+            if axis is not None
+        ]
+
+    @cached_property
+    def _places(self) -> ComplexArray:
+        """Where forces act (c,), those on planes of symmetry a little beside them."""
+        side, places = self.side, as_complex(self.side.places)
+        for end, way, axis in zip((0, -1), (1.0, -1.0), side.mirrors, strict=True):
+            if axis is not None:
+                places[end] += BESIDE * way * side.weight[end] * self._along[end]
+        return places
+
+    @cached_property
+    def _along(self) -> ComplexArray:
+        """Unit tangents (c,) along growing arc lengths."""
+        tangent: ComplexArray = 1j * as_complex(self.side.outward)
+        ahead = as_complex(np.roll(self.side.places, -1, axis=0) - self.side.places)[0]
+        return np.asarray(tangent * np.sign((ahead * np.conj(tangent[0])).real))
+
+    def remainders(self, nodes: IntArray) -> FloatArray:
+        """Right-hand sides (r, 2k) of the remainders of unit forces at some ``nodes`` (k,) of the side, x and
+        y of every node in turn."""
+        kernel, count = self.body.model.kernel, len(nodes)
+        place, inward = self._places[nodes], -as_complex(self.side.outward[nodes])
+        own = remainder_sources(self.body, SurfaceForces(kernel, place, inward, self.center))
+        for arc, axis, sign in self._mirrored:
+            center = self._center(arc, axis)
+            images = SurfaceForces(kernel, self._image(place, arc, axis), _flipped(inward, axis), center)
+            own = own + remainder_sources(self.body, images) * np.repeat(sign, count)
+        return np.ascontiguousarray(own.reshape(len(own), 2, count).transpose(0, 2, 1)).reshape(len(own), -1)
+
+    def _center(self, arc: float, axis: int) -> complex | None:
+        if self.center is None:
+            return None
+        return complex(self._image(np.array([self.center]), arc, axis)[0])
+
+    def _image(self, place: ComplexArray, arc: float, axis: int) -> ComplexArray:
+        plane = float(self.side.places[0 if arc == self.side.arc[0] else -1, axis])
+        return _flipped(place, axis) + 2.0 * plane * (1.0 if axis == 0 else 1j)
+
+    @property
+    def field(self) -> FloatArray:
+        """Displacements (2c, 2c) of the nodes by unit tractions, linear between nodes."""
+        side = self.side
+        places, inward, arc = as_complex(side.places), -as_complex(side.outward), side.arc
+        total = self._by(places, inward, self._along, arc, self.center)
+        for plane, axis, sign in self._mirrored:
+            flipped = self._image(places, plane, axis), _flipped(inward, axis)
+            way, at = -_flipped(self._along, axis), 2.0 * plane - arc
+            images = self._by(*flipped, way, at, self._center(plane, axis))
+            total = total + images * sign
+        return np.asarray(total.transpose(0, 2, 1, 3).reshape(2 * side.count, 2 * side.count))
+
+    def _by(
+        self,
+        place: ComplexArray,
+        inward: ComplexArray,
+        along: ComplexArray,
+        arc: FloatArray,
+        center: complex | None,
+    ) -> FloatArray:
+        """Displacements (c, c, 2, 2) of the side's nodes by tractions around places (c,) with unit normals
+        inward and unit tangents (c,), at ``arc`` (c,) along the side or its image."""
+        side, kernel = self.side, self.body.model.kernel
+        seen = as_complex(side.places)
+        apart = _wrapped(side.arc[:, None] - arc, side.around)
+        same = np.abs(apart) <= 1e-12 * side.arc[-1]
+        w = seen[:, None] - place
+        base = np.broadcast_to(inward if center is None else (seen - center)[:, None], w.shape)
+        own = inward if center is None else place - center
+        ahead, behind, twice = (kernel.displacement(one * along, own) for one in (1.0, -1.0, 2.0))
+        by_log, turn = (twice - ahead) / np.log(2.0), 0.5 * (ahead - behind)
+        smooth = kernel.displacement(np.where(same, 1.0, w), base)
+        smooth -= _log(np.where(same, 1.0, apart))[..., None, None] * by_log
+        smooth -= np.sign(apart)[..., None, None] * turn
+        smooth[same] = np.broadcast_to(0.5 * (ahead + behind), smooth.shape)[same]
+        if center is not None:
+            smooth -= kernel.displacement(seen - center, seen - center)[:, None]
+        log, sign = (_integrals(side, arc, *one) for one in (LOGARITHM, SIGN))
+        found = smooth * side.weight[:, None, None] + log[..., None, None] * by_log
+        return np.asarray(found + sign[..., None, None] * turn)
+
+
+def _flipped(values: ComplexArray, axis: int) -> ComplexArray:
+    return np.asarray(-np.conj(values) if axis == 0 else np.conj(values))
+
+
+def _wrapped(apart: FloatArray, around: float | None) -> FloatArray:
+    return apart if around is None else np.asarray(apart - around * np.round(apart / around))
+
+
+def _log(t: FloatArray) -> FloatArray:
+    return np.asarray(np.log(np.where(t == 0.0, 1.0, np.abs(t))))
+
+
+_Table: TypeAlias = Callable[[FloatArray], FloatArray]
+LOGARITHM: tuple[_Table, _Table] = (
+    lambda t: 0.5 * t**2 * (_log(t) - 1.5),
+    lambda t: t * (_log(t) - 1.0),
+)
+SIGN: tuple[_Table, _Table] = (lambda t: 0.5 * np.sign(t) * t**2, np.abs)
+"""Second and first integrals of ln|t| and of sgn(t)."""
+
+
+def _integrals(side: Side, arc: FloatArray, second: _Table, first: _Table) -> FloatArray:
+    """Integrals (c, c), seen from the nodes, with the linear functions of the nodes at ``arc`` (c,) along the
+    side or its image, of a kernel of the distance."""
+    steps = np.diff(arc if side.around is None else np.append(arc, arc[0] + side.around))
+    if side.around is None:
+        before, after = np.append(0.0, steps), np.append(steps, 0.0)
+    else:
+        before, after = np.roll(steps, 1), steps
+    # In extended precision: second differences over short steps, far away.
+    apart: FloatArray = _wrapped(side.arc[:, None] - arc, side.around).astype(np.longdouble)
+    total = np.zeros_like(apart)
+    for step, sense in ((before, 1.0), (after, -1.0)):
+        # Where an image runs the other way steps are negative, and so are the ways.
+        way = sense * np.sign(np.where(step == 0.0, 1.0, step))
+        size = np.where(step == 0.0, 1.0, np.abs(step))
+        part = (second(apart + way * size) - second(apart)) / size - way * first(apart)
+        total += np.where(step == 0.0, 0.0, part)
+    return np.asarray(total, dtype=np.float64)
