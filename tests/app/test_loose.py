@@ -222,6 +222,60 @@ def test_friction_resists_what_normals_do_not(tmp_path: Path) -> None:
     assert summary["contacts"]["floor"]["force"] == pytest.approx([-1e-4, 1e-3], abs=1e-12)
 
 
+BETWEEN = """
+format = 1
+[model]
+plane = "stress"
+[material.soft]
+E = 1083.0
+nu = 0.34
+[material.hard]
+E = 95464.0
+nu = 0.4
+[[body]]
+name = "base"
+material = "hard"
+shape = { kind = "rectangle", x = [-3.6, 3.6], y = [-4.4, 0.0] }
+[[body]]
+name = "disk"
+material = "soft"
+shape = { kind = "disk", center = [0.0, 2.2], radius = 2.2 }
+[[support]]
+boundary = "base.bottom"
+ux = 0.0
+uy = 0.0
+[[contact]]
+name = "floor"
+slave = "disk.arc"
+master = "base.top"
+friction = 0.3
+accuracy = 6e-3
+regularization = { law = "exact" }
+[[contact]]
+name = "lid"
+slave = "disk.arc"
+accuracy = 6e-3
+obstacle = { kind = "plane", point = [0.0, 4.4], normal = [0.0, -1.0] }
+regularization = { law = "exact" }
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "lid"
+fy = -15.5
+[[stop]]
+what = "force"
+of = "lid"
+above = 0.02
+"""
+
+
+def test_the_first_nodes_to_touch_hold_a_disk(tmp_path: Path) -> None:
+    """One node on either side, exactly above each other, does not tell which way the disk would roll."""
+    summary = solve(BETWEEN, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["floor"]["force"][1] == pytest.approx(0.02, rel=1e-6)
+
+
 def test_an_eccentric_push_moves_the_pressure_below_it(tmp_path: Path) -> None:
     wide = (
         BLOCK
