@@ -20,6 +20,7 @@ from mlsanm_cli.contact.monolithic.system import SparseCoupling, sparse_coupling
 from mlsanm_cli.continuation import (
     AnmOptions,
     Branch,
+    Correction,
     Follower,
     NewtonOptions,
     Outcome,
@@ -36,6 +37,7 @@ BRANCH_HINT = (
     'raise contact.regularization.eta or solver.tolerance, or use contact.regularization.law = "exact"'
 )
 UNLIMITED = sys.maxsize
+WIDER = (1e4, 1e3, 1e2, 1e1, 1.0)
 
 
 def smooth_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
@@ -48,7 +50,7 @@ def smooth_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
             before, x = start.fraction, _unknowns(problem, start)
             piece = previous_piece(start, x)
         elif start is None and stage == 0:
-            corrected = correct(problem, start_point(built, problem), 0.0, options)
+            corrected = _started(built, coupling, options)
             x = corrected.x
             first = _regularized_state(problem, x, 0.0, stage, corrected.residual)
             yield PathStep(
@@ -85,6 +87,27 @@ def smooth_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
 
 
 Memoryless = RegularizedFriction | HolonomicContact
+
+
+def _started(
+    built: CondensedScene, coupling: DenseCoupling | SparseCoupling, options: AnmOptions | NewtonOptions
+) -> Correction:
+    """The state before the first load. Where loose bodies are far from where they float, as surfaces overlap
+    that are drawn touching elsewhere, the law's length is first made longer, then comes back."""
+    problem = problem_of(built, coupling, 0)
+    try:
+        return correct(problem, start_point(built, problem), 0.0, options)
+    except NumericalError as error:
+        failure, x = error, None
+    for wider in WIDER:
+        law = replace(coupling.law, delta=wider * coupling.law.delta)
+        problem = problem_of(built, replace(coupling, law=law), 0)
+        try:
+            found = correct(problem, start_point(built, problem) if x is None else x, 0.0, options)
+        except NumericalError:
+            raise failure from None
+        x = found.x
+    return found
 
 
 def checkpoint_of(state: State, follower: Follower) -> Checkpoint:

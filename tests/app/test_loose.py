@@ -276,6 +276,42 @@ def test_the_first_nodes_to_touch_hold_a_disk(tmp_path: Path) -> None:
     assert summary["contacts"]["floor"]["force"][1] == pytest.approx(0.02, rel=1e-6)
 
 
+HOLLOW = """
+format = 1
+[model]
+plane = "strain"
+[material.soft]
+E = 1221.0
+nu = 0.4
+[[body]]
+name = "foot"
+material = "soft"
+[body.shape]
+kind = "polygon"
+points = [[-1.5, 0.0], [1.5, 0.0], [1.5, 2.4], [-1.5, 2.4]]
+names = ["sole", "right", "head", "left"]
+corners = ["sole", "sole", "", ""]
+rounding = [0.3, 0.3, 0.3, 0.3]
+[[load]]
+name = "press"
+boundary = "foot.head"
+kind = "traction"
+traction = [0.0, -11.0]
+[[contact]]
+name = "hollow"
+slave = "foot.sole"
+accuracy = 0.02
+obstacle = { kind = "disk", center = [0.0, 28.0], radius = 28.0, inside = true }
+"""
+
+
+def test_a_foot_drawn_into_a_hollow_floats_out_of_it(tmp_path: Path) -> None:
+    """Its rounded edges overlap the hollow as drawn, and nothing but the contact holds it up."""
+    summary = solve(HOLLOW, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["hollow"]["force"] == pytest.approx([0.0, 26.4], abs=1e-6)
+
+
 def test_an_eccentric_push_moves_the_pressure_below_it(tmp_path: Path) -> None:
     wide = (
         BLOCK
