@@ -114,11 +114,11 @@ class _Scene:
         self.soft = min(self.soft, E)
         return name
 
-    def add(self, made: Table) -> None:
-        """A body, half of them with a spacing of their own."""
+    def add(self, made: Table, high: float) -> None:
+        """A body, some with a spacing of their own, fine enough for them and for the holes of bases."""
         if self.rng.random() < 0.3:
             self.words.append("spacing")
-            made["spacing"] = float(self.rng.uniform(0.25, 0.5)) * self.frame.length
+            made["spacing"] = float(self.rng.uniform(0.04, 0.08)) * high * self.frame.length
         self.tables["body"].append(made)
 
     def block(self, name: str, x: Pair, y: Pair, rounding: float = 0.0, hole: float = 0.0) -> Table:
@@ -152,9 +152,10 @@ class _Scene:
             return kind
         x, deep = float(rng.uniform(6.0, 10.0)), float(rng.uniform(3.0, 7.0))
         if kind == "bump":
-            self.add(self.hill("base", x, deep))
+            self.add(self.hill("base", x, deep), deep)
         else:
-            self.add(self.block("base", (-x, x), (-deep, 0.0), hole=0.25 * deep if kind == "holed" else 0.0))
+            hole = 0.25 * deep if kind == "holed" else 0.0
+            self.add(self.block("base", (-x, x), (-deep, 0.0), hole=hole), deep)
         if kind == "springs":
             k = 0.05 * self.level / deep * self.frame.stress / self.frame.length
             self.tables["support"].append({"boundary": "base.foot", "spring": [k, k]})
@@ -201,7 +202,7 @@ class _Scene:
         else:
             rounding = 0.0 if kind == "box" else float(rng.uniform(0.08, 0.3)) * high
             made = self.block(name, (-0.5 * wide, 0.5 * wide), (level, level + high), rounding)
-        self.add(made)
+        self.add(made, high)
         where = frame.at(0.0, level + 0.6 * high)
         self.tables["probe"].append({"name": name, "body": name, "point": where})
         return kind, high
@@ -247,9 +248,9 @@ class _Scene:
         head = f"{name}.head"
         rng, frame, loads, stages = self.rng, self.frame, self.tables["load"], self.tables["stage"]
         press = float(rng.uniform(0.002, 0.01)) * self.soft * 3.0
-        free = (
-            () if "disk" in self.words[1:] else ("turning", "weight", "traction")
-        )  # a body on a disk tips over
+        # A disk rolls away but under a plate that goes straight down.
+        rolls = "disk" in self.words[1:]
+        free = () if rolls else ("turning", "weight", "traction")
         kind = self.chosen("force", "displacement", *free)
         more: Table = {"rotation": "free"} if kind == "turning" else {}
         if kind == "displacement":
