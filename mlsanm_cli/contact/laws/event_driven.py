@@ -53,8 +53,10 @@ class _Course:
     rates: ContactState
 
 
-def _course_of(condensed: Condensed, sets: ContactStatus, change: FloatArray) -> _Course:
-    system = SetSystem(condensed, sets)
+def _course_of(
+    condensed: Condensed, sets: ContactStatus, change: FloatArray, near: SetSystem | None = None
+) -> _Course:
+    system = SetSystem(condensed, sets, near)
     return _Course(sets, system, system.rate(change))
 
 
@@ -169,14 +171,15 @@ def _course(
     )
     watch.side[before.slip_sign != 0.0] = np.where(grazing, 0.0, before.slip_sign)[before.slip_sign != 0.0]
 
-    made = 0
+    made, known = 0, last.system if last is not None else None
 
     def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
-        nonlocal made
+        nonlocal made, known
         if last is not None and sets.key == last.sets.key:
             return last.system, last.rates, last.rates.slip
         made += 1
-        course = _course_of(condensed, sets, change)
+        course = _course_of(condensed, sets, change, known)
+        known = course.system
         return course.system, course.rates, course.rates.slip
 
     sets, system, rates, _ = primal_dual_active_set(condensed, before, watch, solve)
