@@ -72,6 +72,15 @@ def test_state_is_the_only_one_there_is(m: int, seed: int, friction: float) -> N
         assert np.abs(v.traction - state.values.traction).max() <= 1e-8 * max(1.0, np.abs(v.traction).max())
 
 
+@pytest.mark.parametrize("seed", [24, 35, 82, 88, 97])
+def test_a_node_that_neither_opens_nor_slips_as_it_asks_rests_or_slips_back(seed: int) -> None:
+    """With so much friction the search had exchanged one node for ever."""
+    c = random_problem(3, seed, 2.5)
+    state, _ = increment(c, unloaded(c, np.zeros(1)), FULL)
+    (only,) = every_state(c, np.zeros(3))
+    assert state.values.pressure == pytest.approx(only.pressure, abs=1e-9)
+
+
 @given(seed=st.integers(0, 10_000), changes=st.integers(1, 12))
 def test_updated_factors_are_those_of_the_sets(seed: int, changes: int) -> None:
     """Also where the system next to it was itself an update, and back at the first sets."""

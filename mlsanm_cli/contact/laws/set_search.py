@@ -120,6 +120,13 @@ def primal_dual_active_set(
         if sets.key in seen and care < ONE:
             care += 1
             seen.clear()
+        elif sets.key in seen:
+            node = int(np.flatnonzero(wrong)[0])
+            untried = (one for one in _otherwise(condensed, sets, node) if one.key not in seen)
+            another = next(untried, None)
+            if another is not None:
+                sets = another
+                continue
         seen.add(sets.key)
         if care == ALL:
             sets = better
@@ -129,6 +136,16 @@ def primal_dual_active_set(
         else:
             sets = _only(condensed, sets, better, np.arange(len(wrong)) == np.flatnonzero(wrong)[0])
     raise EndlessError(limit)
+
+
+def _otherwise(condensed: Condensed, sets: ContactStatus, node: int) -> Iterator[ContactStatus]:
+    """The same sets with one closed node that rests, or slips either way: one that opens where it slips as it
+    asks for, and closes where it is open, may do the others."""
+    for own in np.flatnonzero(condensed.friction_nodes == node):
+        for rests, sign in ((True, 0.0), (False, 1.0), (False, -1.0)):
+            closed, stuck, slip_sign = sets.closed.copy(), sets.stuck.copy(), sets.slip_sign.copy()
+            closed[node], stuck[own], slip_sign[own] = True, rests, sign
+            yield ContactStatus(closed, stuck, slip_sign)
 
 
 def _divided(condensed: Condensed, sets: ContactStatus) -> Iterator[ContactStatus]:
