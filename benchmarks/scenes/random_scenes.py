@@ -1,12 +1,13 @@
 """Random scenes of two to five bodies, judged by balance and by variants.
 
     python benchmarks/scenes/random_scenes.py [--count 40] [--first 0] [--keep DIR] [--only NUMBER ...]
-        [--features] [--no-variants]
+        [--features | --frames] [--no-variants]
 
 Stacks of rectangles, polygons with rounded corners, disks and half-disks with all materials and laws, with
 friction or not, pressed from above. A run that is done must balance (forces reported of every body add up to
 1e-6 of the largest), and agree with itself turned by 90 degrees and on other clouds: forces 1 %, peaks 3 %
-(not where contact reaches sharp corners), displacements 3 %. Writes random_scenes.json (``--out``).
+(not where contact reaches sharp corners), displacements 3 %; scenes of random_frames.py are compared with
+themselves upright in mm and N. Writes random_scenes.json (``--out``).
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.scenes.compared import difference, peaks, vectors
 from benchmarks.scenes.judge import SIDES, imbalance, run_case
 from benchmarks.scenes.random_features import featured
+from benchmarks.scenes.random_frames import Frame, drawn_frame, framed
 from benchmarks.scenes.scene import (
     FORCE,
     PEAK,
@@ -41,7 +43,7 @@ from benchmarks.scenes.scene import (
     probe,
 )
 from benchmarks.scenes.scene import body as make_body
-from benchmarks.scenes.variants import variants
+from benchmarks.scenes.variants import Variant, variants
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 MATERIALS = {
@@ -154,10 +156,31 @@ def _inside(one: Table) -> float:
     return shape["center"][1] + (0.0 if shape["kind"] == "disk" else -0.5 * shape["radius"])
 
 
-def judged(number: int, folder: Path, features: bool = False, compare: bool = True) -> Table:
-    """How the scene came through; with ``features`` one of those, without variants unless they are to
-    ``compare``."""
-    given, smooth, chosen = featured(number) if features else (*drawn(number), [])
+KINDS = {"stacks": ("seed", "turned"), "features": ("seed", "swapped"), "frames": ("seed", "upright")}
+"""Which variants judge which scenes."""
+
+
+def scene_of(number: int, kind: str) -> tuple[Table, list[str], list[str], list[Variant]]:
+    """Case, contacts that no sharp corner can reach, what it has, and its variants."""
+    others = [one for one in variants() if one.name in KINDS[kind]]
+    if kind == "stacks":
+        return *drawn(number), [], others
+    if kind == "features":
+        return *featured(number), others
+    frame = drawn_frame(number)
+    upright = Variant(
+        "upright",
+        lambda _: framed(number, Frame())[0],
+        np.array([frame.turned(1.0, 0.0), frame.turned(0.0, 1.0)]),
+        1.0 / frame.length,
+        1.0 / frame.stress,
+    )
+    return *framed(number, frame), [*others, upright]
+
+
+def judged(number: int, folder: Path, kind: str, compare: bool = True) -> Table:
+    """How the scene came through, with its variants if they are to ``compare``."""
+    given, smooth, chosen, others = scene_of(number, kind)
     scene = Scene(f"random{number}", "random", given)
     ran = run_case(scene, given, folder / "base", lambda places: places, patience=60.0)
     law = given["contact"][0].get("regularization", {}).get("law", "default")
@@ -175,9 +198,7 @@ def judged(number: int, folder: Path, features: bool = False, compare: bool = Tr
     sides = imbalance(given, ran.result)
     if sides is not None and sides > SIDES:
         faults.append(f"forces on a body do not add up: {sides:.1e}")
-    for variant in variants() if compare else ():
-        if variant.name not in (("seed", "swapped") if features else ("seed", "turned")):
-            continue
+    for variant in others if compare else ():
         if variant.name == "swapped" and not any("master" in one for one in given["contact"]):
             continue
         other = run_case(scene, variant.change(given), folder / variant.name, variant.move(), patience=60.0)
@@ -208,7 +229,8 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=int, nargs="+")
-    parser.add_argument("--features", action="store_true", help="scenes of random_features.py")
+    for name in ("features", "frames"):
+        parser.add_argument(f"--{name}", dest="kind", action="store_const", const=name, default="stacks")
     parser.add_argument("--no-variants", action="store_true", help="run every scene once")
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--out", type=Path, default=RESULTS / "random_scenes.json")
@@ -218,7 +240,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         for number in numbers:
             folder = (given.keep or Path(scratch)) / str(number)
-            one = judged(number, folder, given.features, not given.no_variants)
+            one = judged(number, folder, given.kind, not given.no_variants)
             found.append(one)
             print(
                 f"{number:4d} {one['outcome']:<24} {one['law']:<11} mu {one['friction']} "

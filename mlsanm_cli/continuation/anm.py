@@ -30,6 +30,8 @@ _STEEP = 1e7
 _LEVEL = 1e-3
 # The direction at the end of a step is taken between this part of its length and the end.
 _BEFORE = 0.98
+# A step of less than this part of the one before it begins on the path itself.
+_ASTRAY = 0.01
 # Shortest step that the size of the next one is guessed from.
 _SHORT = 1e-6
 
@@ -49,11 +51,17 @@ class AnmFollower(Follower):
         except SingularTangentError as error:
             raise Stopped(StopReason.SINGULAR_TANGENT, f"at the start: {error.message}") from error
         direction, unit = self._direction()
+        before = 0.0
         while not self._stopped:
             self._allow()
             series = self._series(here, direction, unit)
             cut = self._soon(series)
-            branch = cut or self._branch(here, series)
+            branch = cut or self._gauge.branch(series)
+            if not cut and branch.length * unit < _ASTRAY * before:
+                here, series, branch = self._returned(here, series, branch, direction)
+            if not cut:
+                self._judge(here, series, branch)
+            before = branch.length * unit
             self._piece = self._piece if cut else branch
             limit = branch.length if self._barrier is None or cut else self._barrier(branch)
             if cut or limit < branch.length:
@@ -103,12 +111,29 @@ class AnmFollower(Follower):
             good = limit < piece.length and self._gauge.good(piece, limit)
         return piece.shortened(limit) if good else None
 
-    def _branch(self, here: ExpansionPoint, series: Series) -> Branch:
-        """Return the longest good piece of path that begins at ``here``."""
-        branch = self._gauge.branch(series)
+    def _returned(
+        self, here: ExpansionPoint, series: Series, branch: Branch, direction: tuple[FloatArray, float]
+    ) -> tuple[ExpansionPoint, Series, Branch]:
+        """Return the station on the path itself, its series and its piece of path; those given where that is
+        no better. Where a motion is hardly resisted, what residual is left moves it far off the path."""
+        if residual_norm(self._problem, here.x, here.lam) <= self._options.goal:
+            return here, series, branch
+        point = self._corrected(here, (here.x, here.lam), None)
+        if point is None:
+            return here, series, branch
+        try:
+            better = self._station(point.x, point.lam, self._effort)
+        except SingularTangentError:
+            return here, series, branch
+        again = self._series(better, direction, series.unit)
+        longer = self._gauge.branch(again)
+        return (better, again, longer) if longer.length > branch.length else (here, series, branch)
+
+    def _judge(self, here: ExpansionPoint, series: Series, branch: Branch) -> None:
+        """Stop where the longest good piece of path that begins at ``here`` is none."""
         shortest = self._options.min_length / series.unit
         if branch.length > shortest or branch.first_crossing(self._lam_end) is not None:
-            return branch
+            return
         place = f"at load factor {here.lam:.9g}"
         if not self._problem.admissible(*branch.evaluate(2.0 * shortest)):
             raise Stopped(StopReason.NOT_ADMISSIBLE, f"the path leaves the admissible region {place}")

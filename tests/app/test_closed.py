@@ -105,7 +105,7 @@ def test_a_fit_has_the_pressure_of_lame_all_around(tmp_path: Path) -> None:
 def test_a_fit_that_is_pulled_aside_may_open_anywhere(tmp_path: Path) -> None:
     """Where the range of a closed contact begins has no part in it: pulled down or aside is the same."""
     held = '[[support]]\nboundary = "shaft.inner"\nux = 0.0\nuy = 0.0\n'
-    peaks = []
+    peaks: list[float] = []
     for way in ("[2.0, 0.0]", "[0.0, -2.0]"):
         pull = f'[[load]]\nname = "pull"\nbody = "hub"\nkind = "body-force"\nbody-force = {way}\n'
         summary = solve(FIT + held + pull, tmp_path / str(len(peaks)))

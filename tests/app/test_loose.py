@@ -143,6 +143,96 @@ def test_friction_resists_what_normals_do_not(tmp_path: Path) -> None:
     assert summary["contacts"]["floor"]["force"] == pytest.approx([-1e-4, 1e-3], abs=1e-12)
 
 
+BETWEEN = """
+format = 1
+[model]
+plane = "stress"
+[material.soft]
+E = 1083.0
+nu = 0.34
+[material.hard]
+E = 95464.0
+nu = 0.4
+[[body]]
+name = "base"
+material = "hard"
+shape = { kind = "rectangle", x = [-3.6, 3.6], y = [-4.4, 0.0] }
+[[body]]
+name = "disk"
+material = "soft"
+shape = { kind = "disk", center = [0.0, 2.2], radius = 2.2 }
+[[support]]
+boundary = "base.bottom"
+ux = 0.0
+uy = 0.0
+[[contact]]
+name = "floor"
+slave = "disk.arc"
+master = "base.top"
+friction = 0.3
+accuracy = 6e-3
+regularization = { law = "exact" }
+[[contact]]
+name = "lid"
+slave = "disk.arc"
+accuracy = 6e-3
+obstacle = { kind = "plane", point = [0.0, 4.4], normal = [0.0, -1.0] }
+regularization = { law = "exact" }
+[[load]]
+name = "press"
+kind = "obstacle"
+obstacle = "lid"
+fy = -15.5
+[[stop]]
+what = "force"
+of = "lid"
+above = 0.02
+"""
+
+
+def test_the_first_nodes_to_touch_hold_a_disk(tmp_path: Path) -> None:
+    """One node on either side, exactly above each other, does not tell which way the disk would roll."""
+    summary = solve(BETWEEN, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["floor"]["force"][1] == pytest.approx(0.02, rel=1e-6)
+
+
+HOLLOW = """
+format = 1
+[model]
+plane = "strain"
+[material.soft]
+E = 1221.0
+nu = 0.4
+[[body]]
+name = "foot"
+material = "soft"
+[body.shape]
+kind = "polygon"
+points = [[-1.5, 0.0], [1.5, 0.0], [1.5, 2.4], [-1.5, 2.4]]
+names = ["sole", "right", "head", "left"]
+corners = ["sole", "sole", "", ""]
+rounding = [0.3, 0.3, 0.3, 0.3]
+[[load]]
+name = "press"
+boundary = "foot.head"
+kind = "traction"
+traction = [0.0, -11.0]
+[[contact]]
+name = "hollow"
+slave = "foot.sole"
+accuracy = 0.02
+obstacle = { kind = "disk", center = [0.0, 28.0], radius = 28.0, inside = true }
+"""
+
+
+def test_a_foot_drawn_into_a_hollow_floats_out_of_it(tmp_path: Path) -> None:
+    """Its rounded edges overlap the hollow as drawn, and nothing but the contact holds it up."""
+    summary = solve(HOLLOW, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["hollow"]["force"] == pytest.approx([0.0, 26.4], abs=1e-6)
+
+
 def test_an_eccentric_push_moves_the_pressure_below_it(tmp_path: Path) -> None:
     wide = (
         BLOCK

@@ -44,6 +44,8 @@ def test_the_peak_pressure_asked_for_is_reached_by_every_method(
     contact = summary["contacts"]["interface"]
     assert contact["peak_pressure"] == pytest.approx(1500.0, rel=1e-8)
     assert summary["factors"]["press"] == pytest.approx(position, rel=1e-12)
+    # The estimate is that of the state where the path ends, not of one beyond.
+    assert summary["error_estimate"]["pressure"]["interface"] <= 0.02
     # Hertz: the peak goes with the root of the force.
     radius, modulus = 1.0, 210e3 / (2.0 * (1.0 - 0.3**2))
     force = 1500.0**2 * np.pi * radius / modulus

@@ -165,3 +165,15 @@ def test_a_direction_that_nothing_resists_is_refused() -> None:
     condensed = synthetic(np.eye(2), np.array([-1.0, -1.0]), np.zeros((2, 1)), push, np.zeros((2, 1)))
     with pytest.raises(NumericalError, match="no contact pressure balances the loads"):
         solve_exact(condensed, FULL)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_body_that_rests_on_its_ends_unloaded_is_found(seed: int) -> None:
+    x = np.linspace(-1.0, 1.0, 19)
+    columns, motion = Columns(1, 2, 19), np.stack([np.ones(19), x], axis=1)
+    balance = columns.of_loads(np.zeros((2, 1))) + columns.of_pressures(slice(0, 19), motion.T)
+    compliance = random_compliance(19, np.random.default_rng(seed))
+    condensed = synthetic(compliance, 0.3 + 0.1 * (1.0 - x**2), np.zeros((19, 1)), balance, motion)
+    state = solve_exact(condensed, FULL)
+    assert state.gap.min() >= -1e-12
+    assert np.abs(state.pressure).max() <= 1e-12

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mlsanm_cli.contact.laws import contact_status
 from mlsanm_cli.contact.laws.contact_status import ContactState, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -69,6 +70,34 @@ def test_state_is_the_only_one_there_is(m: int, seed: int, friction: float) -> N
     for v in states:
         assert np.abs(v.pressure - state.values.pressure).max() <= 1e-8 * max(1.0, np.abs(v.pressure).max())
         assert np.abs(v.traction - state.values.traction).max() <= 1e-8 * max(1.0, np.abs(v.traction).max())
+
+
+@pytest.mark.parametrize("seed", [24, 35, 82, 88, 97])
+def test_a_node_that_neither_opens_nor_slips_as_it_asks_rests_or_slips_back(seed: int) -> None:
+    """With so much friction the search had exchanged one node for ever."""
+    c = random_problem(3, seed, 2.5)
+    state, _ = increment(c, unloaded(c, np.zeros(1)), FULL)
+    (only,) = every_state(c, np.zeros(3))
+    assert state.values.pressure == pytest.approx(only.pressure, abs=1e-9)
+
+
+@given(seed=st.integers(0, 10_000), changes=st.integers(1, 12))
+def test_updated_factors_are_those_of_the_sets(seed: int, changes: int) -> None:
+    """Also where the system next to it was itself an update, and back at the first sets."""
+    c, rng = random_problem(30, seed, 0.3), np.random.default_rng(seed)
+    kind, before = rng.integers(0, 4, 30), rng.normal(size=30)
+    system = None
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(contact_status, "LARGE", 1)
+        for _ in range(4):
+            sets = ContactStatus(kind > 0, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
+            system = SetSystem(c, sets, system)
+            got, fresh = (one.state(FULL, before) for one in (system, SetSystem(c, sets)))
+            size = 1.0 + np.abs(fresh.pressure).max()
+            for name in ("pressure", "traction", "gap", "slip"):
+                assert np.abs(getattr(got, name) - getattr(fresh, name)).max() <= 1e-9 * size, name
+            kind = kind.copy()
+            kind[rng.integers(0, 30, changes)] = rng.integers(0, 4, changes)
 
 
 @given(seed=st.integers(0, 300), friction=st.floats(0.05, 1.5))

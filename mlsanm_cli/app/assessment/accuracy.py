@@ -58,9 +58,13 @@ class Accuracy:
         bodies = built.scene.bodies.values()
         if any(body.model.material.nearly_incompressible for body in bodies):
             return {"displacement": None, "pressure": dict.fromkeys(self.from_bulk)}
-        pressure = {}
+        pressure, exact = {}, self.state
+        blind = len(built.condensed.friction_nodes) > 0
+        if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
+            # A stop has ended the path before the state that the other parts are told of.
+            exact = solve_exact(built.condensed, state.factors)
         for pairing in built.condensed.pairings:
-            away = distance(built, pairing, self.state, state.pressure) if state is not None else 0.0
+            away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
             pressure[pairing.name] = _together(
                 self.from_bulk[pairing.name], self.from_contact[pairing.name], away
             )

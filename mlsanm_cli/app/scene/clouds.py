@@ -9,6 +9,7 @@ import numpy as np
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.default_spacing import (
     arc_zones,
+    bends,
     bond_zones,
     clamped_zones,
     contact_zone,
@@ -39,7 +40,8 @@ def spacing_of(case: Case, body: Body) -> Spacing:
     far, zones = body.spacing, []
     if isinstance(far, str):
         far = usual_spacing(outline)
-        clamped = [curve_at(case, place, "support")[0] for place in _clamped(case, body.name)]
+        sides = _clamped(case, body.name) if bends(outline) else ()
+        clamped = [curve_at(case, place, "support")[0] for place in sides]
         zones = [
             *arc_zones(outline, far),
             *_contact_zones(case, body, far),

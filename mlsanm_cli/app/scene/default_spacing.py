@@ -50,6 +50,17 @@ FLAT = 1e-6
 
 def usual_spacing(outline: Outline) -> float:
     """The spacing far from everything."""
+    return min(_sizes(outline))
+
+
+def bends(outline: Outline) -> bool:
+    """Whether a body is so thin that its spacing is that across it."""
+    along, across = _sizes(outline)
+    return across < along
+
+
+def _sizes(outline: Outline) -> tuple[float, float]:
+    """The spacings that a body's size and its thickness ask for."""
     area = length = 0.0
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for curve in outline.curves:
@@ -58,7 +69,7 @@ def usual_spacing(outline: Outline) -> float:
         (x, y), (ahead_x, ahead_y) = points[:-1].T, points[1:].T
         area += 0.5 * float((x * ahead_y - ahead_x * y).sum())
         length += curve.length
-    return float(min((high - low).max() / ALONG, 2.0 * area / length / ACROSS))
+    return float((high - low).max()) / ALONG, 2.0 * area / length / ACROSS
 
 
 def arc_zones(outline: Outline, far: float) -> Iterator[Zone]:
@@ -196,7 +207,8 @@ def valleys(values: FloatArray, slack: float) -> list[int]:
 
 
 def clamped_zones(curve: Curve, far: float) -> Iterator[Zone]:
-    """Finer nodes at both ends of a clamped side, where stresses are singular if the next one is free."""
+    """Finer nodes at both ends of a clamped side, where stresses are singular if the next one is free: what
+    bends is as soft as it is held there."""
     if not curve.closed:
         for x, y in curve.points(np.array([0.0, curve.length])).tolist():
             yield Zone.around((x, y), far / AT_CLAMPED, 0.0, GROWTH)

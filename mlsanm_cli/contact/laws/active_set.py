@@ -14,7 +14,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.kkt import kkt_residual
-from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError
+from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError, moving
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError, smallest_solution
 
@@ -56,7 +56,7 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
         pressure, motion, floating = _solve_active(condensed, free_gap, factors, active)
         gap = free_gap + gap_map.motion @ motion + gap_map.pressure @ pressure
         gap[active] = 0.0
-        wrong = _violations(condensed, active, pressure, gap)
+        wrong = _violations(condensed, active, pressure, gap, moving(condensed, motion))
         if not wrong.any():
             if floating:
                 raise _unbalanced()
@@ -127,9 +127,12 @@ def _unbalanced() -> UnbalancedError:
     )
 
 
-def _violations(condensed: Condensed, active: BoolArray, pressure: FloatArray, gap: FloatArray) -> BoolArray:
-    """Closed nodes in tension and open nodes that overlap, beyond round-off."""
-    typical = float(np.abs(pressure).max(initial=0.0))
+def _violations(
+    condensed: Condensed, active: BoolArray, pressure: FloatArray, gap: FloatArray, least: float
+) -> BoolArray:
+    """Closed nodes in tension and open nodes that overlap, beyond the round-off of the pressures, and of
+    ``least``, which counts where nothing is loaded."""
+    typical = max(float(np.abs(pressure).max(initial=0.0)), least)
     elastic = condensed.softest * typical
     tension = active & (pressure < -ROUND_OFF * typical)
     overlap = ~active & (gap < -ROUND_OFF * elastic)

@@ -7,15 +7,22 @@ s = anchor; slipping ones carry t = d mu p with the sense d = +-1.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.dense import ScaledFactor
+from mlsanm_cli.contact.response.dense import ScaledFactor, SingularSystemError
 
 OPEN, STICK, SLIP = 0, 1, 2
+MOST = 40
+"""Equations that may differ where factors are updated; each costs a solution, where factors cost many."""
+LARGE = 200
+"""Equations from which on an update is cheaper than factors."""
+SOUND = 1e-8
+"""Least reciprocal condition of an update."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,28 +58,37 @@ class ContactState:
 
 
 class SetSystem:
-    """The linear equations of one choice of sets, factorised. Raises SingularSystemError."""
+    """The linear equations of one choice of sets, factorised; where the sets differ from those of a system
+    ``near`` in a few nodes only, as an update of its factors. Raises SingularSystemError."""
 
-    def __init__(self, condensed: Condensed, sets: ContactStatus) -> None:
+    def __init__(self, condensed: Condensed, sets: ContactStatus, near: SetSystem | None = None) -> None:
         self._condensed = condensed
         m, n = len(sets.closed), len(sets.stuck)
         rows, columns, whole = condensed.scaled
-        closed, stuck = np.flatnonzero(sets.closed), np.flatnonzero(sets.stuck)
+        self._closed, self._stuck = np.flatnonzero(sets.closed), np.flatnonzero(sets.stuck)
         sliding = np.flatnonzero(sets.slip_sign)
-        self._closed, self._stuck, self._sliding = closed, stuck, m + sliding
-        kept = np.concatenate([closed, m + stuck, np.arange(m + n, len(whole))])
-        self._kept, self._rows, self._columns = kept, rows[kept], columns[kept]
+        self._kept = np.concatenate([self._closed, m + self._stuck, np.arange(m + n, len(whole))])
+        self._rows, self._columns = rows, columns
+        # A slipping node's traction goes with its pressure.
+        self._sliding, self._under = m + sliding, condensed.friction_nodes[sliding]
+        self._drag = sets.slip_sign[sliding] * condensed.friction[sliding]
+        self._slope = self._drag * columns[self._under] / columns[self._sliding]
+        self._kind = np.concatenate(
+            [sets.closed, 2.0 * sets.stuck + sets.slip_sign, np.ones(len(whole) - m - n)]
+        )
+        self._update = _Update.of(self, near) if near is not None else None
+        if self._update is None:
+            self._factor = self._factorised(whole)
+            self._units: dict[int, FloatArray] = {}
+
+    def _factorised(self, whole: FloatArray) -> ScaledFactor | None:
+        kept = self._kept
         # Transposed, so that the factor's columns are contiguous.
         matrix = whole.take(kept, axis=0).take(kept, axis=1)
-        if len(sliding):
-            # A slipping node's traction goes with its pressure.
-            self._under = (np.cumsum(sets.closed) - 1)[condensed.friction_nodes[sliding]]
-            self._drag = sets.slip_sign[sliding] * condensed.friction[sliding]
-            friction_slope = self._drag * self._columns[self._under] / columns[self._sliding]
-            matrix[self._under] += friction_slope[:, None] * whole.take(self._sliding, axis=0).take(
-                kept, axis=1
-            )
-        self._factor = ScaledFactor(matrix.T) if len(kept) else None
+        if len(self._sliding):
+            place = np.searchsorted(self._closed, self._under)
+            matrix[place] += self._slope[:, None] * whole.take(self._sliding, axis=0).take(kept, axis=1)
+        return ScaledFactor(matrix.T) if len(kept) else None
 
     def state(self, factors: FloatArray, stick_reference: FloatArray) -> ContactState:
         """The state at load ``factors`` (L,) with sticking nodes held at their ``stick_reference`` (n,)."""
@@ -103,10 +119,88 @@ class SetSystem:
 
     def _spread(self, rhs: FloatArray) -> FloatArray:
         """All pressures, tractions and motions for the right-hand sides of the equations that hold."""
-        unknowns = np.zeros(len(self._condensed.whole))
-        if self._factor is not None:
-            solution = self._columns * self._factor.solve(self._rows * rhs)
-            unknowns[self._kept] = solution
-            if len(self._sliding):
-                unknowns[self._sliding] = self._drag * solution[self._under]
+        scaled = np.zeros(len(self._rows))
+        scaled[self._kept] = self._rows[self._kept] * rhs
+        found = self.scaled_solution(scaled) if self._update is None else self._update.solution(scaled)
+        unknowns = self._columns * found
+        # Without the update's round-off.
+        open_ones = self._kind == 0.0
+        unknowns[open_ones] = 0.0
+        unknowns[self._sliding] = self._drag * unknowns[self._under]
         return unknowns
+
+    def scaled_solution(self, rhs: FloatArray) -> FloatArray:
+        """Scaled unknowns (m + n + k) for right-hand sides that are zero where no equation holds."""
+        found = np.zeros(len(rhs))
+        if self._factor is not None:
+            found[self._kept] = self._factor.solve(rhs[self._kept])
+            found[self._sliding] = self._slope * found[self._under]
+        return found
+
+    def unit(self, number: int) -> FloatArray:
+        """Scaled unknowns where the equation of one of them has 1 on its right-hand side: that of an open
+        node is that it carries nothing, that of a slipping one that its traction goes with its pressure."""
+        if number not in self._units:
+            rhs = np.zeros(len(self._rows))
+            held = number in self._inactive
+            if held:
+                rhs[self._kept] = -self._condensed.scaled[2][number, self._kept]
+            else:
+                rhs[number] = 1.0
+            found = self.scaled_solution(rhs)
+            found[number] += 1.0 if held else 0.0
+            self._units[number] = found
+        return self._units[number]
+
+    @cached_property
+    def _inactive(self) -> frozenset[int]:
+        return frozenset(np.setdiff1d(np.arange(len(self._rows)), self._kept).tolist())
+
+
+class _Update:
+    """The equations of a system whose ``changed`` (r,) ones differ from those of a factorised ``base``.
+
+    With the base's solutions Z for units in them, and the rows N of the new ones, the solution is y + Z w,
+    (N Z) w = b - N y, y being the base's without these right-hand sides (Woodbury's formula).
+    """
+
+    def __init__(self, system: SetSystem, base: SetSystem, changed: IntArray) -> None:
+        self.base, self._system, self._changed = base, system, changed
+        self._units = np.array([base.unit(int(one)) for one in changed]).T
+        self._factor = ScaledFactor(np.asfortranarray(self._values(self._units)), SOUND)
+
+    @classmethod
+    def of(cls, system: SetSystem, near: SetSystem) -> _Update | None:
+        """None where too much has changed, or the update would cost digits."""
+        base = near if near._update is None else near._update.base
+        changed = np.flatnonzero(system._kind != base._kind)
+        if len(base._kept) < LARGE or not 0 < len(changed) <= MOST:
+            return None
+        try:
+            return cls(system, base, changed)
+        except SingularSystemError:
+            return None
+
+    def solution(self, rhs: FloatArray) -> FloatArray:
+        """Scaled unknowns for right-hand sides (m + n + k)."""
+        kept = rhs.copy()
+        kept[self._changed] = 0.0
+        found = self.base.scaled_solution(kept)
+        return found + self._units @ self._factor.solve(rhs[self._changed] - self._values(found))
+
+    def _values(self, unknowns: FloatArray) -> FloatArray:
+        """The left-hand sides (r,) or (r, c) of the changed equations for scaled unknowns."""
+        one, changed = self._system, self._changed
+        values = unknowns[changed].copy()
+        equations = np.isin(changed, one._kept)
+        values[equations] = self._equations @ unknowns
+        slides = np.flatnonzero(np.isin(changed, one._sliding))
+        place = np.searchsorted(one._sliding, changed[slides])
+        slope = one._slope[place]
+        values[slides] -= (slope if unknowns.ndim == 1 else slope[:, None]) * unknowns[one._under[place]]
+        return values
+
+    @cached_property
+    def _equations(self) -> FloatArray:
+        changed = self._changed[np.isin(self._changed, self._system._kept)]
+        return np.ascontiguousarray(self._system._condensed.scaled[2][:, changed].T)

@@ -87,11 +87,12 @@ def increment(
     factors: FloatArray,
     slipping: bool = True,
     guess: ContactStatus | None = None,
+    passes: int | None = None,
 ) -> tuple[CoulombState, int]:
     """The state after one finite increment to ``factors`` (L,), friction by return mapping; and the systems
-    solved, the search beginning with a ``guess`` if there is one. Without ``slipping`` all closed nodes
-    stick, whatever it takes. Raises NoStateError, with ``slipping`` FloatingError where surfaces that were
-    apart would touch without pressure."""
+    solved, the search beginning with a ``guess`` if there is one, ending after so many ``passes``. Without
+    ``slipping`` all closed nodes stick, whatever it takes. Raises NoStateError, with ``slipping``
+    FloatingError where surfaces that were apart would touch without pressure."""
     before = state.values.slip
     closed = state.sets.closed | (state.values.gap <= 0.0)
     floating = len(condensed.balance.constant) > 0 and not state.sets.closed.any()
@@ -108,8 +109,8 @@ def increment(
         return system, values, values.slip - before
 
     first = ContactStatus(closed, stuck, slip_sign) if guess is None else guess
-    sets, _, values, count = primal_dual_active_set(condensed, first, watch, solve)
-    pressed = values.pressure.max() > NOTHING * moving(condensed, values)
+    sets, _, values, count = primal_dual_active_set(condensed, first, watch, solve, passes)
+    pressed = values.pressure.max() > NOTHING * moving(condensed, values.motion)
     if floating and slipping and not pressed and acts(condensed, factors - state.factors):
         raise FloatingError
     return state.jumped(factors, values, sets, np.where(sets.stuck, before, values.slip)), count

@@ -26,6 +26,8 @@ NEAR = 1e-9
 ROUND_OFF = 50.0 * float(np.finfo(float).eps)
 JUMPS = tuple(10.0**power for power in range(-6, 0))
 """Where no rates continue the path, finite increments of these parts of the stage are tried in turn."""
+SOON = 100
+"""Passes in which states are found whose sets are well guessed."""
 STANDSTILL = 1e-13
 OVERLAP = (
     "surfaces with friction overlap as drawn, and forces alone do not determine how the bodies move apart"
@@ -53,8 +55,10 @@ class _Course:
     rates: ContactState
 
 
-def _course_of(condensed: Condensed, sets: ContactStatus, change: FloatArray) -> _Course:
-    system = SetSystem(condensed, sets)
+def _course_of(
+    condensed: Condensed, sets: ContactStatus, change: FloatArray, near: SetSystem | None = None
+) -> _Course:
+    system = SetSystem(condensed, sets, near)
     return _Course(sets, system, system.rate(change))
 
 
@@ -169,14 +173,15 @@ def _course(
     )
     watch.side[before.slip_sign != 0.0] = np.where(grazing, 0.0, before.slip_sign)[before.slip_sign != 0.0]
 
-    made = 0
+    made, known = 0, last.system if last is not None else None
 
     def solve(sets: ContactStatus) -> tuple[SetSystem, ContactState, FloatArray]:
-        nonlocal made
+        nonlocal made, known
         if last is not None and sets.key == last.sets.key:
             return last.system, last.rates, last.rates.slip
         made += 1
-        course = _course_of(condensed, sets, change)
+        course = _course_of(condensed, sets, change, known)
+        known = course.system
         return course.system, course.rates, course.rates.slip
 
     sets, system, rates, _ = primal_dual_active_set(condensed, before, watch, solve)
@@ -211,6 +216,10 @@ def _jump(
     ceiling: float,
 ) -> tuple[CoulombState, float, int]:
     """The first state found a finite way ahead, and where it is."""
+    if not state.sets.closed.any():
+        touching = _touch_down(condensed, state, begin, change, fraction, ceiling)
+        if touching is not None:
+            return touching
     for size in JUMPS:
         ahead = min(fraction + size, ceiling)
         try:
@@ -220,3 +229,32 @@ def _jump(
             continue
         return found, ahead, solves
     raise failure
+
+
+def _touch_down(
+    condensed: Condensed,
+    state: CoulombState,
+    begin: FloatArray,
+    change: FloatArray,
+    fraction: float,
+    ceiling: float,
+) -> tuple[CoulombState, float, int] | None:
+    """The first state in which surfaces touch, and where it is; None if it is not found soon.
+
+    Which few nodes touch first is known least: the search comes down to them from the end of the stage, with
+    the sets of every state for the next one.
+    """
+    found: tuple[CoulombState, float] | None = None
+    count = 0
+    for ahead in (1.0, *(min(fraction + size, 1.0) for size in reversed(JUMPS)), ceiling):
+        if found and found[1] <= ahead:
+            continue
+        guess = found[0].sets if found else None
+        try:
+            one, solves = increment(condensed, state, begin + ahead * change, guess=guess, passes=SOON)
+        except NoStateError:
+            if found:
+                return None
+            continue
+        found, count = (one, ahead), count + solves
+    return (*found, count) if found else None

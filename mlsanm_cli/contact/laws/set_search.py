@@ -86,15 +86,17 @@ def primal_dual_active_set(
     first: ContactStatus,
     watch: AdmissibleChanges,
     solve: Callable[[ContactStatus], tuple[System, ContactState, FloatArray]],
+    passes: int | None = None,
 ) -> tuple[ContactStatus, System, ContactState, int]:
     """Sets that obey every watched rule, their system and values, and how many systems it took.
 
     ``solve`` gives the system of some sets, the values that the rules are about, and the slips (n,) whose
-    signs must be against friction; SingularSystemError where there are none. Raises NoStateError.
+    signs must be against friction; SingularSystemError where there are none. Raises NoStateError, also after
+    so many ``passes``.
     """
     sets, seen, care = first, set[bytes](), ALL
     others: Iterator[ContactStatus] | None = None
-    limit = 60 + 12 * len(first.closed)
+    limit = passes or 60 + 12 * len(first.closed)
     for count in range(1, limit + 1):
         try:
             system, values, slipped = solve(sets)
@@ -118,6 +120,13 @@ def primal_dual_active_set(
         if sets.key in seen and care < ONE:
             care += 1
             seen.clear()
+        elif sets.key in seen:
+            node = int(np.flatnonzero(wrong)[0])
+            untried = (one for one in _otherwise(condensed, sets, node) if one.key not in seen)
+            another = next(untried, None)
+            if another is not None:
+                sets = another
+                continue
         seen.add(sets.key)
         if care == ALL:
             sets = better
@@ -127,6 +136,16 @@ def primal_dual_active_set(
         else:
             sets = _only(condensed, sets, better, np.arange(len(wrong)) == np.flatnonzero(wrong)[0])
     raise EndlessError(limit)
+
+
+def _otherwise(condensed: Condensed, sets: ContactStatus, node: int) -> Iterator[ContactStatus]:
+    """The same sets with one closed node that rests, or slips either way: one that opens where it slips as it
+    asks for, and closes where it is open, may do the others."""
+    for own in np.flatnonzero(condensed.friction_nodes == node):
+        for rests, sign in ((True, 0.0), (False, 1.0), (False, -1.0)):
+            closed, stuck, slip_sign = sets.closed.copy(), sets.stuck.copy(), sets.slip_sign.copy()
+            closed[node], stuck[own], slip_sign[own] = True, rests, sign
+            yield ContactStatus(closed, stuck, slip_sign)
 
 
 def _divided(condensed: Condensed, sets: ContactStatus) -> Iterator[ContactStatus]:
@@ -162,7 +181,7 @@ def _exchange(
     own_normal, own_tangential = own[: len(sets.closed)], own[len(sets.closed) :][: len(sets.stuck)]
     p, t = values.pressure, values.traction
     largest = max(np.abs(p).max(initial=0.0), np.abs(t).max(initial=0.0))
-    force = ROUND_OFF * max(largest, moving(condensed, values))
+    force = ROUND_OFF * max(largest, moving(condensed, values.motion))
     opening = sets.closed & watch.opening & (p < -force)
     closing = ~sets.closed & watch.closing & (values.gap < -ROUND_OFF * np.abs(values.gap).max(initial=0.0))
     closed = (sets.closed & ~opening) | closing
@@ -200,9 +219,9 @@ def _violation(
     return off
 
 
-def moving(condensed: Condensed, values: ContactState) -> float:
-    """A pressure that would move the surfaces as far as the platens do."""
-    moved = float(np.abs(condensed.gap.motion @ values.motion).max(initial=0.0))
+def moving(condensed: Condensed, motion: FloatArray) -> float:
+    """A pressure that would move the surfaces as far as a ``motion`` (k,) of platens and bodies."""
+    moved = float(np.abs(condensed.gap.motion @ motion).max(initial=0.0))
     return moved / condensed.softest if moved else 0.0
 
 

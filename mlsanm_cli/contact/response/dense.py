@@ -36,15 +36,15 @@ def scales(matrix: FloatArray, lengths: int) -> tuple[FloatArray, FloatArray]:
 class ScaledFactor:
     """Factors of a scaled matrix (r, r), which is overwritten if its columns are contiguous.
 
-    Raises SingularSystemError.
+    Raises SingularSystemError, also below a reciprocal condition of ``least``.
     """
 
-    def __init__(self, scaled: FloatArray) -> None:
+    def __init__(self, scaled: FloatArray, least: float = SINGULAR) -> None:
         norm = np.abs(scaled).sum(axis=0).max()
         self._factor, self._pivots, info = dgetrf(scaled, overwrite_a=1)
         if info == 0:
             rcond, info = dgecon(self._factor, norm)
-        if info != 0 or rcond < SINGULAR:
+        if info != 0 or rcond < least:
             raise SingularSystemError
 
     def solve(self, rhs: FloatArray) -> FloatArray:
