@@ -23,7 +23,7 @@ from mlsanm_cli.app.assessment.checks import (
 )
 from mlsanm_cli.app.assessment.energy import energy_error
 from mlsanm_cli.app.assessment.pressed_ends import end_warnings
-from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_warnings, nodal_warnings
+from mlsanm_cli.app.assessment.quality import Warn, announce, assess, factor_notes, nodal_warnings
 from mlsanm_cli.app.assessment.references import check_reference
 from mlsanm_cli.app.assessment.refinement import Adapted, Refinement, adapt, refine_again
 from mlsanm_cli.app.clock import Clock
@@ -172,8 +172,8 @@ def carry_out(
         context.console.note(ending.hint)
     if built is not None:
         recorder.interfaces(built)
-        for warning in factor_warnings(built.scene):
-            recorder.warn(warning)
+        for note in factor_notes(built.scene):
+            context.console.note(note)
     summary = summarise(case, ending, adapted, quality, recorder, context.clock) | {
         "cache": context.memo.figures
     }

@@ -12,7 +12,7 @@ from typing import Any
 
 from mlsanm_cli.app.assessment.checks import check_balance, check_energy, check_spacing, force_balance
 from mlsanm_cli.app.assessment.energy import energy_error
-from mlsanm_cli.app.assessment.quality import announce, factor_warnings
+from mlsanm_cli.app.assessment.quality import announce, factor_notes
 from mlsanm_cli.app.assessment.references import check_reference, reference_profile
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.comparison.differences import Difference, difference, other_law_limit, same_law_limit
@@ -113,7 +113,7 @@ def compare(
     for method, case in zip(methods, cases, strict=True):
         console.phase(f"following the path: {method.name}")
         rows.append(measure(built, method, case, options.repeat))
-    warnings += [*factor_warnings(built.scene), *_judged(built, rows[0])]
+    warnings += [*factor_notes(built.scene), *_judged(built, rows[0])]
     result = _result(built, loaded, rows, options, clock) | {
         "provenance": attributes(loaded, argv, threads),
         "warnings": warnings,
