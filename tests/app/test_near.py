@@ -124,7 +124,7 @@ def test_stresses_beneath_are_mcewen_s(tmp_path: Path) -> None:
 def test_stresses_beneath_need_points_of_their_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     # A fault put in on purpose: the points of the grid nearby.
     monkeypatch.setattr(near_fields, "FAR", 0.0)
-    assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 3e-4
+    assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 1.5e-4
 
 
 def test_pressures_need_exact_integrals(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

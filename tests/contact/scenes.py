@@ -135,7 +135,7 @@ class Small:
 def build(text: str, *overrides: str) -> Small:
     """Clouds, operators, factors and compliance of a case."""
     case = parse_case(text, Path("case.toml"), overrides).case
-    prepared = prepare(case, clouds(case))
+    prepared = prepare(case, clouds(case), grids=False)
     scene = assemble_bodies(case, prepared, CholeskySolver())
     return Small(scene, condense(scene, prepared.pairings), stage_factors(case)[-1])
 

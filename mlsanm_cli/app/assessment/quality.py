@@ -166,8 +166,8 @@ def _cloud_warnings(name: str, cloud: CloudQuality, brought: bool) -> Iterator[s
 
 
 def factor_notes(scene: Scene) -> Iterator[str]:
-    """How bodies were factorised otherwise than meant, of those whose factors were needed: it takes longer, and
-    the residuals are judged as always."""
+    """How bodies were factorised otherwise than meant, of those whose factors were needed: it takes longer,
+    and the residuals are judged as always."""
     for name, body in scene.bodies.items():
         if body.equations.note:
             yield f"body {name}: {body.equations.note}"

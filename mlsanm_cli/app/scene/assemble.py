@@ -129,7 +129,9 @@ def prepare(
     models = {}
     for body in case.body:
         try:
-            models[body.name] = modelled(body, low=False)
+            # Meshes are not made for wide stencils: errors of an eye with eight elements across were 1 % at
+            # degree 2 and 12 % at degree 4.
+            models[body.name] = modelled(body, low=body.has_nodes)
         except NumericalError:
             if mls_settings(case) == mls_settings(case, low=True):
                 raise
