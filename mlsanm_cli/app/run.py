@@ -148,6 +148,8 @@ def carry_out(
             quality = assess(case, adapted.prepared, context.memo)
             for warning in quality.warnings:
                 recorder.warn(warning)
+        degree = {name: body.model.settings.degree for name, body in built.scene.bodies.items()}
+        quality = replace(quality, degree=degree)
         context.stop_gently()
         reached = _follow(built, recorder.start(adapted), recorder, context)
         if reached is not None and recorder.last is not None:

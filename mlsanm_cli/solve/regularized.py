@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction, Tally
@@ -62,12 +62,9 @@ STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
 WIDER = (1e4, 1e3, 1e2, 1e1, 1.0)
 """Lengths of the law, in its own, with which a start is looked for that its own does not find."""
-FREE = 1e-3
-"""Before the first load nodes stick whose tension is below this part of the law's."""
-SOFT = 100.0
-"""Asperities so many times as soft as the bodies hold these before the first load: they carry next to nothing
-against normals, and let nothing turn or slide that these do not resist."""
 OPENINGS = 20
+FREE = 1e-3
+"""Before the first load tractions are below this part of their limits."""
 APART = "before the first load friction does not hold what contacts alone hold: the surfaces are drawn apart"
 APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
 
@@ -147,57 +144,67 @@ def _at_rest(point: Point) -> State:
 
 
 def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
-    """The state before the first load: as drawn, with hardly any traction.
+    """The state before the first load: as drawn, no traction anywhere.
 
     Pressed nodes stick from the very start; friction of the others begins when they reach the law's
-    threshold. Without any friction what normals do not resist, as a disk in a groove that turns, would go
-    where errors of the grid drive it. Raises NumericalError where nothing holds a body or platen.
+    threshold. Raises NumericalError where nothing holds a body or platen.
     """
-    c, bare = built.condensed, coupling_of(built, regularization(built))
-    law, begin, nothing = bare.law, built.stages[0], np.zeros(len(built.condensed.friction_nodes))
-    elastic = law.slip / (c.friction * law.pressure)
-    soft = replace(bare, law=replace(law, stick_compliance=SOFT * elastic)).softened()
-    rubbing, least, tally = c.friction_nodes, FREE * law.eta[c.friction_nodes], Tally()
+    c, coupling = built.condensed, coupling_of(built, regularization(built)).softened()
+    law = coupling.law
+    nothing, begin = np.zeros(len(c.friction_nodes)), built.stages[0]
+    x = np.concatenate([drawn(built, coupling), nothing])
+    pressure = x[: len(c.weight)]
+    full, tally = law.threshold, Tally()
 
-    def solved(
-        coupling: DenseCoupling | SparseCoupling, x: FloatArray, stuck: BoolArray
-    ) -> tuple[RegularizedFriction, FloatArray]:
-        """The state where these nodes stick, at rest with the tractions that they have in x."""
-        closed = np.zeros(len(c.weight), dtype=bool)
-        closed[rubbing] = stuck
-        own = 0.5 * np.maximum(x[rubbing], 0.0)
-        threshold = np.where(stuck, np.minimum(law.threshold, own), law.threshold)
-        base = replace(coupling, law=replace(coupling.law, threshold=threshold))
-        # Displacements among the unknowns do not know yet which tractions are gone.
-        motion, traction = np.split(x[2 * len(closed) :], [-len(nothing)])
-        slip = c.slip(begin, base.split_motions(motion)[0], x[: len(closed)], traction)
-        rest = slip + base.law.stick_compliance * traction
-        problem = RegularizedFriction(base, begin, begin, ContactStatus(closed, stuck, nothing), rest, tally)
+    def problem_at(pressure: FloatArray, sticking: bool, stick_reference: FloatArray) -> RegularizedFriction:
+        pressed = np.zeros(len(pressure), dtype=bool)
+        pressed[c.friction_nodes] = pressure[c.friction_nodes] > -FREE * law.eta[c.friction_nodes]
+        stuck = pressed[c.friction_nodes] & sticking
+        own = 0.5 * np.maximum(pressure[c.friction_nodes], 0.0)
+        threshold = np.where(stuck, np.minimum(full, own), full)
+        base = replace(coupling, law=replace(law, threshold=threshold))
+        return RegularizedFriction(
+            base, begin, begin, ContactStatus(pressed, stuck, nothing), stick_reference, tally
+        )
+
+    drawn_x, stick_reference, pressure = x, nothing, x[: len(c.weight)]
+    for _ in range(OPENINGS):
+        problem = problem_at(pressure, True, stick_reference)
         try:
             x = correct(problem, x, 0.0, options).x
         except NumericalError as error:
             if not len(c.balance.constant):
                 raise
             raise NumericalError(APART, APART_HINT) from error
-        # Where asperities are soft, a small residual is a long way.
-        return problem, x - problem.tangent(x, 0.0).solve(problem.residual(x, 0.0))
-
-    base, x = soft, np.concatenate([drawn(built, bare), nothing])
-    stuck = x[rubbing] > -least
-    for _ in range(OPENINGS):
-        problem, x = solved(base, x, stuck)
-        pressure, _, _, traction = problem.split(x)
-        limit = np.maximum(0.4 * c.friction * pressure[rubbing], options.goal * problem.limit)
-        beyond = stuck & (np.abs(traction) > limit)
-        if base is soft:
-            base, stuck = bare.softened(), (pressure[rubbing] > -least) & ~beyond
-        elif beyond.any():
-            stuck = stuck & ~beyond
-        else:
+        pressure, _, motion, traction = problem.split(x)
+        limit = FREE * c.friction * np.maximum(pressure[c.friction_nodes], 0.0)
+        if (np.abs(traction) <= limit)[problem.sets.stuck].all():
             break
-        # Others take over what the few at the edges would have to carry beyond their limits.
-        traction[~stuck] = 0.0
-    return inside(Point(problem, x, 0.0, nothing))
+        traction[:] = 0.0
+        # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
+        stick_reference = c.slip(begin, coupling.split_motions(motion)[0], pressure, nothing)
+    else:
+        # Tractions that go from node to node, as in wedges and grooves: normals alone may hold the bodies.
+        free = _without_friction(problem_at(drawn_x[: len(c.weight)], False, nothing), drawn_x, options)
+        if free is None:
+            problem = problem_at(pressure, True, stick_reference)
+            return inside(Point(problem, correct(problem, x, 0.0, options).x, 0.0, nothing))
+        pressure, _, motion, _ = free[0].split(free[1])
+        rest = c.slip(begin, coupling.split_motions(motion)[0], pressure, nothing)
+        return Point(problem_at(pressure, True, rest), free[1], 0.0, nothing)
+    return Point(problem, x, 0.0, nothing)
+
+
+def _without_friction(
+    problem: RegularizedFriction,
+    x: FloatArray,
+    options: AnmOptions | NewtonOptions,
+) -> tuple[RegularizedFriction, FloatArray] | None:
+    """The state before the first load where nothing rubs; None where only friction holds bodies."""
+    try:
+        return problem, correct(problem, x, 0.0, options).x
+    except (NumericalError, np.linalg.LinAlgError):
+        return None
 
 
 class _StagePath:

@@ -129,44 +129,6 @@ def test_overlaps_as_drawn_give_way_straight(tmp_path: Path, depth: float, swapp
     assert up == pytest.approx(depth, abs=1e-5)
 
 
-GROOVE = """
-format = 1
-[model]
-plane = "strain"
-[material.steel]
-E = 200.0
-nu = 0.3
-[[body]]
-name = "disk"
-material = "steel"
-spacing = 0.2
-shape = { kind = "disk", center = [0.0, 0.0], radius = 1.0 }
-[[load]]
-name = "weight"
-body = "disk"
-kind = "body-force"
-body-force = [0.0, -0.3]
-[[contact]]
-name = "left"
-slave = "disk.arc"
-obstacle = { kind = "plane", point = [-0.6, -0.8], normal = [0.6, 0.8] }
-friction = 0.3
-[[contact]]
-name = "right"
-slave = "disk.arc"
-obstacle = { kind = "plane", point = [0.8, -0.6], normal = [-0.8, 0.6] }
-friction = 0.3
-"""
-
-
-def test_nothing_turns_before_the_first_load(tmp_path: Path) -> None:
-    """The disk's rotation is resisted by friction alone, which the law begins without."""
-    assert solve(GROOVE, tmp_path / "run")["status"] == "done"
-    slips = [contact.slip for contact in read_run(tmp_path / "run").contacts.values()]
-    moved = max(float(np.abs(slip[-1] - slip[0]).max()) for slip in slips)
-    assert max(float(np.abs(slip[0]).max()) for slip in slips) < 1e-3 * moved
-
-
 def test_contacts_have_etas_of_their_own(tmp_path: Path) -> None:
     etas = {"under-left": 1e-2, "under-right": 1e-4}
     overrides = ["solver.polish=false"] + [

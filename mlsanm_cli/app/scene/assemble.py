@@ -99,9 +99,10 @@ def prepare(
     memo: Memo = NO_CACHE,
     before: Mapping[str, BodyModel] = NOTHING,
     grids: bool = True,
+    low: bool = False,
 ) -> SceneModel:
     """Stencils, pairs and conditions; of the models ``before`` those stay whose clouds did. Contacts off all
-    corners are to get ``grids`` of their own.
+    corners are to get ``grids`` of their own; a degree that is left to us is to be ``low``.
 
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
     value at some node, and for probes outside their body.
@@ -131,7 +132,7 @@ def prepare(
         try:
             # Meshes are not made for wide stencils: errors of an eye with eight elements across were 1 % at
             # degree 2 and 12 % at degree 4.
-            models[body.name] = modelled(body, low=body.has_nodes)
+            models[body.name] = modelled(body, low or body.has_nodes)
         except NumericalError:
             if mls_settings(case) == mls_settings(case, low=True):
                 raise

@@ -188,23 +188,29 @@ def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Sc
         bodies = before.bodies if before is not None else NOTHING
         scene = assemble_bodies(case, prepared, direct_solver(case), factorising, context.memo, bodies)
     stages = stage_factors(case)
-    found = None
     if prepared.ranges:
         with context.phase("condensation", "finding the contacts' grids"):
             search = partial(searched_ends, case, scene, stages)
             found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo)
-    if found is None:
-        if prepared.ranges:
-            with context.phase("operators"):
-                placed = {name: model.cloud for name, model in prepared.models.items()}
-                prepared = prepare(case, placed, context.memo, prepared.models, grids=False)
-                scene = assemble_bodies(case, prepared, direct_solver(case), factorising, context.memo)
-        condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
-    else:
+        if found is None:
+            return _completed(case, _without_grids(case, prepared, context), context, None)
         condensed, ends = found
+    else:
+        condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     with context.phase("condensation"):
         stability = check_coercivity(case, scene, condensed, ends, context.memo)
     return CondensedScene(case, scene, condensed, stages, ends, stability)
+
+
+def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> SceneModel:
+    """A scene whose contacts do not settle on grids, at the lower degree, at which some do, or if that is
+    what it has with nodal pressures."""
+    placed = {name: model.cloud for name, model in prepared.models.items()}
+    with context.phase("operators"):
+        low = prepare(case, placed, context.memo, prepared.models, low=True)
+        if any(model is not prepared.models[name] for name, model in low.models.items()):
+            return low
+        return prepare(case, placed, context.memo, prepared.models, grids=False)
 
 
 def _condense(
