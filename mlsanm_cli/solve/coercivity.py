@@ -129,7 +129,7 @@ def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> 
             f"{pairing.slave_body}, the slave, is {ratio:.3g} times stiffer than {pairing.master_body}: swap "
             f"slave and master, or make body.{pairing.master_body}.spacing finer than the slave's there"
         )
-    if case.mls.degree != 2:
+    if any(model.settings.degree != 2 for model in models.values()):
         return "use mls.degree = 2, or more even clouds (lower growth, or another seed)"
     if pairing.master is None:
         return f"use another body.{pairing.slave_body}.seed, an even cloud (lower growth), or {COARSER}"

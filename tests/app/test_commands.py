@@ -56,8 +56,8 @@ def test_check_agrees_with_the_run(hertz_run: Path, tmp_path: Path) -> None:
 
 def test_estimates_grow_with_the_scene(tmp_path: Path) -> None:
     case = write(tmp_path, BAR)
-    small = check(case, console=Quiet())
-    fine = check(case, overrides=("body.bar.spacing=0.02",), console=Quiet())
+    small = check(case, overrides=("mls.degree=2",), console=Quiet())
+    fine = check(case, overrides=("body.bar.spacing=0.02", "mls.degree=2"), console=Quiet())
     high = check(case, overrides=("body.bar.spacing=0.02", "mls.degree=4"), console=Quiet())
     for key in ("estimated_cpu_seconds", "estimated_memory_mb"):
         assert 0.0 < small[key] < fine[key] < high[key]

@@ -231,7 +231,7 @@ def test_a_contact_that_is_unloaded_again(law: str, tmp_path: Path) -> None:
 
 def test_large_estimates_are_warned_of() -> None:
     """A third off had been told in summary.json only."""
-    pairings = [SimpleNamespace(name=name, near=None, bodies=("arm",)) for name in ("pin", "bolt")]
+    pairings = [SimpleNamespace(name=name, grid=None, bodies=("arm",)) for name in ("pin", "bolt")]
     built: Any = SimpleNamespace(
         scene=SimpleNamespace(bodies={"arm": None}), condensed=SimpleNamespace(pairings=pairings)
     )

@@ -125,7 +125,7 @@ def test_stress_along_a_line_has_its_peak_where_hertz_has_it(
     peak = float(contact.pressure[-1].max())
     half = 2.0 * 226.0 / (np.pi * peak)
     # Plane strain, nu = 0.3: 0.558 p0, 0.7 half-widths deep.
-    assert curve.y.max() == pytest.approx(0.557 * peak, rel=0.02)
+    assert curve.y.max() == pytest.approx(0.557 * peak, rel=0.03)
     assert curve.x[curve.y.argmax()] == pytest.approx(0.70 * half, rel=0.05)
 
 

@@ -114,7 +114,7 @@ def test_accuracies_asked_for(accuracy: float, tmp_path: Path, hertz: Truth) -> 
     [
         [],
         [SMOOTH],
-        ["body.cylinder.spacing=0.3", "body.block.spacing=0.4"],
+        ["mls.degree=2", "body.cylinder.spacing=0.3", "body.block.spacing=0.4"],
         ["body.cylinder.spacing=0.1", "body.block.spacing=0.15"],
         ["mls.degree=4"],
         ["contact.interface.accuracy=1e-2"],

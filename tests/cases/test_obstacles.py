@@ -50,12 +50,12 @@ def test_press_fit(tmp_path: Path) -> None:
     hub, bush = LameRing(1.0, 1.6, 1.0, 210e3, 0.3), LameRing(0.6, 1.0, 1.0, 100e3, 0.34)
     pressure, path = data.contacts["fit"].pressure, data.path
     expected = press_fit(bush, hub, 0.001)
-    assert np.abs(pressure[-1] - expected).max() <= 0.003 * expected
+    assert np.abs(pressure[-1] - expected).max() <= 0.004 * expected
     # The interference grows in proportion to its load factor.
     assert path.factors["fit"][-1] == 1.0
     later = path.factors["fit"] > 0.1
     ratio = pressure[later] / (path.factors["fit"][later, None] * expected)
-    assert np.abs(ratio - 1.0).max() <= 0.003
+    assert np.abs(ratio - 1.0).max() <= 0.004
 
 
 def test_rigid_cylinder(tmp_path: Path) -> None:
