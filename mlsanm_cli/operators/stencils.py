@@ -223,7 +223,8 @@ def sound_fits(
         size = min(size, nodes)
         parts, ratio = fit(pending, size)
         # Above one it is no ratio: the nodes are so close together that no radius separates them.
-        margin = MARGIN if settings.degree >= STEEP and size < PATIENT * settings.stencil_size else 1.0
+        patient = settings.degree >= STEEP and size < min(nodes, PATIENT * settings.stencil_size)
+        margin = MARGIN if patient else 1.0
         sound = (ratio >= margin * settings.rank_tolerance) & (ratio <= 1.0)
         if sound.all():
             yield pending, parts, ratio
