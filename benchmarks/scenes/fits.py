@@ -442,7 +442,7 @@ def o_ring() -> Scene:
         ],
         load=[platen("close", "lid.top", uy=-0.6)],
     )
-    return Scene("o_ring", "O-ring in a groove", given, elements=True)
+    return Scene("o_ring", "O-ring in a groove", given, elements=True, straight_walls=True)
 
 
 @scene
@@ -459,7 +459,7 @@ def o_ring_rigid() -> Scene:
         ],
         load=[{"name": "close", "kind": "obstacle", "obstacle": "lid", "uy": -0.6}],
     )
-    return Scene("o_ring_rigid", "O-ring in a groove", given, elements=True)
+    return Scene("o_ring_rigid", "O-ring in a groove", given, elements=True, straight_walls=True)
 
 
 @scene

@@ -3,7 +3,7 @@
     python benchmarks/scenes/references.py [--only NAME ...]
 
 Frictionless scenes only. Contact is Signorini's law for nodal pressures (linear between vertices) against
-weak gaps along the mean of both normals, solved by a primal-dual active set on the condensed compliance. A
+weak gaps along the normal of one of both surfaces, solved by a primal-dual active set on the condensed compliance. A
 first mesh finds the patches, two finer ones tell the figures and how far they agree. Writes reference.json.
 """
 
@@ -75,9 +75,10 @@ class Model:
     """All equations of a case for given zones."""
 
     def __init__(
-        self, given: Table, outlines: dict[str, Outline], base: float, zones: dict[str, Zones]
+        self, given: Table, outlines: dict[str, Outline], base: float, zones: dict[str, Zones], straight_walls: bool
     ) -> None:
         self.given = given
+        self.straight_walls = straight_walls
         self.solids: dict[str, Solid] = {}
         first = 0
         for one in given["body"]:
@@ -185,7 +186,8 @@ class Model:
             other_bend = 1.0 / one["obstacle"]["radius"] if one["obstacle"]["kind"] == "disk" else 0.0
             moves = self.moves.get("obstacle " + one["name"], moves)
         # Of the surface that is more curved, which is where the other one touches it whatever way that turns.
-        normal = -own if bend(side.curve.curvature(s)) > other_bend else outward
+        own_more = bend(side.curve.curvature(s)) > other_bend
+        normal = -own if own_more != self.straight_walls else outward
         facing = (outward * own).sum(axis=1) < -0.3
         gap = ((places - to) * outward).sum(axis=1) / np.maximum((normal * outward).sum(axis=1), 0.3)
         rows = side.rows(edge, t, normal, self.dofs)
@@ -446,12 +448,12 @@ def reference(scene: Scene) -> Table:
             write(folder / name, lambda places: places)
         (folder / "case.toml").write_text(tomli_w.dumps(scene.case))
         case = load_case(folder / "case.toml", inspect_geometry_file=inspect_geometry_file).case
-        outlines = {body.name: outline_of(body) for body in case.body}
+        outlines = {body.name: outline_of(case, body) for body in case.body}
     began = time.process_time()
     zones = corners(scene.case, outlines, 0.1)
     results = []
     for level, (base, edge, share) in enumerate(LEVELS):
-        model = Model(scene.case, outlines, base, zones)
+        model = Model(scene.case, outlines, base, zones, scene.straight_walls)
         model.outlines = outlines  # type: ignore[attr-defined]
         moved, pressures = model.solve()
         results.append(figures(model, moved, pressures))

@@ -120,6 +120,9 @@ class Scene:
     missing: str = ""
     elements: bool = False
     """Whether finite elements tell its forces, peaks and displacements, see elements.py."""
+    straight_walls: bool = False
+    """Whether round bodies slide along straight sides that do not turn, whose normals are those of contacts
+    then; otherwise the elements take the more curved surface's, as straight ones turn."""
 
 
 SCENES: dict[str, Callable[[], Scene]] = {}

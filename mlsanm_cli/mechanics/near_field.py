@@ -204,14 +204,18 @@ class SurfaceForces:
         own = self.kernel.stress(z[:, None] - self.place)
         return own if self.center is None else own - self.kernel.stress((z - self.center)[:, None])
 
-    def at_each(self, z: ComplexArray) -> tuple[FloatArray, FloatArray]:
-        """Displacements (k, 2, 2) and stresses (k, 3, 2) at one of the places ``z`` (k,) for each force."""
+    def displacement_of_each(self, z: ComplexArray) -> FloatArray:
+        """Displacements (k, 2, 2) at one of the places ``z`` (k,) for each force."""
         w = z - self.place
         if self.center is None:
-            return self.kernel.displacement(w, self.inward), self.kernel.stress(w)
+            return self.kernel.displacement(w, self.inward)
         other = z - self.center
-        moved = self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
-        return moved, self.kernel.stress(w) - self.kernel.stress(other)
+        return self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
+
+    def stress_of_each(self, z: ComplexArray) -> FloatArray:
+        """Stresses (k, 3, 2) at one of the places ``z`` (k,) for each force."""
+        own = self.kernel.stress(z - self.place)
+        return own if self.center is None else own - self.kernel.stress(z - self.center)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, k, 2, 2) at places ``z`` (e,) of the surface with outward ``normal`` and

@@ -19,11 +19,11 @@ from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import CorneredForces, Forces
-from mlsanm_cli.mechanics.near_field import as_complex, as_real
+from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 
 ALONG = 1e-6
-"""Directions and places that differ by less are those of one straight surface."""
+"""Places nearer to a surface than this part of its length lie on it."""
 
 CROWDED = 14
 """Half a cell at a corner is halved towards it so many times."""
@@ -102,30 +102,36 @@ def _on_pieces(
 
 def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, FloatArray]) -> FloatArray:
     """Loads of the pieces (3p, k, 2) that make up for what integrals of the tractions ``sent`` by surface are
-    off by, as tractions linear along the surface of the forces."""
+    off by, as the tractions of a rigid motion along the surfaces of the forces."""
     missing = -_moment(as_real(forces.place), np.broadcast_to(np.eye(2), (len(forces.place), 2, 2)))
-    inward, bearing = forces.own.inward[0], None
+    bearing = []
     for name, surface in body.model.cloud.surfaces.items():
         halves = _halves(surface, forces)
-        points, normal = surface.curve.points(halves.arc), as_complex(surface.curve.normals(halves.arc))
+        points = surface.curve.points(halves.arc)
         missing -= _total(points, halves.length[:, None, None, None] * sent[name])
-        beside = ((as_complex(points[:1]) - forces.place) * np.conj(inward)).real
-        if max(np.abs(normal + inward).max(), np.abs(beside).max() / surface.curve.length) < ALONG:
-            bearing = surface, halves, points
-    assert bearing is not None
-    surface, halves, points = bearing
+        if _bears(surface, forces.place):
+            bearing.append((surface.index[halves.own], points, halves.length))
+    own, points, length = (np.concatenate(some) for some in zip(*bearing, strict=True))
+    arm = points - points.mean(axis=0)
     shapes = np.zeros((len(points), 3, 2))
-    shapes[:, 0], shapes[:, 1] = as_real(np.array([-1j * inward, inward]))
-    shapes[:, 2] = (2.0 * halves.arc / surface.curve.length - 1.0)[:, None] * shapes[:, 1]
-    shapes *= halves.length[:, None, None]
+    shapes[:, 0, 0] = shapes[:, 1, 1] = 1.0
+    shapes[:, 2] = np.stack([-arm[:, 1], arm[:, 0]], axis=1) / np.abs(arm).max()
+    shapes *= length[:, None, None]
     moments = points[:, :1] * shapes[:, :, 1] - points[:, 1:] * shapes[:, :, 0]
     sums = np.stack([shapes[:, :, 0].sum(axis=0), shapes[:, :, 1].sum(axis=0), moments.sum(axis=0)])
     share = np.linalg.solve(sums, missing.reshape(3, -1)).reshape(missing.shape)
     force = -np.einsum("esc,skf->ekcf", shapes, share)
     total = np.zeros((3 * body.pieces.count, *missing.shape[1:]))
     for level in body.pieces.levels:
-        total += _gathered(body, level[surface.index[halves.own]], points, force)
+        total += _gathered(body, level[own], points, force)
     return total
+
+
+def _bears(surface: Surface, place: ComplexArray) -> bool:
+    """Whether forces at places (k,) act on a surface, at least some of them."""
+    points = as_real(place)
+    away = surface.curve.points(surface.curve.closest(points)) - points
+    return bool((np.abs(away) <= ALONG * surface.curve.length).all(axis=1).any())
 
 
 def _halves(surface: Surface, forces: Forces) -> Halves:

@@ -160,7 +160,7 @@ def test_fields_end_in_hollows(material: PlaneMaterial) -> None:
     assert flux == pytest.approx(np.zeros((2, 2, 2)), abs=1e-12)
     far = forces.displacement(at(1e6))
     assert far == pytest.approx(np.zeros((1, 2, 2, 2)), abs=1e-5)
-    one, stress = forces.at_each(circle[:2])
+    one, stress = forces.displacement_of_each(circle[:2]), forces.stress_of_each(circle[:2])
     for which in range(2):
         assert one[which] == pytest.approx(moved[which, which], abs=1e-14)
         assert stress[which] == pytest.approx(forces.stress(circle[:2])[which, which], abs=1e-14)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.corner import Corner, CorneredForces
+from mlsanm_cli.cloud.curves import Arc, Curve, Segment
+from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Face
 from mlsanm_cli.mechanics.material import isotropic, orthotropic
 from mlsanm_cli.mechanics.near_field import Kernel, SurfaceForces, kernel_of, traction
 from mlsanm_cli.mechanics.wedge import Wedge
@@ -29,15 +30,20 @@ def forces(at: Corner) -> CorneredForces:
 
 @pytest.mark.parametrize(
     ("kernel", "angle"),
-    [*((STEEL, angle) for angle in (35.0, 60.0, 90.0, 140.0, 214.0, 255.0)), (WOOD, 90.0), (WOOD, 214.0)],
+    [
+        *((STEEL, angle) for angle in (35.0, 60.0, 90.0, 140.0, 214.0, 255.0, 270.0)),
+        (WOOD, 90.0),
+        (WOOD, 214.0),
+    ],
 )
 def test_both_faces_are_free(kernel: Kernel, angle: float) -> None:
     at, own_forces = corner(kernel, angle), forces(corner(kernel, angle)).own
     force = np.eye(6).reshape(3, 2, 6)
     x = np.array([0.02, 0.15, 0.7, 3.0])
     size = []
-    for face, inward in zip(at.faces, at.wedge.inward, strict=True):
-        z = x * face + 1e-6 * x * inward
+    for face in at.faces:
+        inward = face.inward
+        z = x * face.along + 1e-6 * x * inward
         stress = sum((line.stress(z) for line in at.lines(SOURCES, force)), start=np.zeros((4, 3, 6)))
         own = own_forces.stress(z)
         stress = stress + np.moveaxis(own, 2, 1).reshape(4, 3, 6)
@@ -45,7 +51,7 @@ def test_both_faces_are_free(kernel: Kernel, angle: float) -> None:
         size.append(np.abs(found * x[:, None, None, None]).max())
     assert max(size) < (2e-3 if kernel is STEEL else 2e-2)
     # Without the corner's forces the other face is anything but free.
-    alone = traction(own_forces.stress(at.faces[1] * x), np.full((4, 1), -at.wedge.inward[1]))
+    alone = traction(own_forces.stress(at.faces[1].along * x), np.full((4, 1), -at.wedge.inward[1]))
     assert np.abs(alone * x[:, None, None, None]).max() > 0.05
 
 
@@ -92,3 +98,52 @@ def test_a_wall_at_any_angle_keeps_its_face(angle: float) -> None:
     assert np.abs(np.einsum("ekcd,c->ekd", pulled, along)).max() < 1e-3 * np.abs(alone).max()
     table = at.wedge.compliance(SOURCES, SOURCES, 1, 1)
     assert table == pytest.approx(table.T, abs=1e-5 * np.abs(table).max())
+
+
+def limited(angle: float, bent: float = 0.0, center: complex | None = None) -> Corner:
+    """A corner at the origin with fields along its faces alone: the first one along x with material above, of
+    curvature ``bent``, the second one straight."""
+    other = complex(np.exp(1j * np.radians(angle)))
+    first: Curve = Segment((0.0, 0.0), (2.0, 0.0))
+    if bent:
+        turn = -0.5 * np.pi if bent > 0.0 else 0.5 * np.pi
+        first = Arc((0.0, 1.0 / bent), abs(1.0 / bent), turn, float(2.0 * bent))
+    second = Segment((2.0 * other.real, 2.0 * other.imag), (0.0, 0.0))
+    wedge = Wedge(STEEL, 1.0 + 0.0j, other, 1j)
+    faces = Face(0.0j, 1.0 + 0.0j, 1j, first), Face(0.0j, other, wedge.inward[1], second, at_end=True)
+    return Corner(wedge, 0.0j, 2.0, 1.0, faces, 1.5, center)
+
+
+@pytest.mark.parametrize(
+    ("angle", "bent", "center"),
+    [(60.0, 0.0, None), (90.0, 0.0, None), (270.0, 0.0, 0.5 - 0.5j), (75.0, 0.2, None), (110.0, -0.2, None)],
+)
+def test_tractions_left_by_limited_fields_change_little(
+    angle: float, bent: float, center: complex | None
+) -> None:
+    """Next to a force the first and the second face have tractions like its distance from the tip; what is
+    left is like the span's, and on straight faces the same all the way to the tip."""
+    at = limited(angle, bent, center)
+    source, inward = at.faces[0].places(np.array([0.003, 0.03]))
+    found = CorneredForces(SurfaceForces(STEEL, source, inward, center), (at,))
+    x = np.array([0.0, 3e-4, 3e-3, 0.03])
+    for face in at.faces:
+        place, inward = face.places(x)
+        curvature = np.full(len(x), 0.0 if face.at_end else bent)
+        left = found.traction(place, -inward, curvature)
+        assert np.abs(left).max() < 1.5
+        if not bent:
+            assert np.abs(left - left[1]).max() < 0.1 * max(np.abs(left).max(), 0.5)
+    alone = found.own.traction(at.faces[1].places(x)[0], -at.faces[1].places(x)[1], np.zeros(len(x)))
+    assert np.abs(alone).max() > 20.0
+
+
+@pytest.mark.parametrize("angle", [60.0, 90.0, 270.0])
+def test_limited_fields_move_the_face_as_whole_ones_near_the_tip(angle: float) -> None:
+    at = limited(angle)
+    away = at.beyond_wedge(np.array([2e-4, 1e-3, 5e-3]) + 0.0j)
+    whole = np.ptp(at.wedge.compliance(SOURCES, SOURCES, 1, 1))
+    # Rigid motions apart, of which the rotation is small so near the tip.
+    assert np.abs(away - away[:1]).max() < 2e-2 * whole
+    far = at.beyond_wedge(np.array([0.2, 0.6, 1.4]) + 0.0j)
+    assert np.abs(far - far[:1]).max() > 5e-2 * whole

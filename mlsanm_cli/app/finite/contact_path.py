@@ -10,7 +10,7 @@ from mlsanm_cli.app.finite.overlaps import check_overlaps
 from mlsanm_cli.app.finite.path import RENEW, FiniteState, FiniteStep, most_stretched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.verdict import check_deformation
-from mlsanm_cli.app.scene.contact_ranges import void_center
+from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
 from mlsanm_cli.contact.finite.exact import Pressed, Pressing, unpressed

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
+from mlsanm_cli.app.scene.corners import CLEAR, Ends, Restraints, ends_of
 from mlsanm_cli.app.scene.default_spacing import valleys
+from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
@@ -20,28 +21,14 @@ from mlsanm_cli.contact.geometry.contact_grid import Facing
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel
-from mlsanm_cli.mechanics.corner import Corner
-from mlsanm_cli.mechanics.near_field import ComplexArray, Isotropic, as_complex, as_real
-from mlsanm_cli.mechanics.wedge import Wedge
+from mlsanm_cli.mechanics.near_field import as_real
 
-CLEAR = 4.0
-"""Pressures keep so many spacings off the ends of their surfaces: what is left of their fields then changes
-over no less."""
 ALIKE = 1e-9
 """Curvatures that differ by less are the same."""
 TOUCHING = 1e-6
 """Gaps that differ by less than this part of the range are the same: such surfaces touch all along."""
 SHALLOW = 1e-3
 """The same as a part of what profiles differ by, which may be shallower."""
-SHARPEST, BLUNTEST, HOLLOW, WIDEST = np.radians([25.0, 170.0, 190.0, 255.0]).tolist()
-"""Angles of corners whose fields are known: from the first to the second, from the third to the last, and a
-straight line."""
-SHARPEST_OF_OTHERS = np.radians(60.0)
-"""The same of the first where bodies are not isotropic. For wood in six directions tractions that are left on
-the faces are 1e-6 to 2 % of those that are taken off at 90 degrees and up to 10 % at 60."""
-SIDE, BEYOND, SEEN = 1e-3, 1e2, 40
-"""From how far on, how far, in their lengths, and at how many places the lines of a corner's faces and what
-lies outwards of them are followed outside the body."""
 SMOOTH = float(np.cos(np.radians(1.0)))
 """Outlines go on smoothly where they turn by no more than this angle's cosine tells."""
 SNAP = 1.5
@@ -49,7 +36,6 @@ SNAP = 1.5
 LOOKED_AT, PROFILED, LOOKS_PER_POINT = 800, 4000, 2
 RAYS = 17
 LOOKS = 8
-CHORDS = 200
 
 
 def contact_ranges(
@@ -102,7 +88,7 @@ def _clear(
     faces = (across < OPPOSED) & (beside <= TOUCHING * base.length)
     if not faces.any():
         return None
-    ends = [_ends(models[body], pairing.surface_of(slave), held[body]) for body, slave, _ in pairing.sides]
+    ends = [ends_of(models[body], pairing.surface_of(slave), held[body]) for body, slave, _ in pairing.sides]
     off = faces & _off_corners(pairing, models, facing, sign * s, ends)
     slack = TOUCHING * base.length
     if facing.profile is not None:
@@ -149,82 +135,6 @@ def _clear(
     of_bodies = corners[0], corners[1] if len(corners) > 1 else ()
     places = len(valleys(gap[stretch[0] : stretch[1] + 1], slack))
     return ContactRange(facing, first, last, sign * closest, both, of_bodies, whole, places, around)
-
-
-Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
-"""The surfaces of a body that are held, and which of their components; None where springs have a part."""
-Ends: TypeAlias = tuple[Corner | None, Corner | None]
-"""The corners at the beginning and the end of a surface, where fields know them."""
-
-
-def _ends(model: BodyModel, surface: Surface, held: Restraints) -> Ends:
-    return _corner(model, surface, False, held), _corner(model, surface, True, held)
-
-
-def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
-    """The corner at one end of a surface, if both its faces are straight and the other one is free, or that
-    of an isotropic body slides along a wall; and neither blunt nor very sharp."""
-    face, isotropic = _straight(surface), isinstance(model.kernel, Isotropic)
-    if face is None:
-        return None
-    tip, along = (face[1], face[0] - face[1]) if at_end else (face[0], face[1] - face[0])
-    for name, beside in model.cloud.surfaces.items():
-        line = _straight(beside)
-        if name == surface.name or line is None:
-            continue
-        if min(abs(end - tip) for end in line) > ALIKE * abs(along):
-            continue
-        far = max(line, key=lambda end: abs(end - tip))
-        ways = along / abs(along), (far - tip) / abs(far - tip)
-        if name in held and not _slides(ways[1], held[name]):
-            return None
-        # Outlines have the body on their left.
-        turn = -1j if at_end else 1j
-        wedge = Wedge(model.kernel, *ways, turn, sliding=name in held)
-        inside = float(np.angle(ways[1] / ways[0]) * turn.imag) % (2.0 * np.pi)
-        angle = inside * (2.0 if wedge.sliding else 1.0)
-        blunt = BLUNTEST < angle < HOLLOW and abs(angle - np.pi) > ALIKE
-        sharpest = SHARPEST if isotropic else SHARPEST_OF_OTHERS
-        if not sharpest <= inside <= angle <= WIDEST or blunt or (wedge.sliding and not isotropic):
-            return None
-        length = min(abs(along), abs(far - tip))
-        if model.cloud.holds(_behind(wedge, tip, abs(along), abs(far - tip))).any():
-            return None
-        reach = CLEAR * float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
-        return Corner(wedge, tip, length, reach)
-    return None
-
-
-def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArray:
-    """Places (e, 2) that must be off the body: where the wedge's forces go on past the ends of its faces,
-    which are ``along`` and ``other`` long, or act behind a wall, and what lies outwards of them, where their
-    fields are cut."""
-    far = np.geomspace(SIDE, BEYOND, SEEN)
-    starts = tip + wedge.along * along * (1.0 + far), tip + wedge.second * other * (1.0 + far)
-    if wedge.sliding:
-        starts = starts[0], tip + wedge.second * along * far
-    size = max(along, other)
-    cuts = [
-        tip + way * size * far[:, None] - inward * size * far
-        for way, inward in zip((wedge.along, wedge.second), wedge.inward, strict=True)
-    ]
-    return as_real(np.concatenate([*starts, *(one.ravel() for one in cuts)]))
-
-
-def _slides(other: complex, held: tuple[bool, bool] | None) -> bool:
-    """Whether a face along the unit vector ``other``, x or y, is held across alone."""
-    across = [abs(other.imag) > 1.0 - ALIKE, abs(other.real) > 1.0 - ALIKE]
-    return held is not None and any(across) and list(held) == across
-
-
-def _straight(surface: Surface) -> tuple[complex, complex] | None:
-    """Both ends of a straight surface; None if it is none."""
-    curve = surface.curve
-    if curve.closed or surface.parts:
-        return None
-    first, last = as_complex(curve.points(np.array([0.0, curve.length])))
-    straight = abs(abs(last - first) - curve.length) <= ALIKE * curve.length
-    return (complex(first), complex(last)) if straight else None
 
 
 def _snapped(s: float, ends: list[float], step: float) -> float | None:
@@ -316,38 +226,3 @@ def _stretch(chosen: BoolArray, inside: int) -> tuple[int, int] | None:
     first = int(before[-1]) + 1 if len(before) else 0
     last = inside + int(after[0]) - 1 if len(after) else len(chosen) - 1
     return (first, last) if last > first else None
-
-
-def void_center(cloud: Cloud, place: ComplexArray, inward: ComplexArray) -> list[complex | None]:
-    """Where the fields of forces at places (e,) of a body's outline end: [None] where the way outwards is
-    free, and nothing where the void has no place that all of them see."""
-    starts, ways, long = [], [], 0.0
-    for surface in cloud.surfaces.values():
-        arc = np.linspace(0.0, surface.curve.length, CHORDS + 1)
-        points = as_complex(surface.curve.points(arc))
-        starts.append(points[:-1])
-        ways.append(np.diff(points))
-        long = max(long, float(np.abs(ways[-1]).max()))
-    start, way = np.concatenate(starts), np.concatenate(ways)
-    free = _free(place, -inward, start, way, long)
-    if np.isinf(free).all():
-        return [None]
-    middle = len(place) // 2
-    center = complex(place[middle] - 0.5 * float(free.min()) * inward[middle])
-    lines = center - place
-    size = np.abs(lines)
-    return [center] if (_free(place, lines / size, start, way, long) > size).all() else []
-
-
-def _free(
-    place: ComplexArray, ahead: ComplexArray, start: ComplexArray, way: ComplexArray, beside: float
-) -> FloatArray:
-    """How far (e,) one sees from places (e,) along unit directions ``ahead`` (e,) before the chords of the
-    outline, from ``start`` along ``way`` (c,), come into view; not counting those ``beside`` the place."""
-    across = (np.conj(ahead)[:, None] * way).imag
-    apart = start - place[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = (np.conj(apart) * way).imag / across
-        share = -(np.conj(ahead)[:, None] * apart).imag / across
-    hit = (across != 0.0) & (share >= 0.0) & (share <= 1.0) & (distance > beside)
-    return np.asarray(np.where(hit, distance, np.inf).min(axis=1))

@@ -7,7 +7,7 @@ some along.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -37,6 +37,10 @@ CLOSE = 0.05
 to the end."""
 AT_ENDS = 10.0
 """Spacings between the outermost of several such places and the end of the surface."""
+BESIDE = 8.0
+"""Spacings along short faces beside a surface in contact."""
+SMOOTH = float(np.cos(np.radians(10.0)))
+"""Faces whose normals differ by no more than this cosine tells make no corner."""
 BY_BOND_ENDS, AT_BOND_ENDS, SLOWLY = 2.0, 4.0, 0.12
 """The finer body's spacing over those along a bond that ends on a surface that goes on, and at its end. A
 post on a block was then within 1 % of one piece, with 678 nodes, and its energies within 6 %; with spacings
@@ -130,7 +134,7 @@ def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, Flo
 
 
 def contact_zone(
-    rest: Iterable[Curve],
+    rest: Sequence[Curve],
     own: Curve,
     other: Curve | None,
     obstacle: Shape | None,
@@ -152,6 +156,7 @@ def contact_zone(
     apart = np.hypot(*(points - partner).T)
     if not own.closed:
         yield from _end_zones(points, apart, far)
+        yield from _beside_zones(own, rest, far)
     nearest = np.flatnonzero(apart <= apart.min() + FLAT * own.length)
     place = points[nearest[len(nearest) // 2]]
     distances = [float(np.hypot(*(_along(curve) - place).T).min()) for curve in rest]
@@ -160,6 +165,18 @@ def contact_zone(
     distance = min(distances, default=np.inf)
     if FLAT * own.length < distance < IN_FRONT * far:
         yield Zone.around((float(place[0]), float(place[1])), distance / IN_FRONT, distance, GROWTH)
+
+
+def _beside_zones(own: Curve, rest: Sequence[Curve], far: float) -> Iterator[Zone]:
+    """Finer nodes along short faces that make a corner with a surface in contact: lips and edges bend."""
+    for arc in (0.0, own.length):
+        point, normal = own.points(np.array([arc]))[0], own.normals(np.array([arc]))[0]
+        for curve in rest:
+            ends = np.array([0.0, curve.length])
+            places, normals = curve.points(ends), curve.normals(ends)
+            meets = np.hypot(*(places - point).T) <= FLAT * own.length
+            if (meets & (normals @ normal < SMOOTH)).any() and curve.length < BESIDE * far:
+                yield Zone(curve, curve.length / BESIDE, 0.0, GROWTH)
 
 
 def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:

@@ -298,6 +298,9 @@ class ContactGrid:
         if center is not None:
             other = z - center
             found -= kernel.displacement(other, other)[:, None]
+        for corner in self.corners_of(slave):
+            if corner.curved is not None:
+                found += corner.beyond_wedge(z)
         return by_component(found)
 
     def cornered(self, slave: bool, which: int, by: int) -> FloatArray:

@@ -218,9 +218,9 @@ def _add_close(
             share = np.clip(at + distance * np.sinh(v), 0.0, 1.0)
             length = 0.5 * weight * (high - low) * distance * np.cosh(v) * loads.steps[interval]
             forces, traction = loads.forces(interval, share)
-            moved, stressed = forces.at_each(z)
-            np.add.at(displacement, row, length[:, None, None] * (moved @ traction))
-            np.add.at(stress, row, length[:, None, None] * (stressed @ traction))
+            traction = length[:, None, None] * traction
+            np.add.at(displacement, row, forces.displacement_of_each(z) @ traction)
+            np.add.at(stress, row, forces.stress_of_each(z) @ traction)
 
 
 def adjacent_traction(

@@ -1,0 +1,147 @@
+"""The corners at the ends of surfaces near which fields of forces are known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+
+from mlsanm_cli.app.scene.void import all_see
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.joined import corners_of
+from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.mechanics.body import BodyModel
+from mlsanm_cli.mechanics.corner import Corner, Face
+from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
+from mlsanm_cli.mechanics.wedge import Wedge
+
+CLEAR = 4.0
+"""Pressures keep so many spacings off the ends of their surfaces: what is left of their fields then changes
+over no less."""
+ALIKE = 1e-9
+"""Places, directions and angles that differ by less are the same."""
+SHARPEST, BLUNTEST, HOLLOW, WIDEST = np.radians([25.0, 170.0, 190.0, 270.0 + 1e-9]).tolist()
+"""Angles of corners whose fields are known: from the first to the second, from the third to the last, and a
+straight line."""
+SHARPEST_OF_OTHERS = np.radians(60.0)
+"""The same of the first where bodies are not isotropic. For wood in six directions tractions that are left on
+the faces are 1e-6 to 2 % of those that are taken off at 90 degrees and up to 10 % at 60."""
+SIDE, BEYOND, SEEN = 1e-3, 1e2, 40
+"""From how far on, how far, in their lengths, and at how many places the lines of a corner's faces and what
+lies outwards of them are followed outside the body."""
+SPAN = 2.0
+"""Fields along the faces alone have so many spacings to fade out."""
+BETWEEN = 0.5
+"""They end so far, in their span, from a tip in a hollow."""
+
+Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
+"""The surfaces of a body that are held, and which of their components; None where springs have a part."""
+Ends: TypeAlias = tuple[Corner | None, Corner | None]
+"""The corners at the beginning and the end of a surface, where fields know them."""
+
+
+def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> Ends:
+    return _corner(model, surface, False, held), _corner(model, surface, True, held)
+
+
+def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
+    """The corner at one end of a surface, if the face beside is free, or both are straight and that of an
+    isotropic body slides along a wall; and neither blunt nor very sharp."""
+    if surface.curve.closed:
+        return None
+    face, own = _face(surface.curve, at_end), {part.name for part, _ in surface.members}
+    for name, beside in model.cloud.surfaces.items():
+        if name in own or beside.curve.closed:
+            continue
+        ends = [_face(beside.curve, at) for at in (False, True)]
+        other = min(ends, key=lambda one: abs(one.tip - face.tip))
+        if abs(other.tip - face.tip) > ALIKE * surface.curve.length:
+            continue
+        if name in held and not (_straight(beside.curve) and _slides(other.along, held[name])):
+            return None
+        # Outlines have the body on their left.
+        turn = -1j if at_end else 1j
+        wedge = Wedge(model.kernel, face.along, other.along, turn, sliding=name in held)
+        if not _known(wedge):
+            return None
+        lengths = surface.curve.length, beside.curve.length
+        spacing = float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
+        corner = Corner(wedge, face.tip, min(lengths), CLEAR * spacing)
+        straight = _straight(surface.curve) and _straight(beside.curve)
+        if straight and not model.cloud.holds(_behind(wedge, face.tip, *lengths)).any():
+            return corner
+        return None if wedge.sliding else _limited(model.cloud, corner, (face, other), spacing)
+    return None
+
+
+def _face(curve: Curve, at_end: bool) -> Face:
+    """A boundary seen from the corner at one of its ends."""
+    arc = np.array([curve.length if at_end else 0.0])
+    inward = -complex(as_complex(curve.normals(arc))[0])
+    along = 1j * inward if at_end else -1j * inward
+    return Face(complex(as_complex(curve.points(arc))[0]), along, inward, curve, at_end)
+
+
+def _known(wedge: Wedge) -> bool:
+    """Whether the fields of a corner's angle are known."""
+    inside = float(np.angle(wedge.other / wedge.along) * wedge.turn.imag) % (2.0 * np.pi)
+    angle = inside * (2.0 if wedge.sliding else 1.0)
+    blunt = BLUNTEST < angle < HOLLOW and abs(angle - np.pi) > ALIKE
+    isotropic = isinstance(wedge.kernel, Isotropic)
+    sharpest = SHARPEST if isotropic else SHARPEST_OF_OTHERS
+    return sharpest <= inside <= angle <= WIDEST and not blunt and (isotropic or not wedge.sliding)
+
+
+def _limited(cloud: Cloud, corner: Corner, faces: tuple[Face, Face], spacing: float) -> Corner | None:
+    """The corner with fields along its faces alone, if what they end at can be reached outside the body."""
+    curved = max(float(np.abs(_curvature(face)).max()) for face in faces)
+    span = min(corner.length, 1.0 / curved if curved else np.inf)
+    if span < SPAN * spacing:
+        return None
+    x = span * np.geomspace(SIDE, 1.0, SEEN)
+    places, inward = (np.concatenate(some) for some in zip(*(face.places(x) for face in faces), strict=True))
+    between = faces[0].inward + faces[1].inward
+    centers = None, corner.tip - span * BETWEEN * between / abs(between)
+    for center in centers:
+        if all_see(cloud, corner.tip + places, inward, center):
+            return replace(corner, curved=faces, span=span, center=center)
+    return None
+
+
+def _curvature(face: Face) -> FloatArray:
+    """Curvatures all along a face."""
+    assert face.curve is not None
+    return face.curve.curvature(np.linspace(0.0, face.curve.length, SEEN))
+
+
+def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArray:
+    """Places (e, 2) that must be off the body: where the wedge's forces go on past the ends of its faces,
+    which are ``along`` and ``other`` long, or act behind a wall, and what lies outwards of them, where their
+    fields are cut."""
+    far = np.geomspace(SIDE, BEYOND, SEEN)
+    starts = tip + wedge.along * along * (1.0 + far), tip + wedge.second * other * (1.0 + far)
+    if wedge.sliding:
+        starts = starts[0], tip + wedge.second * along * far
+    size = max(along, other)
+    cuts = [
+        tip + way * size * far[:, None] - inward * size * far
+        for way, inward in zip((wedge.along, wedge.second), wedge.inward, strict=True)
+    ]
+    return as_real(np.concatenate([*starts, *(one.ravel() for one in cuts)]))
+
+
+def _slides(other: complex, held: tuple[bool, bool] | None) -> bool:
+    """Whether a face along the unit vector ``other``, x or y, is held across alone."""
+    across = [abs(other.imag) > 1.0 - ALIKE, abs(other.real) > 1.0 - ALIKE]
+    return held is not None and any(across) and list(held) == across
+
+
+def _straight(curve: Curve) -> bool:
+    """Whether a curve is a straight line."""
+    ends = curve.points(np.array([0.0, curve.length]))
+    straight = abs(float(np.hypot(*(ends[1] - ends[0]))) - curve.length) <= ALIKE * curve.length
+    return straight and not len(corners_of(curve))

@@ -1,0 +1,51 @@
+"""Where fields of forces may end outside a body: far away, or at a center in a hollow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex
+
+CHORDS = 200
+"""Every boundary is looked at as so many chords."""
+
+
+def void_center(cloud: Cloud, place: ComplexArray, inward: ComplexArray) -> list[complex | None]:
+    """Where the fields of forces at places (e,) of a body's outline end: [None] where the way outwards is
+    free, and nothing where the void has no place that all of them see."""
+    free = _free(cloud, place, -inward)
+    if np.isinf(free).all():
+        return [None]
+    middle = len(place) // 2
+    center = complex(place[middle] - 0.5 * float(free.min()) * inward[middle])
+    return [center] if all_see(cloud, place, inward, center) else []
+
+
+def all_see(cloud: Cloud, place: ComplexArray, inward: ComplexArray, center: complex | None) -> bool:
+    """Whether the way from all places (e,) of a body's outline to a ``center``, or outwards without one, is
+    free of the body."""
+    if center is None:
+        return bool(np.isinf(_free(cloud, place, -inward)).all())
+    lines = center - place
+    size = np.abs(lines)
+    return bool((_free(cloud, place, lines / size) > size).all())
+
+
+def _free(cloud: Cloud, place: ComplexArray, ahead: ComplexArray) -> FloatArray:
+    """How far (e,) one sees from places (e,) along unit directions ``ahead`` (e,) before the outline comes
+    into view; not counting what is no farther than one of its chords."""
+    starts, ways = [], []
+    for surface in cloud.surfaces.values():
+        points = as_complex(surface.curve.points(np.linspace(0.0, surface.curve.length, CHORDS + 1)))
+        starts.append(points[:-1])
+        ways.append(np.diff(points))
+    start, way = np.concatenate(starts), np.concatenate(ways)
+    across = (np.conj(ahead)[:, None] * way).imag
+    apart = start - place[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (np.conj(apart) * way).imag / across
+        share = -(np.conj(ahead)[:, None] * apart).imag / across
+    hit = (across != 0.0) & (share >= 0.0) & (share <= 1.0) & (distance > np.abs(way).max())
+    return np.asarray(np.where(hit, distance, np.inf).min(axis=1))
