@@ -3,8 +3,9 @@
     python benchmarks/scenes/references.py [--only NAME ...]
 
 Frictionless scenes only. Contact is Signorini's law for nodal pressures (linear between vertices) against
-weak gaps along the normal of one of both surfaces, solved by a primal-dual active set on the condensed compliance. A
-first mesh finds the patches, two finer ones tell the figures and how far they agree. Writes reference.json.
+weak gaps along the normal of one of both surfaces, solved by a primal-dual active set on the condensed
+compliance. A first mesh finds the patches, two finer ones tell the figures and how far they agree. Writes
+reference.json.
 """
 
 from __future__ import annotations
@@ -75,7 +76,12 @@ class Model:
     """All equations of a case for given zones."""
 
     def __init__(
-        self, given: Table, outlines: dict[str, Outline], base: float, zones: dict[str, Zones], straight_walls: bool
+        self,
+        given: Table,
+        outlines: dict[str, Outline],
+        base: float,
+        zones: dict[str, Zones],
+        straight_walls: bool,
     ) -> None:
         self.given = given
         self.straight_walls = straight_walls
