@@ -72,10 +72,14 @@ def ranged(
     grids: Mapping[str, ContactGrid],
     ranges: Mapping[str, ContactRange],
     states: Sequence[ExactState],
-    passed: Mapping[str, FloatArray],
+    passed: dict[str, FloatArray],
 ) -> dict[str, ContactGrid] | None:
     """The grids with ranges that suit what touches, and where it ``passed`` on its way; None where that comes
-    to the end of the range that it may have."""
+    to the end of the range that it may have.
+
+    Nodes beyond a grid that touch stay within its range from then on: far from each other they meet others
+    than the grid's places do, and may not touch on it.
+    """
     touched = [
         condensed.touched(state.factors, state.motion, state.pressure, state.traction) for state in states
     ]
@@ -93,6 +97,8 @@ def ranged(
                 seen[(seen < grid.first) | (seen > grid.last)],
             ]
         )
+        if len(beyond) and not grid.provisional:
+            passed[name] = np.concatenate([passed.get(name, np.zeros(0)), beyond])
         places = np.flatnonzero(closed)
         if not len(places):
             if len(beyond):
