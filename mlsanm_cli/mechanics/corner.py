@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.curves import Curve
@@ -19,7 +21,7 @@ from mlsanm_cli.mechanics.near_field import (
     as_real,
     traction,
 )
-from mlsanm_cli.mechanics.wedge import Wedge, cubic, interpolated
+from mlsanm_cli.mechanics.wedge import Wedge, cubic, cubic_shares, interpolated
 
 STEP = 0.1
 """Forces along the faces stand so far apart in the logarithm of their distance from the tip."""
@@ -248,34 +250,38 @@ class Line:
         deep = w.real
         near = np.flatnonzero((x > 0.0) & (np.abs(deep) < BESIDE * x) & (np.abs(w.imag) <= ON_FACE * x))
         apart = self.logarithm - np.log(x[near, None])
-        single = np.ones((len(z), len(self.logarithm)))
-        single[near] = 1.0 - _window(apart)
         slope = np.maximum(deep[near] / x[near], LEAST_ANGLE)
         inside = np.array(z)
         inside[near] += (slope * x[near] - deep[near]) * inward[near]
-        found = field(self._forces, inside)
-        total = np.einsum("ep,epcd,pdm->ecm", single, found, self.density, optimize=True)
-        if len(near):
-            total[near] += self._beside(x[near], slope, field_of_each)
-        return np.asarray(total)
+        by = field(self._forces, inside)
+        by[near] *= (1.0 - _window(apart))[..., None, None]
+        by[near] += self._beside(x[near], slope, field_of_each)
+        return np.asarray(np.einsum("epcd,pdm->ecm", by, self.density, optimize=True))
 
     def _beside(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
-        """What is around distances ``x`` (e,) along the face, seen from ``slope`` (e,) times as far from the
-        face: integrals over ln(x) + slope sinh(v)."""
+        """What forces (e, p, c, 2) around distances ``x`` (e,) along the face do, seen from ``slope`` (e,)
+        times as far from the face: integrals over ln(x) + slope sinh(v)."""
         end = np.arcsinh(OUTER / slope)[:, None]
         v = np.concatenate([0.5 * side * end * (1.0 + NODES) for side in (-1.0, 1.0)], axis=1)
         away = slope[:, None] * np.sinh(v)
         size = 0.5 * np.tile(WEIGHTS, 2) * end * slope[:, None] * np.cosh(v) / STEP * _window(away)
         row = (np.log(x)[:, None] + away - self.logarithm[0]) / STEP
-        inside = (row >= 0.0) & (row <= len(self.logarithm) - 1.0)
-        force = np.where(inside, size, 0.0)[..., None, None] * cubic(self.density, row)
+        size[(row < 0.0) | (row > len(self.logarithm) - 1.0)] = 0.0
         place, inward = self.face.places(x)
         seen = np.repeat(place + slope * x * inward, away.shape[1])
         # As seen from the tip: far from the origin digits are lost.
         center = None if self.center is None else self.center - self.face.tip
         forces = SurfaceForces(self.kernel, *self.face.places((x[:, None] * np.exp(away)).ravel()), center)
-        found = field_of_each(forces, seen).reshape(*away.shape, -1, 2)
-        return np.asarray(np.einsum("evcd,evdm->ecm", found, force, optimize=True))
+        found = field_of_each(forces, seen) * size.ravel()[:, None, None]
+        first, shares = cubic_shares(row.ravel(), len(self.logarithm))
+        count = len(self.logarithm)
+        at = np.repeat(np.arange(len(x)), away.shape[1]) * count + first
+        gathered = sparse.csr_array(
+            (shares.ravel(), (at[:, None] + np.arange(4)).ravel(), 4 * np.arange(len(at) + 1)),
+            shape=(len(at), len(x) * count),
+        )
+        total = gathered.T @ found.reshape(len(at), math.prod(found.shape[1:]))
+        return np.asarray(total).reshape(len(x), count, *found.shape[1:])
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, traction
 
 STEP, COUNT = 0.02, 4096
@@ -143,12 +144,23 @@ def interpolated(table: FloatArray, t: FloatArray) -> FloatArray:
 
 def cubic(table: FloatArray, at: FloatArray) -> FloatArray:
     """Cubic interpolation (..., rest) of the rows of a ``table`` (n, rest) ``at`` numbers of rows (...)."""
-    at = np.clip(at, 1.0, len(table) - 3.0)
-    first = np.minimum(at.astype(np.int64), len(table) - 4)
-    u = (at - first).reshape(*at.shape, *[1] * (table.ndim - 1))
-    a, b, c, d = (table[first + shift] for shift in (-1, 0, 1, 2))
+    first, shares = cubic_shares(at.ravel(), len(table))
+    matrix = sparse.csr_array(
+        (shares.ravel(), (first[:, None] + np.arange(4)).ravel(), 4 * np.arange(at.size + 1)),
+        shape=(at.size, len(table)),
+    )
+    return np.asarray(matrix @ table.reshape(len(table), -1)).reshape(*at.shape, *table.shape[1:])
+
+
+def cubic_shares(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
+    """The first (e,) of the four rows, out of ``count``, that values ``at`` numbers of rows (e,) come from,
+    and the shares (e, 4) of these."""
+    at = np.clip(at, 1.0, count - 3.0)
+    first = np.minimum(at.astype(np.int64), count - 4)
+    u = at - first
     low, high = u * (u - 1.0) / 6.0, (u + 1.0) * (u - 2.0) / 2.0
-    return np.asarray(-low * (u - 2.0) * a + high * (u - 1.0) * b - high * u * c + low * (u + 1.0) * d)
+    shares = np.stack([-low * (u - 2.0), high * (u - 1.0), -high * u, low * (u + 1.0)], axis=1)
+    return first - 1, shares
 
 
 def _convolved(seen: FloatArray, density: FloatArray) -> FloatArray:
