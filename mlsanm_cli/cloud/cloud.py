@@ -28,6 +28,8 @@ from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
 from mlsanm_cli.startup import cKDTree
 
 CANDIDATES = 15
+FLATTEST = 10.0
+"""Hollows of a radius above this many times the body's extent count as flat."""
 STRIPS = 512
 
 
@@ -83,6 +85,22 @@ class Cloud:
             np.concatenate([surface.index for surface in surfaces]),
             np.concatenate([surface.normal for surface in surfaces]),
         )
+
+    @cached_property
+    def room(self) -> FloatArray:
+        """Distance (n,) from the nearest hollow of the outline, fillet, notch or hole, plus its radius:
+        infinite without any."""
+        room = np.full(len(self.points), np.inf)
+        flattest = FLATTEST * float(np.ptp(self.points, axis=0).max())
+        for surface in self.surfaces.values():
+            curve = surface.curve
+            if (curve.curvature(surface.arc_length) < 0.0).any():
+                near = curve.closest(self.points)
+                away = self.points - curve.points(near)
+                bend = np.minimum(curve.curvature(near), 0.0)
+                radius = 1.0 / np.maximum(-bend, 1.0 / flattest)
+                room = np.minimum(room, np.hypot(away[:, 0], away[:, 1]) + radius)
+        return room
 
     @cached_property
     def tree(self) -> cKDTree:
