@@ -17,7 +17,7 @@ from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.places import Places
 from mlsanm_cli.cloud.relax import relax
-from mlsanm_cli.cloud.separation import NodeSeparation, separation
+from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, look
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
@@ -61,14 +61,8 @@ class Cloud:
 
     def holds(self, targets: FloatArray) -> BoolArray:
         """Which of the ``targets`` (e, 2) lie in the body or on its boundary."""
-        surfaces = self.surfaces.values()
-        return belongs(
-            self.points,
-            np.concatenate([surface.index for surface in surfaces]),
-            np.concatenate([surface.normal for surface in surfaces]),
-            [surface.name for surface in surfaces for _ in surface.index],
-            targets,
-        )
+        names = [surface.name for surface in self.surfaces.values() for _ in surface.index]
+        return belongs(self.points, *self._bounding, names, targets)
 
     @cached_property
     def sight(self) -> VisibilityCriterion | None:
@@ -78,13 +72,7 @@ class Cloud:
     @cached_property
     def tips(self) -> Tips | None:
         """Sharp corners that point into the material; None without any."""
-        surfaces = self.surfaces.values()
-        return tips_of(
-            self.points,
-            self.edges,
-            np.concatenate([surface.index for surface in surfaces]),
-            np.concatenate([surface.normal for surface in surfaces]),
-        )
+        return tips_of(self.points, self.edges, *self._bounding)
 
     @cached_property
     def room(self) -> FloatArray:
@@ -111,6 +99,18 @@ class Cloud:
     def separation(self) -> NodeSeparation:
         """How the nodes stand to their nearest ones."""
         return separation(self.points, self.tree, self.spacing, self.sight)
+
+    @cached_property
+    def thinnest(self) -> Thinnest:
+        """How many nodes the body's thinnest part has across, and where."""
+        return thinnest(self.points, self.spacing, *self._bounding)
+
+    @cached_property
+    def _bounding(self) -> tuple[IntArray, FloatArray]:
+        """The nodes (b,) of all surfaces, one after the other, and their normals (b, 2)."""
+        surfaces = self.surfaces.values()
+        index = np.concatenate([surface.index for surface in surfaces])
+        return index, np.concatenate([surface.normal for surface in surfaces])
 
     @cached_property
     def triangles(self) -> IntArray:
