@@ -47,7 +47,7 @@ from mlsanm_cli.operators.least_squares import LeastSquares  # noqa: E402
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver  # noqa: E402
 from mlsanm_cli.operators.linear.interface import Matrix  # noqa: E402
 from mlsanm_cli.operators.linear.superlu import SuperLUSolver  # noqa: E402
-from mlsanm_cli.operators.normal import bordered, normal_equations  # noqa: E402
+from mlsanm_cli.operators.normal import bordered  # noqa: E402
 from mlsanm_cli.operators.refinement import BLOCK, QUICK  # noqa: E402
 
 CASE, BODY = ROOT / "cases" / "hertz.toml", "block"
@@ -81,8 +81,7 @@ def bordered_equations(system: LeastSquares, nodes: FloatArray) -> tuple[Matrix,
     """What a system of ``nodes`` (n, 2) factorised: the matrix, the places of all vertices, and how many of
     them are of multipliers."""
     places = np.repeat(system.strong.places, 2, axis=0)
-    normal = normal_equations(system.rows)
-    matrix = bordered(normal, system.strong.rows, system.strong.owner, len(places))
+    matrix = bordered(system.rows, system.strong.rows, system.strong.owner, len(places))
     return matrix, np.concatenate([nodes, places]), len(places)
 
 

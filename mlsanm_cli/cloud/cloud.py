@@ -17,7 +17,7 @@ from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.places import Places
 from mlsanm_cli.cloud.relax import relax
-from mlsanm_cli.cloud.separation import NodeSeparation, separation
+from mlsanm_cli.cloud.separation import NodeSeparation, Thinnest, separation, thinnest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, look
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
@@ -28,6 +28,8 @@ from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
 from mlsanm_cli.startup import cKDTree
 
 CANDIDATES = 15
+FLATTEST = 10.0
+"""Hollows of a radius above this many times the body's extent count as flat."""
 STRIPS = 512
 
 
@@ -59,14 +61,8 @@ class Cloud:
 
     def holds(self, targets: FloatArray) -> BoolArray:
         """Which of the ``targets`` (e, 2) lie in the body or on its boundary."""
-        surfaces = self.surfaces.values()
-        return belongs(
-            self.points,
-            np.concatenate([surface.index for surface in surfaces]),
-            np.concatenate([surface.normal for surface in surfaces]),
-            [surface.name for surface in surfaces for _ in surface.index],
-            targets,
-        )
+        names = [surface.name for surface in self.surfaces.values() for _ in surface.index]
+        return belongs(self.points, *self._bounding, names, targets)
 
     @cached_property
     def sight(self) -> VisibilityCriterion | None:
@@ -76,13 +72,23 @@ class Cloud:
     @cached_property
     def tips(self) -> Tips | None:
         """Sharp corners that point into the material; None without any."""
-        surfaces = self.surfaces.values()
-        return tips_of(
-            self.points,
-            self.edges,
-            np.concatenate([surface.index for surface in surfaces]),
-            np.concatenate([surface.normal for surface in surfaces]),
-        )
+        return tips_of(self.points, self.edges, *self._bounding)
+
+    @cached_property
+    def room(self) -> FloatArray:
+        """Distance (n,) from the nearest hollow of the outline, fillet, notch or hole, plus its radius:
+        infinite without any."""
+        room = np.full(len(self.points), np.inf)
+        flattest = FLATTEST * float(np.ptp(self.points, axis=0).max())
+        for surface in self.surfaces.values():
+            curve = surface.curve
+            if (curve.curvature(surface.arc_length) < 0.0).any():
+                near = curve.closest(self.points)
+                away = self.points - curve.points(near)
+                bend = np.minimum(curve.curvature(near), 0.0)
+                radius = 1.0 / np.maximum(-bend, 1.0 / flattest)
+                room = np.minimum(room, np.hypot(away[:, 0], away[:, 1]) + radius)
+        return room
 
     @cached_property
     def tree(self) -> cKDTree:
@@ -93,6 +99,18 @@ class Cloud:
     def separation(self) -> NodeSeparation:
         """How the nodes stand to their nearest ones."""
         return separation(self.points, self.tree, self.spacing, self.sight)
+
+    @cached_property
+    def thinnest(self) -> Thinnest:
+        """How many nodes the body's thinnest part has across, and where."""
+        return thinnest(self.points, self.spacing, *self._bounding)
+
+    @cached_property
+    def _bounding(self) -> tuple[IntArray, FloatArray]:
+        """The nodes (b,) of all surfaces, one after the other, and their normals (b, 2)."""
+        surfaces = self.surfaces.values()
+        index = np.concatenate([surface.index for surface in surfaces])
+        return index, np.concatenate([surface.normal for surface in surfaces])
 
     @cached_property
     def triangles(self) -> IntArray:

@@ -1,4 +1,4 @@
-"""How the nodes of a cloud stand to their nearest ones."""
+"""How the nodes of a cloud stand to their nearest ones, and how many there are across its thinnest part."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest as nearest_nodes
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.startup import cKDTree
 
 NEIGHBORS = 6
+FACING, OPPOSED = 32, 0.9
+"""Boundary nodes among which one across is looked for, and how much against each other normals are there."""
 
 
 @dataclass(frozen=True)
@@ -39,3 +41,32 @@ def separation(
     node = int(np.argmin(nearest))
     growth = np.abs(spacing[neighbour] - spacing[:, None]) / distance
     return NodeSeparation(node, float(nearest[node]), float(growth.max()))
+
+
+@dataclass(frozen=True)
+class Thinnest:
+    """How many ``spacings`` the thinnest part of a body has across, near the boundary's node ``node``, and
+    its ``width``; infinite where none is thin enough to be seen."""
+
+    node: int
+    spacings: float
+    width: float
+
+
+def thinnest(points: FloatArray, spacing: FloatArray, index: IntArray, normal: FloatArray) -> Thinnest:
+    """Where two sides of a body with ``points`` (n, 2) and ``spacing`` (n,) are closest, with nothing but
+    material in between: by its boundary's nodes ``index`` (b,) with outward ``normal`` (b, 2).
+
+    The width is the diameter of the circle that touches the boundary in one node and meets the other.
+    """
+    at = points[index]
+    count = min(FACING, len(index) - 1)
+    near = np.asarray(nearest_nodes(cKDTree(at), at, np.arange(2, count + 2))[1], dtype=np.int64)
+    away = at[:, None] - at[near]
+    depth = (away * normal[:, None]).sum(axis=2)
+    across = (depth > 0.0) & ((normal[near] * normal[:, None]).sum(axis=2) < -OPPOSED)
+    width = np.full(near.shape, np.inf)
+    np.divide((away**2).sum(axis=2), depth, out=width, where=across)
+    least = width.min(axis=1)
+    found = int((least / spacing[index]).argmin())
+    return Thinnest(int(index[found]), float(least[found] / spacing[index[found]]), float(least[found]))

@@ -43,8 +43,11 @@ def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: Float
     (e, t, 2) are as long as what the points stand for."""
     values = np.zeros((3, len(stencils.indices), 2))
     add_forces(stencils.indptr, stencils.weights, c, arm, normal, values)
-    rows = [pair_rows(stencils, one) for one in values]
-    return sparse.csr_array(sparse.vstack(rows, format="csr"))
+    rows = pair_rows(stencils, values[0])
+    begin, (count, width) = rows.indptr[:-1], rows.shape
+    indptr = np.concatenate([begin, begin + rows.nnz, begin + 2 * rows.nnz, [3 * rows.nnz]])
+    entries = (values.ravel(), np.tile(rows.indices, 3), indptr)
+    return sparse.csr_array(entries, shape=(3 * count, width))
 
 
 def force_sums(arm: FloatArray, normal: FloatArray) -> list[sparse.csr_array]:

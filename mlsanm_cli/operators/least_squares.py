@@ -283,15 +283,14 @@ def factorise(
 ) -> LeastSquares:
     """Set up and factorise the equations of ``rows`` (e, n), which their ``weight`` (e,) multiplies already,
     and of ``strong`` ones, if there are any."""
-    normal = normal_equations(rows)
     if strong is None:
         strong = Strong.none(rows.shape[1], rows.shape[0])
     if not len(strong.owner):
-        factor = solver.factor_definite(normal, points)
+        factor = solver.factor_definite(normal_equations(rows), points)
         return LeastSquares(rows, weight, strong, factor, Conditions.none(rows.shape[1]))
     # Two vertices of two multipliers each.
     vertices = np.repeat(strong.places, 2, axis=0)
-    whole = bordered(normal, strong.rows, strong.owner, len(vertices))
+    whole = bordered(rows, strong.rows, strong.owner, len(vertices))
     factor = solver.factor_definite(whole, np.concatenate([points, vertices]), negative=len(vertices))
     alone = Eliminated(factor, rows.shape[1], 2 * len(vertices))
     without = LeastSquares(rows, weight, strong, alone, Conditions.none(rows.shape[1]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import IntArray
+from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, group_rows, rows_of_nodes
 from mlsanm_cli.operators.structure import refuse_too_many, structure
 
@@ -15,6 +15,50 @@ def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
 
     Raises NumericalError where there are too many of them to be counted.
     """
+    begin, neighbour, blocks = _squares(rows, np.zeros(rows.shape[1] // 2, dtype=np.int64), 0)
+    return sparse.bsr_array((blocks, neighbour, begin.astype(np.int32)), shape=(rows.shape[1],) * 2)
+
+
+def bordered(
+    rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
+) -> sparse.bsr_array:
+    """The matrix [M^T M B^T; B -1] of ``rows`` M (r, 2n) and ``strong`` rows B (g, 2n) in blocks 2 x 2.
+
+    Row i of these belongs to the vertices 2 ``owner[i]`` (g,) and the one after that; ``vertices`` counts
+    them all. Multipliers that no row has stay nothing.
+
+    Raises NumericalError where there are too many blocks to be counted.
+    """
+    order = np.argsort(owner, kind="stable")
+    place = np.empty(len(owner), dtype=np.int64)
+    place[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])
+    line = 4 * owner + place
+    entries = strong.tocoo()
+    of_row, column = entries.coords
+    turned = sparse.csr_array((entries.data, (line[of_row], column)), shape=(2 * vertices, rows.shape[1]))
+    down = sparse.bsr_array(turned, blocksize=(2, 2))
+    up = sparse.bsr_array(sparse.csr_array(turned.T), blocksize=(2, 2))
+    count, room, below = rows.shape[1] // 2, np.diff(up.indptr), np.diff(down.indptr)
+    # Behind what the rows make: by far the largest part, it is not to be there twice.
+    begin, neighbour, blocks = _squares(rows, room, int(below.sum()) + vertices)
+    indptr = np.concatenate([begin, begin[-1] + np.cumsum(below + 1)])
+
+    def put(part: sparse.bsr_array, first: IntArray, shift: int) -> None:
+        """Set the blocks of a ``part`` whose rows have their first entries at ``first``."""
+        at = np.repeat(first - part.indptr[:-1], np.diff(part.indptr)) + np.arange(part.indptr[-1])
+        neighbour[at], blocks[at] = part.indices + shift, part.data
+
+    put(up, begin[1:] - room, count)
+    put(down, indptr[count:-1], 0)
+    neighbour[indptr[count + 1 :] - 1] = count + np.arange(vertices)
+    blocks[indptr[count + 1 :] - 1] = -np.eye(2)
+    size = 2 * (count + vertices)
+    return sparse.bsr_array((blocks, neighbour, indptr), shape=(size, size))
+
+
+def _squares(rows: sparse.csr_array, room: IntArray, after: int) -> tuple[IntArray, IndexArray, FloatArray]:
+    """Where the blocks of M^T M of every node begin (n + 1,), their columns and the blocks (m, 2, 2), with
+    ``room`` (n,) for more behind those of each node, and for so many ``after`` the last."""
     pairs = _pairs(rows)
     indptr, nodes = structure(pairs)
     count = rows.shape[1] // 2
@@ -26,52 +70,15 @@ def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
     of_node, entry = np.empty((2, len(members)), dtype=np.int32)
     rows_of_nodes(begin, members, start, of_node, entry)
     count_neighbours(begin, members, start, of_node, np.full(count, -1, dtype=np.int32), end)
-    refuse_too_many(int(end[-1]))
-    neighbour, blocks = np.empty(end[-1], dtype=np.int32), np.zeros((end[-1], 2, 2))
+    end[1:] += np.cumsum(room)
+    total = int(end[-1]) + after
+    refuse_too_many(total)
+    neighbour, blocks = np.empty(total, dtype=np.int32), np.zeros((total, 2, 2))
     row = np.argsort(group, kind="stable")
     grouped = (row, np.searchsorted(group[row], np.arange(groups + 1)), begin, members)
     values, slot = pairs.data.reshape(-1, 2), np.full(count, -1, dtype=np.int64)
     add_blocks(indptr, values, *grouped, start, of_node, entry, slot, end, neighbour, blocks)
-    return sparse.bsr_array((blocks, neighbour, end.astype(np.int32)), shape=(2 * count, 2 * count))
-
-
-def bordered(
-    normal: sparse.bsr_array, rows: sparse.csr_array, owner: IntArray, vertices: int
-) -> sparse.bsr_array:
-    """The matrix [N B^T; B -1] of ``normal`` equations N (2n, 2n) and ``rows`` B (g, 2n) in blocks 2 x 2.
-
-    Row i belongs to the vertices 2 ``owner[i]`` (g,) and the one after that; ``vertices`` counts them all.
-    Multipliers that no row has stay nothing.
-
-    Raises NumericalError where there are too many blocks to be counted.
-    """
-    order = np.argsort(owner, kind="stable")
-    place = np.empty(len(owner), dtype=np.int64)
-    place[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])
-    line = 4 * owner + place
-    entries = rows.tocoo()
-    of_row, column = entries.coords
-    turned = sparse.csr_array((entries.data, (line[of_row], column)), shape=(2 * vertices, rows.shape[1]))
-    down = sparse.bsr_array(turned, blocksize=(2, 2))
-    up = sparse.bsr_array(sparse.csr_array(turned.T), blocksize=(2, 2))
-    refuse_too_many(len(normal.indices) + len(up.indices) + len(down.indices) + vertices)
-    count, above, below = normal.shape[0] // 2, np.diff(normal.indptr), np.diff(down.indptr)
-    lengths = np.concatenate([above + np.diff(up.indptr), below + 1])
-    indptr = np.concatenate([[0], np.cumsum(lengths)])
-    neighbour, blocks = np.empty(indptr[-1], dtype=np.int32), np.empty((indptr[-1], 2, 2))
-
-    def put(part: sparse.bsr_array, begin: IntArray, shift: int) -> None:
-        """Set the blocks of a ``part`` whose rows have their first entries at ``begin``."""
-        at = np.repeat(begin - part.indptr[:-1], np.diff(part.indptr)) + np.arange(part.indptr[-1])
-        neighbour[at], blocks[at] = part.indices + shift, part.data
-
-    put(normal, indptr[:count], 0)
-    put(up, indptr[:count] + above, count)
-    put(down, indptr[count:-1], 0)
-    neighbour[indptr[count + 1 :] - 1] = count + np.arange(vertices)
-    blocks[indptr[count + 1 :] - 1] = -np.eye(2)
-    size = 2 * (count + vertices)
-    return sparse.bsr_array((blocks, neighbour, indptr), shape=(size, size))
+    return end, neighbour, blocks
 
 
 def _pairs(rows: sparse.csr_array) -> sparse.bsr_array:

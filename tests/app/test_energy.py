@@ -132,6 +132,23 @@ def test_the_error_is_that_of_the_deflection_of_a_beam(
     assert summary["energy_error"] == pytest.approx(deflection(tmp_path / "run") - 1.0, abs=0.02)
 
 
+def test_frames_with_three_nodes_across_have_degree_2_and_say_how_many_they_want(tmp_path: Path) -> None:
+    # At degree 4, which fits passed, the frame was useless.
+    corners = [[0, 0], [1, 0], [1, 9], [9, 9], [9, 0], [10, 0], [10, 10], [0, 10]]
+    shape = {"kind": "polygon", "points": corners, "rounding": [0, 0, 0.5, 0.5, 0, 0, 0, 0]}
+    feet = "".join(item("support", boundary=f"frame.side{k}", ux=0.0, uy=0.0) for k in (1, 5))
+    push = load("push", "frame.side7", "traction", traction=[1e-5, -1e-4])
+    frame = head("stress") + material("steel", E=1000.0, nu=0.3) + body("frame", "steel", 0.5, shape)
+    summary = solve(frame + feet + push, tmp_path / "run")
+    assert summary["status"] == "done", summary
+    assert summary["quality"]["bodies"]["frame"]["degree"] == 2
+    (warning,) = [text for text in summary["warnings"] if "strain energy" in text]
+    assert "3 nodes across: parts that bend want 5 or more, which is a spacing of 0.25" in warning
+    finer = solve(frame + feet + push, tmp_path / "finer", "body.frame.spacing=0.25")
+    assert finer["quality"]["bodies"]["frame"]["degree"] == 4
+    assert not any("nodes across" in text for text in finer["warnings"])
+
+
 @pytest.mark.usefixtures("lossy")
 def test_a_beam_too_stiff_fails(tmp_path: Path) -> None:
     (tmp_path / "beam.toml").write_text(beam(0.25) + CLAMPED)

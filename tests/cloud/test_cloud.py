@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.cloud.search import PIECE, listening, nearest
 from mlsanm_cli.cloud.size import estimate_nodes
@@ -28,6 +28,11 @@ SCENES: list[tuple[Outline, Spacing]] = [
     (sector((0.0, 0.0), (1.0, 2.0), (0.0, 1.5)), Spacing(0.1)),
     (BLOCK, Spacing(0.2, (Zone(BLOCK.curves[2], 0.03, 0.05, 0.2),))),
 ]
+
+
+def polygon(*corners: tuple[float, float]) -> Outline:
+    sides = [Segment(one, other) for one, other in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    return Outline(tuple(f"side{k}" for k in range(len(sides))), tuple(sides))
 
 
 @pytest.mark.parametrize(("outline", "spacing"), SCENES)
@@ -188,3 +193,31 @@ def test_searches_in_pieces_are_searches() -> None:
     for k in (1, 2, np.arange(2, 4)):
         for found, expected in zip(nearest(tree, points, k), tree.query(points, k=k), strict=True):
             assert np.array_equal(found, np.asarray(expected))
+
+
+@pytest.mark.parametrize("across", [2, 3, 5])
+@pytest.mark.parametrize(
+    ("outline", "width"),
+    [
+        (rectangle((0.0, 10.0), (0.0, 1.0)), 1.0),
+        (annulus((0.0, 0.0), (9.5, 10.5)), 1.0),
+        # A block on a leg.
+        (polygon((0, 0), (2, 0), (2, 5), (12, 5), (12, 15), (0, 15)), 2.0),
+    ],
+)
+def test_the_thinnest_part_has_so_many_spacings_across(outline: Outline, width: float, across: int) -> None:
+    cloud = build_cloud(outline, Spacing(width / across), 0)
+    assert cloud.thinnest.spacings == pytest.approx(across, rel=0.03)
+    assert cloud.thinnest.width == pytest.approx(width, rel=0.03)
+
+
+def test_wide_bodies_slits_and_sharp_tips_are_not_thin() -> None:
+    outlines = [
+        disk((0.0, 0.0), 1.0),
+        half_disk((0.0, 0.0), 1.0, "lower"),
+        polygon((0, 0), (2, 0), (2, 1)),
+        # Two arms with nothing but a narrow void in between.
+        polygon((0, 0), (4, 0), (4, 1), (1, 1), (1, 1.01), (4, 1.01), (4, 2), (0, 2)),
+    ]
+    for outline in outlines:
+        assert build_cloud(outline, Spacing(0.05), 0).thinnest.spacings > 8.0

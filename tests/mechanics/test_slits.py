@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, recta
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.corners import inward_corners, inward_weight, thickness
+from mlsanm_cli.mechanics.corners import POWER, inward_corners, inward_weight, thickness
 from tests.mechanics.bodies import STEEL, boundary_values, build, with_body_force
 
 OPEN = sector((0.0, 0.0), (0.5, 1.5), (0.0, math.radians(359.5)))
@@ -138,7 +138,7 @@ def test_inward_corners_and_arcs_lower_the_weights_around_them() -> None:
     distance = np.hypot(*(angle.points - 1.0).T)
     assert weight.max() == 1.0
     far = distance > 0.1
-    assert weight[far] == pytest.approx(np.minimum(distance[far] / thickness(angle), 1.0))
+    assert weight[far] == pytest.approx(np.minimum(distance[far] / thickness(angle), 1.0) ** POWER)
     # An L of area 3 and perimeter 8.
     assert thickness(angle) == pytest.approx(0.75, rel=1e-3)
     ring = build_cloud(annulus((0.0, 0.0), (0.5, 1.0)), Spacing(0.1), 0)
@@ -146,7 +146,7 @@ def test_inward_corners_and_arcs_lower_the_weights_around_them() -> None:
     radius = np.hypot(*ring.points.T)
     assert thickness(ring) == pytest.approx(0.5, rel=1e-2)
     assert inward_weight(ring, inward_corners(ring)) == pytest.approx(
-        np.minimum(radius / thickness(ring), 1.0)
+        np.minimum(radius / thickness(ring), 1.0) ** POWER
     )
     for plain in (rectangle((0.0, 1.0), (0.0, 1.0)), wedge(0.4)):
         cloud = build_cloud(plain, Spacing(0.1), 0)

@@ -38,7 +38,13 @@ CASES = [
 
 
 def normal_equations(points: FloatArray, seed: int = 0, apart: float = 1.0) -> sparse.csc_array:
-    """Those (2n, 2n) of random rows over the neighbours of every node.
+    """Those (2n, 2n) of :func:`neighbours_rows`."""
+    rows = neighbours_rows(points, seed, apart)
+    return sparse.csc_array(rows.T @ rows)
+
+
+def neighbours_rows(points: FloatArray, seed: int = 0, apart: float = 1.0) -> sparse.csr_array:
+    """Random rows (3n, 2n) over the neighbours of every node.
 
     Both unknowns of a node differ by ``apart`` only in what they do: the smaller, the worse conditioned.
     """
@@ -50,8 +56,7 @@ def normal_equations(points: FloatArray, seed: int = 0, apart: float = 1.0) -> s
     first = rng.normal(size=len(at))
     second = first + apart * rng.normal(size=len(at))
     entries = (np.concatenate([at, at]), np.concatenate([columns, columns + 1]))
-    rows = sparse.csr_array((np.concatenate([first, second]), entries), shape=(3 * count, 2 * count))
-    return sparse.csc_array(rows.T @ rows)
+    return sparse.csr_array((np.concatenate([first, second]), entries), shape=(3 * count, 2 * count))
 
 
 def scattered(count: int, seed: int = 0) -> FloatArray:
@@ -75,8 +80,7 @@ def quasi_definite(
     rows = sparse.csr_array(
         (strength * rng.normal(size=len(line)), (line, column)), shape=(3 * pieces, 2 * count)
     )
-    normal = sparse.bsr_array(normal_equations(points, seed), blocksize=(2, 2))
-    matrix = bordered(normal, rows, np.repeat(np.arange(pieces), 3), 2 * pieces)
+    matrix = bordered(neighbours_rows(points, seed), rows, np.repeat(np.arange(pieces), 3), 2 * pieces)
     return matrix, np.concatenate([points, np.repeat(middles, 2, axis=0)]), 2 * pieces
 
 

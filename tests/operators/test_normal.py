@@ -67,17 +67,17 @@ def test_rows_on_the_same_nodes_count_together(rows_of_each: list[int]) -> None:
 @given(places=st.integers(1, 6), nodes=st.integers(1, 15), seed=st.integers(0, 1000))
 def test_bordered_equations_against_dense_ones(places: int, nodes: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    normal = normal_equations(sparse.csr_array(sparse.random_array((30, 2 * nodes), density=0.3, rng=rng)))
+    plain = sparse.csr_array(sparse.random_array((30, 2 * nodes), density=0.3, rng=rng))
     # Up to four rows to a place, in any order, some of them empty.
     owner = rng.permutation(np.repeat(np.arange(places), rng.integers(1, 5, places)))
     rows = sparse.csr_array(sparse.random_array((len(owner), 2 * nodes), density=0.3, rng=rng))
-    found = bordered(normal, rows, owner, 2 * places)
+    found = bordered(plain, rows, owner, 2 * places)
     assert found.blocksize == (2, 2)
     # Four multipliers to a place, those behind its own rows belong to none.
     line = [4 * place + int((owner[:row] == place).sum()) for row, place in enumerate(owner)]
     border = np.zeros((4 * places, 2 * nodes))
     border[line] = rows.toarray()
-    expected = np.block([[normal.toarray(), border.T], [border, -np.eye(4 * places)]])
+    expected = np.block([[normal_equations(plain).toarray(), border.T], [border, -np.eye(4 * places)]])
     np.testing.assert_array_equal(found.toarray(), expected)
     # One block for each pair of neighbours.
     line_of = np.repeat(np.arange(found.shape[0] // 2), np.diff(found.indptr))
@@ -89,12 +89,12 @@ def test_more_entries_than_bordered_equations_can_count_are_refused(
     most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """400 blocks of 20 nodes, 40 for the two vertices of the rows, twice, and 2 of their own."""
-    normal = normal_equations(sparse.csr_array(np.ones((2, 40))))
+    plain = sparse.csr_array(np.ones((2, 40)))
     rows, owner = sparse.csr_array(np.ones((3, 40))), np.zeros(3, dtype=np.int64)
-    whole = bordered(normal, rows, owner, 2)
+    whole = bordered(plain, rows, owner, 2)
     monkeypatch.setattr(structure, "MOST", most)
     if most < len(whole.indices):
         with pytest.raises(NumericalError, match=f"have {len(whole.indices)} entries"):
-            bordered(normal, rows, owner, 2)
+            bordered(plain, rows, owner, 2)
     else:
-        assert np.array_equal(bordered(normal, rows, owner, 2).toarray(), whole.toarray())
+        assert np.array_equal(bordered(plain, rows, owner, 2).toarray(), whole.toarray())

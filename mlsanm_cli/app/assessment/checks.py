@@ -75,12 +75,14 @@ class Verdict:
 @dataclass(frozen=True)
 class EnergyVerdict:
     """Twice the strain energy over the work less 1, per body, ``energy_error``, the farthest from 0, how
-    far bodies are strained, and what part of the work half of the spacing would add under single nodes."""
+    far bodies are strained, what part of the work half of the spacing would add under single nodes, and what
+    there is across the thinnest part."""
 
     energy_error: float
     bodies: Mapping[str, float]
     strains: Mapping[str, float] = field(default_factory=dict)
     pointed: Mapping[str, float] = field(default_factory=dict)
+    thin: Mapping[str, str] = field(default_factory=dict)
 
 
 def force_balance(built: CondensedScene, state: State) -> Verdict:
@@ -194,10 +196,8 @@ def check_energy(verdict: EnergyVerdict) -> str:
     error = verdict.bodies[worst]
     size = f"{100 * abs(error):.2g} % {'below' if error < 0.0 else 'above'}"
     message = f"twice the strain energy of body {worst} is {size} the work done on it"
-    hint = (
-        f"make body.{worst}.spacing smaller, above all across thin parts and where it is held, "
-        f"or use mls.degree = 4"
-    )
+    where = verdict.thin.get(worst) or "where it is held and around its notches"
+    hint = f"make body.{worst}.spacing smaller, above all {where}"
     if not abs(error) <= ENERGY_LIMIT:
         raise NumericalError(message, hint)
     return f"{message}; {hint}" if abs(error) > ENERGY_WARNING else ""
