@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.polygon import inside_polygon
+from mlsanm_cli.cloud.polygon import TOGETHER, inside_polygon
 
 SLACK = 1.1
 """Arcs bulge over their chords by what their normals turn; curves that are no arcs may by this much more."""
@@ -44,9 +44,17 @@ def belongs(
     bulge = 0.5 * length * np.tan(0.25 * np.arccos(np.clip(cosine, -1.0, 1.0)))
     near = SLACK * bulge + ROUND_OFF * float(np.ptp(points, axis=0).max())
     inside = inside_polygon(np.concatenate([start, end], axis=1), targets)
-    for number in np.flatnonzero(~inside):
-        offset = targets[number] - start
-        share = np.clip((offset * along).sum(axis=1) / length**2, 0.0, 1.0)
-        away = offset - share[:, None] * along
-        inside[number] = (np.hypot(away[:, 0], away[:, 1]) <= near).any()
+    # Only what is outside of the chords, and not far from all of them, can be below a bulge.
+    low, high = start.min(axis=0) - near.max(), start.max(axis=0) + near.max()
+    around = ((targets >= low) & (targets <= high)).all(axis=1)
+    for some in _together(np.flatnonzero(around & ~inside), len(start)):
+        offset = targets[some, None] - start
+        share = np.clip((offset * along).sum(axis=2) / length**2, 0.0, 1.0)
+        away = offset - share[:, :, None] * along
+        inside[some] = (np.hypot(away[:, :, 0], away[:, :, 1]) <= near).any(axis=1)
     return inside
+
+
+def _together(targets: IntArray, chords: int) -> list[IntArray]:
+    """Targets that are compared with all chords at once."""
+    return np.array_split(targets, 1 + len(targets) * chords // TOGETHER)

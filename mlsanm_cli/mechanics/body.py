@@ -18,7 +18,6 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.deferred import Equations, Timed
@@ -31,7 +30,6 @@ from mlsanm_cli.mechanics.elasticity import (
     nested_equilibrium_rows,
     stress_of,
     stress_rows,
-    traction_rows,
 )
 from mlsanm_cli.mechanics.ghosts import ghost_owners, ghost_points
 from mlsanm_cli.mechanics.material import PlaneMaterial
@@ -200,11 +198,6 @@ class BodyModel:
         if nested:
             return rows
         return sparse.csr_array(equilibrium_rows(self.stencils, c - even, component) + rows)
-
-    def surface_traction(self, surface: Surface, component: int) -> sparse.csr_array:
-        """Rows (b, 2N) of sigma n in x (0) or y (1) at a surface's nodes."""
-        stencils = self.stencils.take(surface.index)
-        return traction_rows(stencils, self.material.stiffness, surface.normal, component)
 
     def stress(self, displacement: FloatArray) -> FloatArray:
         """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2)."""

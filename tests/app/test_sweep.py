@@ -29,9 +29,8 @@ from tests.case_text import item, table
 
 ETA = "contact.interface.regularization.eta"
 PRESSED = hertz().replace("accuracy = 0.01", "accuracy = 0.1") + table("output", vtu=False, fields=[])
-ROUGH = PRESSED.replace("accuracy", "friction = 0.3\naccuracy") + item(
-    "probe", name="tip", body="block", point=[0.0, -0.5]
-)
+PROBE = item("probe", name="tip", body="block", point=[0.0, -0.5])
+ROUGH = PRESSED.replace("accuracy", "friction = 0.3\naccuracy") + PROBE
 
 
 @pytest.fixture(autouse=True)
@@ -100,12 +99,21 @@ def test_points_are_the_runs_that_they_stand_for(
     assert all(float(row["contacts.interface.force_y"]) == pytest.approx(226.0) for row in rows)
 
 
-@pytest.mark.parametrize("varied", ["body.block.seed=0,1", "probe.tip.point=[0.0, -0.5],[0.5, -0.5]"])
-def test_what_a_process_keeps_serves_only_what_it_was_made_from(tmp_path: Path, varied: str) -> None:
-    case, friction = tmp_path / "rough.toml", "contact.interface.friction=0.3,0.0"
-    case.write_text(ROUGH)
-    assert counts(swept(case, tmp_path / "all", varied, friction)) == [4, 0, 0, 0]
-    for values in points([parse_vary(varied), parse_vary(friction)])[1:3]:
+@pytest.mark.parametrize(
+    ("text", "varied"),
+    [
+        (BAR + PROBE.replace("block", "bar"), ("body.bar.seed=0,1", "probe.tip.point=[0.5, 0.5],[1.0, 0.5]")),
+        (ROUGH, ("probe.tip.point=[0.0, -0.5],[0.5, -0.5]", "contact.interface.friction=0.3,0.0")),
+    ],
+    ids=["body", "contact"],
+)
+def test_what_a_process_keeps_serves_only_what_it_was_made_from(
+    text: str, varied: tuple[str, str], tmp_path: Path
+) -> None:
+    case = tmp_path / "case.toml"
+    case.write_text(text)
+    assert counts(swept(case, tmp_path / "all", *varied)) == [4, 0, 0, 0]
+    for values in points([parse_vary(one) for one in varied])[1:3]:
         run(case, overrides=values, out=tmp_path / "one", force=True, console=Quiet())
         assert_same_results(tmp_path / "one", tmp_path / "all" / point_name(values))
 

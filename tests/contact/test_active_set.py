@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -27,12 +28,17 @@ def random_compliance(m: int, rng: np.random.Generator, skew: float = 0.0) -> Fl
     return np.asarray(root @ root.T / m + 0.05 * np.eye(m) + skew * (lean - lean.T))
 
 
+def of_pressures(columns: Columns, rows: FloatArray) -> LinearMap:
+    """A map (r, m) of the pressures alone."""
+    return replace(columns.zeros(len(rows)), pressure=rows)
+
+
 def platen(compliance: FloatArray, gap: FloatArray, force: float) -> Condensed:
     """The same surface on a platen that a force presses: gap + q, sum of pressures = force."""
     m = len(gap)
     columns = Columns(1, 1, m)
     push = columns.of_loads(np.array([[-force]]))
-    sums = columns.of_pressures(slice(0, m), np.ones((1, m)))
+    sums = of_pressures(columns, np.ones((1, m)))
     return synthetic(compliance, gap, np.zeros((m, 1)), push + sums, np.ones((m, 1)))
 
 
@@ -171,7 +177,7 @@ def test_a_direction_that_nothing_resists_is_refused() -> None:
 def test_a_body_that_rests_on_its_ends_unloaded_is_found(seed: int) -> None:
     x = np.linspace(-1.0, 1.0, 19)
     columns, motion = Columns(1, 2, 19), np.stack([np.ones(19), x], axis=1)
-    balance = columns.of_loads(np.zeros((2, 1))) + columns.of_pressures(slice(0, 19), motion.T)
+    balance = columns.of_loads(np.zeros((2, 1))) + of_pressures(columns, motion.T)
     compliance = random_compliance(19, np.random.default_rng(seed))
     condensed = synthetic(compliance, 0.3 + 0.1 * (1.0 - x**2), np.zeros((19, 1)), balance, motion)
     state = solve_exact(condensed, FULL)

@@ -73,21 +73,6 @@ def test_values_between_the_nodes() -> None:
     assert on_y @ u.ravel() == pytest.approx(targets[:, 0] * targets[:, 1], abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["bottom", "right", "top", "left"])
-def test_surface_tractions_use_the_surfaces_own_normals(name: str) -> None:
-    surface = CLOUD.surfaces[name]
-    u = POINTS @ np.array([[0.3, -0.2], [0.5, 0.1]])
-    stress = MODEL.stress(u)[surface.index]
-    n = surface.normal
-    expected = (
-        stress[:, 0] * n[:, 0] + stress[:, 2] * n[:, 1],
-        stress[:, 2] * n[:, 0] + stress[:, 1] * n[:, 1],
-    )
-    for component in (0, 1):
-        got = MODEL.surface_traction(surface, component) @ u.ravel()
-        assert got == pytest.approx(expected[component], abs=1e-10)
-
-
 def test_first_order_stencils_are_enough_for_stresses() -> None:
     stencils = build_stencils(POINTS, cKDTree(POINTS), POINTS, 1, MlsSettings(2))
     for a in (XX, YY, XY):

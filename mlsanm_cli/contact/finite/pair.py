@@ -7,7 +7,7 @@ place of its material: slips are counted by it, whatever way both bodies go.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -90,10 +90,6 @@ class BodyContact:
             transfer.carried,
             lambda traction: transfer.carried_moved(traction, d_place),
         )
-
-    def turned_over(self) -> BodyContact:
-        """The same with slave and master exchanged."""
-        return replace(self, slave=self.master, master=self.slave)
 
     def _spacing(self, place: FloatArray) -> FloatArray:
         low = self.master.curve.interval(place)

@@ -102,12 +102,6 @@ class Columns:
             np.zeros((len(load), self.tractions)),
         )
 
-    def of_pressures(self, span: slice, pressure: FloatArray) -> LinearMap:
-        """A map (r, span) of one contact's pressures alone."""
-        result = self.zeros(len(pressure))
-        result.pressure[:, span] = pressure
-        return result
-
 
 def stack(maps: list[LinearMap], columns: Columns) -> LinearMap:
     """Maps below each other."""

@@ -166,8 +166,7 @@ def _close_fields(
         pairs.append((row + first, some[row], interval, foot[close], away[close] / size[interval]))
     displacement, stress = (np.concatenate(some) for some in zip(*parts, strict=True))
     chosen = [np.concatenate(some) for some in zip(*pairs, strict=True)]
-    for first in range(0, len(chosen[0]), AT_ONCE):
-        _add_close(loads, [one[first : first + AT_ONCE] for one in chosen], displacement, stress)
+    _add_close(loads, chosen, displacement, stress)
     return displacement, stress
 
 
@@ -209,18 +208,37 @@ def _add_close(
     its place, an interval, where on it the foot is, and the distance from there over its length."""
     last = [first for first, _ in POINTS[1:]] + [np.inf]
     for (first, count), beyond in zip(POINTS, last, strict=True):
-        chosen = (pairs[4] >= first) & (pairs[4] < beyond)
-        row, z, interval, at, away = (one[chosen] for one in pairs)
-        distance = np.maximum(away, 1e-12)
-        low, high = np.arcsinh(-at / distance), np.arcsinh((1.0 - at) / distance)
-        for place, weight in zip(*np.polynomial.legendre.leggauss(count), strict=True):
-            v = 0.5 * (low + high) + 0.5 * (high - low) * place
-            share = np.clip(at + distance * np.sinh(v), 0.0, 1.0)
-            length = 0.5 * weight * (high - low) * distance * np.cosh(v) * loads.steps[interval]
-            forces, traction = loads.forces(interval, share)
-            traction = length[:, None, None] * traction
-            np.add.at(displacement, row, forces.displacement_of_each(z) @ traction)
-            np.add.at(stress, row, forces.stress_of_each(z) @ traction)
+        chosen = np.flatnonzero((pairs[4] >= first) & (pairs[4] < beyond))
+        rule = np.polynomial.legendre.leggauss(count)
+        for some in np.array_split(chosen, 1 + len(chosen) * count // AT_ONCE):
+            row, *places = (one[some] for one in pairs)
+            moved, stressed = _close_integrals(loads, rule, *places)
+            np.add.at(displacement, row, moved)
+            np.add.at(stress, row, stressed)
+
+
+def _close_integrals(
+    loads: _Loads,
+    rule: tuple[FloatArray, FloatArray],
+    z: ComplexArray,
+    interval: IntArray,
+    at: FloatArray,
+    away: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Displacements (p, 2, c) and stresses (p, 3, c) at places by one interval each, by a Gaussian ``rule``
+    (k,) after a substitution that takes out their peak at the foot."""
+    distance = np.maximum(away, 1e-12)[:, None]
+    low, high = np.arcsinh(-at[:, None] / distance), np.arcsinh((1.0 - at[:, None]) / distance)
+    v = 0.5 * (low + high) + 0.5 * (high - low) * rule[0]
+    share = np.clip(at[:, None] + distance * np.sinh(v), 0.0, 1.0)
+    length = 0.5 * rule[1] * (high - low) * distance * np.cosh(v) * loads.steps[interval][:, None]
+    count = len(rule[0])
+    forces, traction = loads.forces(np.repeat(interval, count), share.ravel())
+    traction *= length.ravel()[:, None, None]
+    seen = np.repeat(z, count)
+    found = (field @ traction for field in (forces.displacement_of_each(seen), forces.stress_of_each(seen)))
+    moved, stressed = (one.reshape(len(z), count, *one.shape[1:]).sum(axis=1) for one in found)
+    return moved, stressed
 
 
 def adjacent_traction(
