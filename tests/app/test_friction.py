@@ -176,3 +176,40 @@ def test_frictionless_contacts_have_no_tangential_unknowns(tmp_path: Path) -> No
     assert summary["contact_unknowns"] == count
     assert summary["contacts"]["interface"]["max_cone_ratio"] is None
     assert summary["contacts"]["interface"]["dissipated_work"] == 0.0
+
+
+ALONG_THE_GRAIN = """
+format = 1
+[model]
+plane = "stress"
+[material.wood]
+E1 = 11.0
+E2 = 1.0
+E3 = 1.0
+G12 = 1.3
+nu12 = 0.3
+nu13 = 0.3
+nu23 = 0.3
+angle = 10.0
+[[body]]
+name = "disk"
+material = "wood"
+shape = { kind = "half-disk", center = [0.0, 1.0], radius = 1.0, side = "lower" }
+[[load]]
+name = "press"
+boundary = "disk.flat"
+kind = "platen"
+fy = -0.01
+[[contact]]
+name = "joint"
+slave = "disk.arc"
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+friction = 0.5
+accuracy = 0.1
+regularization = { law = "exact" }
+"""
+
+
+def test_a_grain_along_the_surface_is_no_instability(tmp_path: Path) -> None:
+    """Tractions had been judged by how much the material gives across its grain: 0.1, and refused."""
+    assert solve(ALONG_THE_GRAIN, tmp_path / "run")["stability"] > 0.2
