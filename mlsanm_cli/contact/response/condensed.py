@@ -431,7 +431,7 @@ def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> Lin
 
 
 def _half_plane(scene: Scene, pairing: Pairing) -> FloatArray:
-    """1/E* (m, 2, 2) of a contact's bodies at its candidates, along normal and tangent; obstacles are rigid."""
+    """1/E* (m, 2, 2) of a contact's bodies at its candidates, by normal and tangent; obstacles are rigid."""
     ways = pairing.normal[pairing.candidate], pairing.tangent[pairing.candidate]
     materials = [scene.bodies[body].model.material for body in pairing.bodies]
     rows = [[sum(one.contact_compliance(along, by) for one in materials) for by in ways] for along in ways]
