@@ -67,10 +67,11 @@ class PlaneMaterial:
     def _surface(self) -> FloatArray:
         return surface_compliance(self.stiffness)
 
-    def contact_compliance(self, direction: FloatArray) -> FloatArray:
-        """1/E' (m,) of a half-plane's surface along unit vectors ``direction`` (m, 2); 1/E* is the sum of two
-        bodies'."""
-        result: FloatArray = 0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, direction)
+    def contact_compliance(self, direction: FloatArray, force: FloatArray | None = None) -> FloatArray:
+        """1/E' (m,) of a half-plane's surface along unit vectors ``direction`` (m, 2), by forces that way or
+        along ``force`` (m, 2); 1/E* is the sum of two bodies'."""
+        by = direction if force is None else force
+        result: FloatArray = 0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, by)
         return result
 
     def out_of_plane_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:

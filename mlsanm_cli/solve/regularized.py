@@ -30,7 +30,6 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.regularized_events import EventFlags, EventLocator, continued
 from mlsanm_cli.solve.regularized_points import (
-    RETURNS,
     Point,
     between,
     checkpoint_at,
@@ -62,9 +61,13 @@ STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
 WIDER = (1e4, 1e3, 1e2, 1e1, 1.0)
 """Lengths of the law, in its own, with which a start is looked for that its own does not find."""
-OPENINGS = 20
+SOFT, SOFTEST = 1e3, 1e9
+"""Before the first load asperities are so many times as soft as the bodies at first, and at most."""
+LITTLE, SOME = 0.01, 0.3
+"""They are put at rest again until they carry no more than the first part of what friction could, or the
+second if that does not take a half of it away."""
 FREE = 1e-3
-"""Before the first load tractions are below this part of their limits."""
+"""Before the first load nodes stick whose tension is below this part of the law's."""
 APART = "before the first load friction does not hold what contacts alone hold: the surfaces are drawn apart"
 APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "exact"'
 
@@ -144,32 +147,36 @@ def _at_rest(point: Point) -> State:
 
 
 def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
-    """The state before the first load: as drawn, no traction anywhere.
+    """The state before the first load: normals carry what the law's small pressures need.
 
+    Very soft asperities keep motions as drawn that normals hardly resist, as a disk in a groove that would
+    turn to where errors of the grid drive it; they are put at rest again until they carry next to nothing.
     Pressed nodes stick from the very start; friction of the others begins when they reach the law's
     threshold. Raises NumericalError where nothing holds a body or platen.
     """
-    c, coupling = built.condensed, coupling_of(built, regularization(built)).softened()
-    law = coupling.law
-    nothing, begin = np.zeros(len(c.friction_nodes)), built.stages[0]
-    x = np.concatenate([drawn(built, coupling), nothing])
-    pressure = x[: len(c.weight)]
-    full, tally = law.threshold, Tally()
+    c, bare = built.condensed, coupling_of(built, regularization(built))
+    law, begin, tally = bare.law, built.stages[0], Tally()
+    rubbing, nothing = c.friction_nodes, np.zeros(len(c.friction_nodes))
+    least = FREE * law.eta[rubbing] / np.maximum(c.friction, 1.0)
+    elastic = law.slip / (c.friction * law.pressure)
 
-    def problem_at(pressure: FloatArray, sticking: bool, stick_reference: FloatArray) -> RegularizedFriction:
-        pressed = np.zeros(len(pressure), dtype=bool)
-        pressed[c.friction_nodes] = pressure[c.friction_nodes] > -FREE * law.eta[c.friction_nodes]
-        stuck = pressed[c.friction_nodes] & sticking
-        own = 0.5 * np.maximum(pressure[c.friction_nodes], 0.0)
-        threshold = np.where(stuck, np.minimum(full, own), full)
-        base = replace(coupling, law=replace(law, threshold=threshold))
-        return RegularizedFriction(
-            base, begin, begin, ContactStatus(pressed, stuck, nothing), stick_reference, tally
-        )
+    def sticking(
+        base: DenseCoupling | SparseCoupling, x: FloatArray, rest: FloatArray
+    ) -> RegularizedFriction:
+        """The problem where nodes stick that are pressed in x."""
+        closed = np.zeros(len(c.weight), dtype=bool)
+        own = x[rubbing]
+        closed[rubbing] = stuck = own > -least
+        # Faces that are parallel float without pressures: next to nothing would hold them in any case.
+        own = np.where(own > 2.0 * least, 0.5 * own, -least)
+        threshold = np.where(stuck, np.minimum(law.threshold, own), law.threshold)
+        base = replace(base, law=replace(base.law, threshold=threshold))
+        return RegularizedFriction(base, begin, begin, ContactStatus(closed, stuck, nothing), rest, tally)
 
-    drawn_x, stick_reference, pressure = x, nothing, x[: len(c.weight)]
-    for _ in range(OPENINGS):
-        problem = problem_at(pressure, True, stick_reference)
+    x, rest, carried, times = np.concatenate([drawn(built, bare), nothing]), nothing, np.inf, SOFT
+    while times <= SOFTEST:
+        soft = replace(bare, law=replace(law, stick_compliance=times * elastic)).softened()
+        problem = sticking(soft, x, rest)
         try:
             x = correct(problem, x, 0.0, options).x
         except NumericalError as error:
@@ -177,34 +184,17 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
                 raise
             raise NumericalError(APART, APART_HINT) from error
         pressure, _, motion, traction = problem.split(x)
-        limit = FREE * c.friction * np.maximum(pressure[c.friction_nodes], 0.0)
-        if (np.abs(traction) <= limit)[problem.sets.stuck].all():
+        before, carried = carried, float(c.weight[rubbing] @ np.abs(traction))
+        most = float(c.weight[rubbing] @ (c.friction * (np.maximum(pressure[rubbing], 0.0) + least)))
+        slow = carried > 0.5 * before
+        if carried <= (SOME if slow else LITTLE) * most:
             break
-        traction[:] = 0.0
+        times *= 10.0 if slow else 1.0
         # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
-        stick_reference = c.slip(begin, coupling.split_motions(motion)[0], pressure, nothing)
-    else:
-        # Tractions that go from node to node, as in wedges and grooves: normals alone may hold the bodies.
-        free = _without_friction(problem_at(drawn_x[: len(c.weight)], False, nothing), drawn_x, options)
-        if free is None:
-            problem = problem_at(pressure, True, stick_reference)
-            return inside(Point(problem, correct(problem, x, 0.0, options).x, 0.0, nothing))
-        pressure, _, motion, _ = free[0].split(free[1])
-        rest = c.slip(begin, coupling.split_motions(motion)[0], pressure, nothing)
-        return Point(problem_at(pressure, True, rest), free[1], 0.0, nothing)
-    return Point(problem, x, 0.0, nothing)
-
-
-def _without_friction(
-    problem: RegularizedFriction,
-    x: FloatArray,
-    options: AnmOptions | NewtonOptions,
-) -> tuple[RegularizedFriction, FloatArray] | None:
-    """The state before the first load where nothing rubs; None where only friction holds bodies."""
-    try:
-        return problem, correct(problem, x, 0.0, options).x
-    except (NumericalError, np.linalg.LinAlgError):
-        return None
+        rest = c.slip(begin, bare.split_motions(motion)[0], pressure, nothing)
+        traction[:] = 0.0
+    problem = sticking(bare.softened(), x, nothing)
+    return inside(Point(problem.rested(x, 0.0), x, 0.0, nothing), options.goal)
 
 
 class _StagePath:
@@ -288,13 +278,8 @@ class _StagePath:
     def _put_on(self, point: Point, problem: RegularizedFriction, hits: EventFlags) -> None:
         """Put the path on the sets that hold beyond a point."""
         problem, x = continued(problem, point.x, point.lam, hits)
-        # What the event's place, known to the series' tolerance, and the new sets disagree by.
-        for _ in range(RETURNS):
-            residual = problem.residual(x, point.lam)
-            if np.abs(residual).max() <= self._options.goal:
-                break
-            x = x - problem.tangent(x, point.lam).solve(residual)
-        self.point = inside(replace(point, problem=problem, x=x))
+        # The event's place, known to the series' tolerance, and the new sets disagree by a little.
+        self.point = inside(replace(point, problem=problem, x=x), self._options.goal)
 
     def _event(self, step: Step, hits: EventFlags) -> Iterator[PathStep]:
         """A step that ends at an event, its end already as the path goes on from it."""
@@ -305,7 +290,7 @@ class _StagePath:
             self._put_on(point, before.friction, hits)
         except NoStateError as error:
             failure = error
-            self.point = inside(point)
+            self.point = inside(point, self._options.goal)
         residual = float(np.abs(self.point.problem.residual(self.point.x, step.lam)).max())
         yield self._finished(before, replace(step, residual=residual))
         if failure is not None:

@@ -183,7 +183,4 @@ def continued(
         return system, rates, slipped
 
     _, system, _, _ = primal_dual_active_set(c, _expected(problem, x, lam, hits), watch, solve)
-    p, _, _, t = system.split(x)
-    free = ~system.sets.stuck
-    t[free] = (system.friction_slope * system.pressed(p))[free]
-    return system, x
+    return system, system.on_limits(x)

@@ -23,8 +23,8 @@ from mlsanm_cli.solve.series import (
 )
 from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, State
 
-RETURNS = 3
-"""Behind an event so many updates are made at most; tractions past their limits are put back as often."""
+UPDATES = 3
+"""Behind an event so many updates are made at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,22 +70,35 @@ def restored(built: CondensedScene, start: Checkpoint) -> Point:
     return Point(friction, x, lam, start.state.work)
 
 
-def inside(point: Point) -> Point:
-    """The point with no sticking node beyond its limit, at rest where it is now.
-
-    What tractions put back change elsewhere is solved for, which may move others past their limits again.
-    """
+def inside(point: Point, goal: float) -> Point:
+    """The point with a residual below ``goal``, if updates bring it there, and no sticking node beyond its
+    limit: such nodes stay at their limits while all others are updated, then rest where they have come to."""
     problem = point.friction
     assert problem is not None
-    for _ in range(RETURNS):
-        x = problem.within_cone(point.x)
-        if np.array_equal(x, point.x):
-            return point
-        problem = problem.rested(x, point.lam)
-        x = x - problem.tangent(x, point.lam).solve(problem.residual(x, point.lam))
-        point = replace(point, x=x, problem=problem)
-    x = problem.within_cone(point.x)
+    x, limited = _updated(problem, point.x, point.lam, goal), problem
+    while (more := limited.at_limits(x)) is not limited:
+        x, limited = _updated(more, more.on_limits(x), point.lam, goal), more
+    if limited is problem:
+        return replace(point, x=x)
+    x = limited.on_limits(x)
     return replace(point, x=x, problem=problem.rested(x, point.lam))
+
+
+def _updated(problem: RegularizedFriction, x: FloatArray, lam: float, goal: float) -> FloatArray:
+    """The unknowns after a few of Newton's updates, as long as these reduce the residual."""
+    residual = problem.residual(x, lam)
+    for _ in range(UPDATES):
+        if np.abs(residual).max() <= goal:
+            break
+        try:
+            better = x - problem.tangent(x, lam).solve(residual)
+        except np.linalg.LinAlgError:
+            break
+        left = problem.residual(better, lam)
+        if not np.abs(left).max() < np.abs(residual).max():
+            break
+        x, residual = better, left
+    return x
 
 
 def moved(point: Point, x: FloatArray, lam: float) -> Point:

@@ -129,6 +129,48 @@ def test_overlaps_as_drawn_give_way_straight(tmp_path: Path, depth: float, swapp
     assert up == pytest.approx(depth, abs=1e-5)
 
 
+GROOVE = """
+format = 1
+[model]
+plane = "strain"
+[material.steel]
+E = 200.0
+nu = 0.3
+[[body]]
+name = "disk"
+material = "steel"
+spacing = 0.2
+shape = { kind = "disk", center = [0.0, 0.0], radius = 1.0 }
+[[load]]
+name = "weight"
+body = "disk"
+kind = "body-force"
+body-force = [0.1, -0.3]
+[[contact]]
+name = "left"
+slave = "disk.arc"
+obstacle = { kind = "plane", point = [-0.6, -0.8], normal = [0.6, 0.8] }
+friction = 0.3
+[[contact]]
+name = "right"
+slave = "disk.arc"
+obstacle = { kind = "plane", point = [0.8, -0.6], normal = [-0.8, 0.6] }
+friction = 0.3
+"""
+
+
+def test_nothing_turns_before_the_first_load(tmp_path: Path) -> None:
+    """Friction alone resists the disk's rotation. It had turned by a sixth of what the load turns it by, and
+    where the last sticking nodes reached their limits residuals of 2e-8 ended the run."""
+    summary = solve(GROOVE, tmp_path / "run")
+    assert summary["status"] == "done"
+    contacts = read_run(tmp_path / "run").contacts.values()
+    moved = max(float(np.abs(contact.slip[-1] - contact.slip[0]).max()) for contact in contacts)
+    carried = max(float(np.abs(contact.traction[-1]).max()) for contact in contacts)
+    assert max(float(np.abs(contact.slip[0]).max()) for contact in contacts) < 2e-3 * moved
+    assert max(float(np.abs(contact.traction[0]).max()) for contact in contacts) < 1e-5 * carried
+
+
 def test_contacts_have_etas_of_their_own(tmp_path: Path) -> None:
     etas = {"under-left": 1e-2, "under-right": 1e-4}
     overrides = ["solver.polish=false"] + [
@@ -176,3 +218,40 @@ def test_frictionless_contacts_have_no_tangential_unknowns(tmp_path: Path) -> No
     assert summary["contact_unknowns"] == count
     assert summary["contacts"]["interface"]["max_cone_ratio"] is None
     assert summary["contacts"]["interface"]["dissipated_work"] == 0.0
+
+
+ALONG_THE_GRAIN = """
+format = 1
+[model]
+plane = "stress"
+[material.wood]
+E1 = 11.0
+E2 = 1.0
+E3 = 1.0
+G12 = 1.3
+nu12 = 0.3
+nu13 = 0.3
+nu23 = 0.3
+angle = 10.0
+[[body]]
+name = "disk"
+material = "wood"
+shape = { kind = "half-disk", center = [0.0, 1.0], radius = 1.0, side = "lower" }
+[[load]]
+name = "press"
+boundary = "disk.flat"
+kind = "platen"
+fy = -0.01
+[[contact]]
+name = "joint"
+slave = "disk.arc"
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+friction = 0.5
+accuracy = 0.1
+regularization = { law = "exact" }
+"""
+
+
+def test_a_grain_along_the_surface_is_no_instability(tmp_path: Path) -> None:
+    """Tractions had been judged by how much the material gives across its grain: 0.1, and refused."""
+    assert solve(ALONG_THE_GRAIN, tmp_path / "run")["stability"] > 0.2

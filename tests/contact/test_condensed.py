@@ -248,11 +248,11 @@ def test_certificate_is_positive_for_facing_clouds(forced: Small) -> None:
 
 def test_certificate_is_the_smallest_quotient_of_energies() -> None:
     weight, compliance = np.array([1.0, 2.0]), np.array([[1.0, 3.0], [-1.0, 0.5]])
-    modulus = np.full(2, 2.0 / np.pi)
+    half_plane = 0.5 * np.pi * np.eye(2)
     # sym(W A) = [[1, 0.5], [0.5, 1]] over diag(1, 4).
     expected = linalg.eigvalsh(np.array([[1.0, 0.5], [0.5, 1.0]]), np.diag([1.0, 4.0]))[0]
-    assert relative_resistance(weight, modulus, compliance) == pytest.approx(expected)
-    assert relative_resistance(np.ones(1), modulus[:1], -np.ones((1, 1))) == pytest.approx(-1.0)
+    assert relative_resistance(weight, half_plane, compliance) == pytest.approx(expected)
+    assert relative_resistance(np.ones(1), half_plane[:1, :1], -np.ones((1, 1))) == pytest.approx(-1.0)
 
 
 @pytest.mark.parametrize("nodes", [16, 64])
@@ -261,8 +261,16 @@ def test_certificate_of_the_half_plane_itself_is_one(nodes: int) -> None:
     k = 2.0 * np.pi * np.abs(np.fft.fftfreq(nodes, 1.0 / nodes))
     symbol = np.where(k > 0.0, 2.0 / (3.0 * np.where(k > 0.0, k, 1.0)), 1.0)
     compliance = np.real(np.fft.ifft(symbol[:, None] * np.fft.fft(np.eye(nodes), axis=0), axis=0))
-    value = relative_resistance(np.full(nodes, 1.0 / nodes), np.full(nodes, 3.0), compliance)
+    value = relative_resistance(np.full(nodes, 1.0 / nodes), np.eye(nodes) / 3.0, compliance)
     assert value == pytest.approx(1.0)
+
+
+def test_a_grain_along_the_surface_does_not_look_unsound() -> None:
+    # Along the grain a half-plane resists ten times as much as across, and normal and tangent are coupled.
+    own = np.array([[1.0, 0.1], [0.1, 0.1]])
+    waves = np.diag([2.0, 1.0, 0.5])
+    value = relative_resistance(np.ones(6), np.kron(own, np.eye(3)), np.kron(own, waves) * 2.0 / np.pi)
+    assert value == pytest.approx(0.5)
 
 
 def test_gaps_of_the_wrong_sign_do_not_pass(forced: Small, monkeypatch: pytest.MonkeyPatch) -> None:

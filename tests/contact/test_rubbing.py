@@ -181,3 +181,16 @@ def test_tractions_are_brought_within_the_cone() -> None:
     assert (np.abs(t) <= problem.condensed.friction * np.maximum(problem.pressed(p), 0.0))[stuck].all()
     assert (t == problem.split(x)[3])[~stuck].all()
     assert (problem.within_cone(inside) == inside).all()
+
+
+def test_nodes_beyond_their_limits_stay_there_while_others_are_updated() -> None:
+    problem = random_problem(7, 0, 1)
+    x = state(problem, 1)
+    limited = problem.at_limits(x)
+    beyond = problem.sets.stuck & ~limited.sets.stuck
+    traction = problem.split(x)[3]
+    assert beyond.any()
+    assert (limited.sets.slip_sign[beyond] == np.sign(traction)[beyond]).all()
+    p, _, _, t = limited.split(limited.on_limits(x))
+    assert t[beyond] == pytest.approx((limited.friction_slope * limited.pressed(p))[beyond], abs=0.0)
+    assert limited.at_limits(limited.on_limits(x)) is limited

@@ -71,7 +71,7 @@ class Done:
             part = self.compliance[np.ix_(place, place)]
             weight = contact.slave.weight[some]
             held = self.unbalanced[:, place]
-            least = min(least, relative_resistance(weight, 1.0 / np.asarray(soft), part, held))
+            least = min(least, relative_resistance(weight, np.diag(soft), part, held))
         return least
 
 

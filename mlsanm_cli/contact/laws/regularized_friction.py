@@ -295,6 +295,29 @@ class RegularizedFriction:
         t[self.stuck] = np.clip(t, -limit, limit)[self.stuck]
         return x
 
+    def at_limits(self, x: FloatArray) -> RegularizedFriction:
+        """The same problem where sticking nodes beyond their limits slip; itself where there are none."""
+        traction = self.split(x)[3]
+        beyond = self.split(self.within_cone(x))[3] != traction
+        if not beyond.any():
+            return self
+        sets = ContactStatus(
+            self.sets.closed,
+            self.sets.stuck & ~beyond,
+            np.where(beyond, np.sign(traction), self.sets.slip_sign),
+        )
+        return RegularizedFriction(
+            self.coupling, self.start, self.end, sets, self.stick_reference, self.tally
+        )
+
+    def on_limits(self, x: FloatArray) -> FloatArray:
+        """The unknowns with the tractions of nodes that slip or are open exact to the last digit."""
+        x = x.copy()
+        p, _, _, t = self.split(x)
+        free = ~self.sets.stuck
+        t[free] = (self.friction_slope * self.pressed(p))[free]
+        return x
+
     def rested(self, x: FloatArray, lam: float) -> RegularizedFriction:
         """The same problem with its sticking nodes at rest where they are in x."""
         problem = copy(self)

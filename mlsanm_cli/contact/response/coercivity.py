@@ -51,14 +51,18 @@ def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[i
         size = np.linalg.norm(condensed.weight[place])
         parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > SUPPORTED * size]
         unbalanced = np.concatenate(parts)
-    return relative_resistance(condensed.weight[place], condensed.modulus[place], compliance, unbalanced)
+    # Normal and tangent of a material with a grain answer unlike, and to each other.
+    way = np.repeat([0, 1], [len(kept), len(friction_nodes)])
+    half_plane = np.where(place[:, None] == place, condensed.half_plane[place, way][:, way], 0.0)
+    return relative_resistance(condensed.weight[place], half_plane, compliance, unbalanced)
 
 
 def relative_resistance(
-    weight: FloatArray, modulus: FloatArray, compliance: FloatArray, unbalanced: FloatArray | None = None
+    weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray | None = None
 ) -> float:
     """Smallest quotient of p^T sym(W A) p, A the ``compliance`` (m, m) and W the ``weight`` (m,), and of
-    sum 2 w^2 p^2 / (pi E*), E* the contact ``modulus`` (m,).
+    2/pi p^T W K W p, K being 1/E* of a ``half_plane`` (m, m): with normal and tangential parts for a place
+    that has both, diagonal else.
 
     The latter is what a half-plane has for a pressure that changes sign from node to node, the one it resists
     least (Johnson, Contact Mechanics, 1985, section 13.2: a wave of length l moves the surface by p l /
@@ -66,11 +70,11 @@ def relative_resistance(
     is nearly zero or negative, pressures oscillate from node to node at will. Only pressures that have
     nothing ``unbalanced`` (r, m) are looked at.
     """
-    scale = np.sqrt(0.5 * np.pi * modulus)
-    relative = compliance * scale[:, None] * (scale / weight)[None, :]
+    scale = np.linalg.inv(np.linalg.cholesky(2.0 / np.pi * half_plane)).T
+    relative = scale.T @ (compliance / weight) @ scale
     relative = 0.5 * (relative + relative.T)
     if unbalanced is not None and len(unbalanced):
-        free = _balanced(unbalanced * (scale / weight))
+        free = _balanced((unbalanced / weight) @ scale)
         relative = free.T @ relative @ free
     return float(np.linalg.eigvalsh(relative)[0]) if relative.size else np.inf
 

@@ -60,7 +60,8 @@ class Condensed:
 
     ``pairings`` are the contacts that may come apart; those of ``bonds`` follow from them.
     ``spans[contact]`` are the places of its candidates among the pressures (m,), ``weight`` (m,) their
-    surface lengths, ``modulus`` (m,) the contact modulus E* there. ``tangential[contact]`` are the places of
+    surface lengths, ``half_plane`` (m, 2, 2) what half-planes have for 1/E* there, along normal and tangent
+    by forces that way. ``tangential[contact]`` are the places of
     a contact with friction among the tractions (n,); ``friction_nodes`` (n,) are the numbers of these nodes
     among the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,),
     ``slip`` to the slips (n,), ``watched`` to the gaps of paired nodes that are no candidates, ``balance`` to
@@ -78,7 +79,7 @@ class Condensed:
     pairings: tuple[Pairing, ...]
     spans: Mapping[str, slice]
     weight: FloatArray
-    modulus: FloatArray
+    half_plane: FloatArray
     tangential: Mapping[str, slice]
     friction_nodes: IntArray
     friction: FloatArray
@@ -339,7 +340,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
         {where: drivers.by_unknowns(rows) for where, rows in seen.held.items()},
         {where: drivers.by_unknowns(rows) for where, rows in seen.sprung.items()},
     )
-    modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
+    half_plane = np.concatenate([np.zeros((0, 2, 2)), *(_half_plane(scene, one) for one in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
     slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.frictional]
     slip = stack(slips, drivers.unknowns) + of_obstacles(
@@ -347,7 +348,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
     )
     slip = slip.take(_candidates(drivers.frictional))
     frictional = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
-    along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in frictional}
+    along = {pairing.name: _half_plane(scene, pairing)[:, 1, 1] for pairing in frictional}
     gap, slip, beyond = resolved(gap, slip, frictional, drivers.spans, drivers.tangential, along)
     bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _loose(pairings))
     reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.frictional)
@@ -356,7 +357,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
         pairings=loose.pairings,
         spans=loose.spans,
         weight=weight[free],
-        modulus=modulus[free],
+        half_plane=half_plane[free],
         tangential=loose.tangential,
         friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.frictional]),
         friction=_friction(loose.pairings),
@@ -429,11 +430,12 @@ def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> Lin
     return result
 
 
-def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:
-    """1/E* (m,) of a contact's bodies at its candidates, along ``direction`` (w, 2); obstacles are rigid."""
-    chosen = direction[pairing.candidate]
-    parts = [scene.bodies[body].model.material.contact_compliance(chosen) for body in pairing.bodies]
-    return np.asarray(np.sum(parts, axis=0))
+def _half_plane(scene: Scene, pairing: Pairing) -> FloatArray:
+    """1/E* (m, 2, 2) of a contact's bodies at its candidates, by normal and tangent; obstacles are rigid."""
+    ways = pairing.normal[pairing.candidate], pairing.tangent[pairing.candidate]
+    materials = [scene.bodies[body].model.material for body in pairing.bodies]
+    rows = [[sum(one.contact_compliance(along, by) for one in materials) for by in ways] for along in ways]
+    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def _friction(pairings: tuple[Pairing, ...]) -> FloatArray:
