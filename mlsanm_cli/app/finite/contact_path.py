@@ -15,6 +15,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
 from mlsanm_cli.contact.finite.exact import Pressed, Pressing, unpressed
 from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.geometry.obstacles import Round
+from mlsanm_cli.contact.laws.contact_status import SLIP
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.mechanics.near_field import as_complex
@@ -27,7 +29,13 @@ MOST = 14
 """Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
 SHORTEST = 1e-5
 FARTHEST = 0.2
-"""With friction nodes slide by no more than this part of the contact's width in an increment."""
+"""With friction nodes slide by no more than this part of the contact's width in an increment, unless all of
+them slide the same way before and after it: that has no memory."""
+
+
+STRIDE = 0.5
+"""Nothing moves further in an increment than this part of the thinnest body or disk: else it might be beyond
+what it should have met."""
 
 
 def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
@@ -48,7 +56,7 @@ def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
                 )
             state = path.state(reached, path.now)
             check_deformation(scene, reached, path.now.displacement)
-            check_overlaps(scene, reached, state.whole, state.displacement)
+            check_overlaps(scene, reached, state.whole, state.shown(scene))
             _resist(reached, path.now.stability)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
@@ -132,7 +140,7 @@ class _Path:
             reached = end if position + 1.001 * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
-            far = 0.0 if found is None else self._slid(found)
+            far = 0.0 if found is None else max(self._slid(found), self._strode(position, reached, found))
             if found is not None and far <= 1.0:
                 self._rub(found)
                 self.now = found
@@ -150,11 +158,34 @@ class _Path:
             here = slice(first, first + contact.slave.count)
             first = here.stop
             closed = found.sets.closed[here] | self.now.sets.closed[here]
-            if contact.friction and closed.any():
+            if contact.friction and closed.any() and not self._slides(found, here):
                 width = float(contact.slave.weight[closed].sum())
                 slid = float(np.abs(found.slip[here][closed]).max())
                 largest = max(largest, slid / (FARTHEST * width))
         return largest
+
+    def _strode(self, position: float, reached: float, found: Pressed) -> float:
+        """How far nodes or obstacles have moved in an increment, over what they may."""
+        scene = self._scene
+        moved = np.abs(found.displacement - self.now.displacement).max()
+        thin = [np.ptp(body.elastic.model.nodes, axis=0).min() for body in scene.bodies.values()]
+        before, after = (
+            np.append(factors_at(scene.stages, at), one.free)
+            for at, one in ((position, self.now), (reached, found))
+        )
+        for contact in (one for one in scene.contacts if isinstance(one, RigidContact)):
+            moved = max(moved, np.abs(contact.motion @ (after - before)).max())
+            if isinstance(contact.shape, Round):
+                thin.append(contact.shape.radius)
+        return float(moved / (STRIDE * min(thin)))
+
+    def _slides(self, found: Pressed, here: slice) -> bool:
+        """Whether all closed nodes of a contact slide in one sense, now and in the state that was found."""
+        senses = []
+        for sets in (self.now.sets, found.sets):
+            closed, sense = sets.closed[here], sets.slip_sign[here]
+            senses += np.where(sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
+        return len(set(senses)) == 1 and senses[0] != 0.0
 
     def _rub(self, found: Pressed) -> None:
         """Add to the slips, and to what friction has dissipated: its mean over the increment counts."""
@@ -182,8 +213,20 @@ class _Path:
         return found
 
     def _failed(self, position: float) -> None:
+        where, first = f"the path stopped at position {position:.6g}", 0
+        for contact in self._scene.contacts:
+            slave = contact.slave
+            gripped = slave.held & self.now.sets.closed[first : first + slave.count]
+            first += slave.count
+            if gripped.any() and not any(axis is not None for axis in slave.mirrors):
+                x, y = slave.places[int(np.argmax(gripped))]
+                raise NumericalError(
+                    f"{where}: in contact {contact.name} the held node of {slave.body} at ({x:.6g}, {y:.6g}) "
+                    "is pressed, and cannot give way",
+                    "let the contact end before the support, or move the obstacle less far",
+                )
         raise NumericalError(
-            f"the path stopped at position {position:.6g}: no increment of contact settles",
+            f"{where}: no increment of contact settles",
             "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance",
         )
 

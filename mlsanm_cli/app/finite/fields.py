@@ -12,8 +12,9 @@ from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
-from mlsanm_cli.contact.finite.exact import unpressed
+from mlsanm_cli.contact.finite.exact import AnyContact, unpressed
 from mlsanm_cli.contact.finite.meeting import NOWHERE
+from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
@@ -50,10 +51,10 @@ class FiniteFields:
 
 def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]:
     """The fields at the nodes of every body."""
-    found = {}
+    found, shown = {}, scene.parts(state.shown(scene))
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
-        found[name] = FiniteFields.of(body.law, own.reshape(-1, 2), body.gradient(own))
+        found[name] = FiniteFields.of(body.law, shown[name].reshape(-1, 2), body.gradient(own))
     return found
 
 
@@ -102,7 +103,7 @@ class SceneForces:
                 begin = first[side.body]
                 first[side.body] += 2 * side.count
                 forces.append(bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
-            found[contact.name] = tuple(forces)
+            found[contact.name] = tuple(forces[::-1] if exchanged(contact) else forces)
         return cls(bodies, found)
 
     @property
@@ -128,6 +129,11 @@ class SceneForces:
         """By how much the forces of a contact on its sides differ at most, over the largest of all."""
         found = [float(np.abs(sum(forces)).max()) for forces in self.contacts.values() if len(forces) == 2]
         return max(found, default=0.0) / self.size if self.size else 0.0
+
+
+def exchanged(contact: AnyContact) -> bool:
+    """Whether the case names slave and master of a contact the other way round."""
+    return isinstance(contact, BodyContact) and contact.exchanged
 
 
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:

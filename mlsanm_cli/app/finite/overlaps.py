@@ -83,7 +83,7 @@ def _obstacles(
 ) -> Iterator[tuple[float, tuple[float, float], str, str]]:
     """The same of rigid obstacles, with the sides that no contact with one has."""
     rigid = [one for one in scene.contacts if isinstance(one, RigidContact)]
-    taken = {(one.slave.body, one.slave.surface) for one in rigid}
+    taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.members}
     for contact in rigid:
         body = bodies[contact.slave.body]
         for surface in body.cloud.surfaces.values():

@@ -49,6 +49,10 @@ class FiniteState:
         """How well the contacts resist pressures that change from node to node."""
         return np.inf if self.pressed is None else self.pressed.stability
 
+    def shown(self, scene: FiniteScene) -> FloatArray:
+        """The displacements (2N,) by which bodies are shown."""
+        return scene.shown(self.displacement, self.pressed.surface) if self.pressed else self.displacement
+
     @property
     def whole(self) -> FloatArray:
         """Load factors and free motions (L + d,)."""

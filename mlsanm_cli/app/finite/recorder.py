@@ -11,6 +11,7 @@ from mlsanm_cli.app.finite.fields import (
     FiniteFields,
     SceneForces,
     contact_records,
+    exchanged,
     fields_of,
     platen_displacements,
     probe_records,
@@ -59,7 +60,7 @@ class FiniteRecorder(RunWriter):
                 slave = contact.slave
                 geometry = {
                     "points": slave.places,
-                    "normal": contact.start(scene.stages[0]),
+                    "normal": (-1.0 if exchanged(contact) else 1.0) * contact.start(scene.stages[0]),
                     "arc_length": slave.arc,
                     "weight": slave.weight,
                 }

@@ -79,8 +79,6 @@ def _check_loads(sound: Sound, plane: str, report: Report) -> None:
 def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
     if contact.obstacle is None:
         _check_master(contact, path, report)
-    if not isinstance(contact.slave, str):
-        report.add((*path, "slave"), f"a side of several boundaries {_ALONE}", "one boundary")
     if contact.bonded:
         report.add((*path, "friction"), f"bonded surfaces {_ALONE}", "a coefficient")
     if contact.gap:
@@ -97,8 +95,6 @@ def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
 
 
 def _check_master(contact: Contact, path: KeyPath, report: Report) -> None:
-    if contact.master is not None and not isinstance(contact.master, str):
-        report.add((*path, "master"), f"a side of several boundaries {_ALONE}", "one boundary")
     bodies = {split_boundary(name)[0] for name in contact.boundaries}
     if len(bodies) == 1:
         report.add((*path, "master"), f"contact of a body with itself {_ALONE}", "another body's boundary")

@@ -39,9 +39,10 @@ NOTHING = 1e-12
 class Pressed:
     """A state in contact: ``displacement`` (2N,) of all bodies in turn; at the slaves' nodes of all contacts
     nominal ``pressure`` and ``shear`` of friction (c,), ``gap``, ``place`` and ``slip`` (c,), ``normal``
-    (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn; the ``free`` motions
-    (d,). ``residual`` is the last update over the typical displacement, ``stability`` the least resistance of
-    a contact to pressures that change from node to node."""
+    (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn, which have moved by
+    ``surface`` (2s,), where their answers differ from the clouds'; the ``free`` motions (d,). ``residual`` is
+    the last update over the typical displacement, ``stability`` the least resistance of a contact to
+    pressures that change from node to node."""
 
     displacement: FloatArray
     pressure: FloatArray
@@ -52,6 +53,7 @@ class Pressed:
     normal: FloatArray
     sets: NodeSets
     traction: FloatArray
+    surface: FloatArray
     free: FloatArray
     residual: float
     iterations: int
@@ -173,7 +175,7 @@ class Pressing:
                 counts = (last, count, spent, solves)
                 surface = closer.moved(u[self.numbers], traction)
                 met = self.meet(surface, np.concatenate([given, free]), before)
-                return self._state(u, p, q, sets, met, free, counts, done)
+                return self._state(u, p, q, sets, met, surface, free, counts, done)
         return None
 
     def _volume(self, u: FloatArray) -> float:
@@ -190,6 +192,7 @@ class Pressing:
         q: FloatArray,
         sets: NodeSets,
         met: Sequence[Meeting],
+        surface: FloatArray,
         free: FloatArray,
         counts: tuple[float, int, int, int],
         done: Done,
@@ -202,7 +205,8 @@ class Pressing:
         normal = np.concatenate([*(one.normal for one in met), np.zeros((0, 2))])
         traction = self.tractions(met, p, q)
         stable = done.stability(self, met)
-        return Pressed(u, p, q, gap, place, slip, normal, sets, traction, free, *counts, stable)
+        args = (u, p, q, gap, place, slip, normal, sets, traction, surface, free)
+        return Pressed(*args, *counts, stable)
 
     def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
         """Tractions (2s,) at the nodes of all sides by the slaves' pressures and friction (c,)."""
@@ -227,5 +231,5 @@ def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> P
     sets = NodeSets(np.zeros(count, dtype=np.int8), none)
     still = np.zeros(unknowns)
     zero = np.zeros(2 * sides)
-    args = (sets, zero, np.zeros(free), 0.0, 0, 0, 0)
+    args = (sets, zero, zero, np.zeros(free), 0.0, 0, 0, 0)
     return Pressed(still, none, none, none, none, none, np.zeros((count, 2)), *args)

@@ -53,12 +53,13 @@ class Done:
     settled: bool
 
     def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
-        """The least resistance of a contact with closed nodes, on those between two others."""
+        """The least resistance of a contact with closed nodes, on those between two others; of what is held
+        nothing is known."""
         least = np.inf
         number = np.full(len(self.sets.status), -1, dtype=np.int64)
         number[self.chosen] = np.arange(len(self.chosen))
         for contact, one, here in zip(pressing.contacts, met, pressing.places, strict=True):
-            own = self.sets.closed[here]
+            own = self.sets.closed[here] & ~contact.slave.held
             inner = own[1:-1] & own[:-2] & own[2:]
             some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
             soft = sum(

@@ -7,7 +7,7 @@ place of its material: slips are counted by it, whatever way both bodies go.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -27,12 +27,14 @@ DEEP = 3.0
 @dataclass(frozen=True)
 class BodyContact:
     """The contact ``name`` of a ``slave`` with a deformable ``master``; ``friction`` is Coulomb's
-    coefficient."""
+    coefficient. ``exchanged`` tells that the case has them the other way round: forces and directions are
+    reported as they act on the slave of the case."""
 
     name: str
     slave: Side
     master: Side
     friction: float = 0.0
+    exchanged: bool = False
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -90,10 +92,6 @@ class BodyContact:
             transfer.carried,
             lambda traction: transfer.carried_moved(traction, d_place),
         )
-
-    def turned_over(self) -> BodyContact:
-        """The same with slave and master exchanged."""
-        return replace(self, slave=self.master, master=self.slave)
 
     def _spacing(self, place: FloatArray) -> FloatArray:
         low = self.master.curve.interval(place)
