@@ -358,3 +358,72 @@ def test_sliding_without_memory_takes_long_steps(tmp_path: Path) -> None:
     across, up = summary["contacts"]["cam"]["force"]
     assert summary["contacts"]["cam"]["max_cone_ratio"] == pytest.approx(1.0, abs=1e-6)
     assert up > abs(across)
+
+
+def test_a_pin_in_half_a_bearing(tmp_path: Path) -> None:
+    """Contact over most of a short side, near its corners, was refused or swung from node to node: fields in
+    closed form began four nodes from corners."""
+    text = (
+        head("strain", strain="finite")
+        + material("soft", E=5.0, nu=0.3, law="neo-hookean")
+        + material("hard", E=50.0, nu=0.3, law="neo-hookean")
+        + body(
+            "pin", "hard", 0.15, {"kind": "half-disk", "center": [0.0, 0.0], "radius": 1.0, "side": "lower"}
+        )
+        + body(
+            "shell",
+            "soft",
+            0.15,
+            {"kind": "sector", "center": [0.0, 0.0], "radii": [1.05, 2.0], "angles": [180.0, 360.0]},
+        )
+        + support("shell.outer", ux=0.0, uy=0.0)
+        + load("press", "pin.flat", "displacement", displacement=[0.0, -0.2])
+        + contact("c", "pin.arc", "shell.inner", friction=0.1)
+    )
+    directory = tmp_path / "run"
+    summary = solve(text, directory)
+    assert summary["status"] == "done"
+    assert summary["stability"] >= 0.7
+    # With half of the spacing, and a quarter of it.
+    assert summary["contacts"]["c"]["force"][1] == pytest.approx(1.896, rel=0.012)
+    pressure = read_run(directory).contacts["c"].pressure[-1]
+    pressed = pressure[pressure > 0.0]
+    top = int(np.argmax(pressed))
+    assert (np.diff(pressed[: top + 1]) > -0.02 * pressed[top]).all()
+
+
+def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -> None:
+    """Half a rubber disk pressed down by 0.4 R sways under a dead pressure, not between plate and base:
+    refused with a stability of -170, at this spacing only."""
+    arc = [{"along": "arc", "spacing": 0.04, "radius": 0.1, "growth": 0.6}]
+    text = (
+        head("strain", strain="finite")
+        + material("soft", E=3.0, nu=0.4, law="neo-hookean")
+        + material("hard", E=300.0, nu=0.3, law="neo-hookean")
+        + body(
+            "bump",
+            "soft",
+            0.1,
+            {"kind": "half-disk", "center": [0.0, 0.0], "radius": 1.0, "side": "upper"},
+            refine=arc,
+        )
+        + body("plate", "hard", 0.125, box([-2.0, 2.0], [1.0, 1.6]))
+        + support("bump.flat", ux=0.0, uy=0.0)
+        + load("hit", "plate.top", "displacement", displacement=[0.0, -0.4])
+        + contact("c", "bump.arc", "plate.bottom", friction=0.3)
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.005)
+
+
+@pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "only 1 of the nodes")])
+def test_contacts_between_few_nodes_are_told(tmp_path: Path, turn: float, words: str) -> None:
+    """Pressed by 4e-3 R less than it sags between its nodes, or a little more: done without a word."""
+    shape = {"kind": "half-disk", "center": [0.0, 1.0], "radius": 1.0, "side": "lower"}
+    across, up = float(np.sin(turn)), float(np.cos(turn))
+    text = HEAD + body("disk", "rubber", 0.17, shape)
+    text += load("press", "disk.flat", "displacement", displacement=[0.0, -2e-3])
+    text += contact("c", "disk.arc", obstacle=plane([-across, 1.0 - up], [across, up]))
+    (warning,) = solve(text, tmp_path / "run")["warnings"]
+    assert words in warning

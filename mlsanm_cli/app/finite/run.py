@@ -17,7 +17,7 @@ from mlsanm_cli.app.finite.fields import SceneForces, contact_summary, extremes,
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.finite.verdict import FEW_WAVES
+from mlsanm_cli.app.finite.verdict import FEW_WAVES, few_nodes
 from mlsanm_cli.app.output.summary import Ending, head, probe_figures
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.case import LoadedCase
@@ -76,6 +76,9 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
         recorder.warn(
             f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
         )
+    if recorder.last.pressed is not None:
+        for text in few_nodes(scene, recorder.last.pressed):
+            recorder.warn(text)
     # What single nodes hold a body with is not known from its stress.
     single = any(body.elastic.held_nodes for body in scene.bodies.values())
     if recorder.balance > BALANCE_LIMIT and not single:

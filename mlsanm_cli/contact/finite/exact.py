@@ -31,6 +31,8 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 AnyContact: TypeAlias = RigidContact | BodyContact
 LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
+PATIENCE = 3
+"""Iterations without a smaller update after which an increment is given up, from twice as many on."""
 NOTHING = 1e-12
 """Pressures below this part of those of the typical displacement are none."""
 
@@ -147,7 +149,7 @@ class Pressing:
         derivatives."""
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
-        settled, traction = False, start.traction
+        settled, traction, updates = False, start.traction, [np.inf]
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
             closer = Closer.of(self.sides, self.answers, u[self.numbers], traction)
@@ -168,8 +170,9 @@ class Pressing:
             settled = count > 1 and done.settled and (still or done.sets.same(sets))
             sets = done.sets
             last = float(np.abs(done.du).max()) / self.length
-            if not np.isfinite(last):
+            if not np.isfinite(last) or _stalls(updates, last):
                 return None
+            updates.append(last)
             if part == 1.0 and settled and last <= tolerance:
                 spent = count * len(self.projectors)
                 counts = (last, count, spent, solves)
@@ -221,6 +224,11 @@ class Pressing:
         """Where every contact's slave nodes are among those of all."""
         ends = np.cumsum([0, *(one.slave.count for one in self.contacts)]).tolist()
         return [slice(first, last) for first, last in pairwise(ends)]
+
+
+def _stalls(updates: Sequence[float], last: float) -> bool:
+    """Whether the updates before the ``last`` one, and it, have become no smaller for PATIENCE of them."""
+    return len(updates) > 2 * PATIENCE and min(*updates[1 - PATIENCE :], last) >= min(updates[: 1 - PATIENCE])
 
 
 def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> Pressed:

@@ -92,14 +92,7 @@ class NodeCurve:
 
     def rows(self, place: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
         """Rows (c, m) of value, first and second derivative at ``place`` (c,)."""
-        low = self.interval(place)
-        step = self.knots[low + 1] - self.knots[low]
-        t = (place - self.knots[low]) / step
-        values = (
-            (1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2),
-            (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t),
-            (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2),
-        )
+        low, step, values = self._shapes(place)
         number, count = np.arange(len(place)), len(self.arc)
         columns = np.concatenate([low, (low + 1) % count])
         found = []
@@ -115,6 +108,35 @@ class NodeCurve:
             found.append(sparse.csr_array(direct + low_rows @ ahead + high_rows @ behind))
         return found[0], found[1], found[2]
 
+    def _shapes(self, place: FloatArray) -> tuple[IntArray, FloatArray, tuple[tuple[FloatArray, ...], ...]]:
+        """Of places (c,) the number of the lower knot, the way to the next one, and what value, first and
+        second derivative, over that way, take of the lower node, its slope, the upper node and its slope."""
+        low = self.interval(place)
+        step = self.knots[low + 1] - self.knots[low]
+        t = (place - self.knots[low]) / step
+        return (
+            low,
+            step,
+            (
+                (1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2),
+                (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t),
+                (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2),
+            ),
+        )
+
+    def _seen(
+        self, place: FloatArray, nodes: FloatArray, slopes: tuple[FloatArray, FloatArray]
+    ) -> list[FloatArray]:
+        """Value, first and second derivative (c, 2) at places (c,) of the curve through ``nodes`` (m, 2) with
+        the ``slopes`` (m, 2) behind them and ahead."""
+        low, step, values = self._shapes(place)
+        high, (behind, ahead) = (low + 1) % len(self.arc), slopes
+        ends = nodes[low], step[:, None] * ahead[low], nodes[high], step[:, None] * behind[high]
+        return [
+            sum(part[:, None] * end for part, end in zip(parts, ends, strict=True)) / step[:, None] ** order
+            for order, parts in enumerate(values)
+        ]
+
     def closest(self, nodes: FloatArray, points: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Places (c,) of the closest points to ``points`` (c, 2) on the curve through ``nodes`` (m, 2), and
         whether these are none of its ends (c,)."""
@@ -127,8 +149,9 @@ class NodeCurve:
         steps = np.diff(self.knots)
         place = self.knots[low] + part[np.arange(len(points)), low] * steps[low]
         inside = np.zeros(len(points), dtype=bool)
+        slopes = (self.slopes[0] @ nodes, self.slopes[1] @ nodes)
         for _ in range(MOST):
-            value, first, second = (row @ nodes for row in self.rows(place))
+            value, first, second = self._seen(place, nodes, slopes)
             apart = points - value
             bent = (first**2).sum(axis=1) - (apart * second).sum(axis=1)
             # Beyond the centre of curvature the closest point is elsewhere: go down the slope.
