@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.app.finite.overlaps import check_overlaps
-from mlsanm_cli.app.finite.path import RENEW, FiniteState, FiniteStep, most_stretched
+from mlsanm_cli.app.finite.path import RENEW, FiniteMark, FiniteState, FiniteStep, most_stretched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.verdict import check_deformation
 from mlsanm_cli.app.scene.contact_ranges import void_center
@@ -38,15 +39,21 @@ STRIDE = 0.5
 what it should have met."""
 
 
-def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
-    """All steps, the start first. Raises NumericalError where the path breaks off."""
+def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
+    """All steps, the start first, or those behind a ``mark``. Raises NumericalError where the path breaks
+    off."""
     path = _Path(scene)
     wanted = sorted(set(scene.case.output.at)) or [float(len(scene.stages) - 1)]
-    first = path.state(0.0, path.start())
-    yield FiniteStep(first, (first,) if 0.0 in wanted else (), factorizations=path.spent)
     steps, size, position = 0, FIRST, 0.0
+    if mark is None:
+        first = path.state(0.0, path.start())
+        saved = (first,) if 0.0 in wanted else ()
+        yield FiniteStep(first, saved, factorizations=path.spent, mark=path.mark(first, size))
+    else:
+        path.take_up(mark)
+        size, position = mark.pace, mark.state.position
     ends = sorted({*wanted, *np.arange(1.0, len(scene.stages)).tolist()})
-    for end in (one for one in ends if one > 0.0):
+    for end in (one for one in ends if one > position):
         while position < end:
             reached, size = path.forward(position, end, size)
             steps += 1
@@ -60,7 +67,7 @@ def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
             _resist(reached, path.now.stability)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
-            yield done
+            yield replace(done, mark=path.mark(state, size))
 
 
 def _resist(position: float, stability: float) -> None:
@@ -86,6 +93,7 @@ class _Path:
         acting = scene.acting(np.append(scene.stages[0], np.zeros(scene.free)), np.zeros(2 * count))
         parts = scene.parts(still)
         self._projectors = {name: scene.projector(name, parts[name], acting[name]) for name in scene.bodies}
+        self._acting = acting
         self._length = self._typical()
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
@@ -123,6 +131,23 @@ class _Path:
             found.append(Answer.of(*args, centers[0]) if centers else Answer.plain(side))
             first[side.body] += 2 * side.count
         return tuple(found)
+
+    def take_up(self, mark: FiniteMark) -> None:
+        """Go on behind a ``mark``."""
+        scene, state = self._scene, mark.state
+        assert state.pressed is not None
+        self.now, self._slip, self._work, self._settled = state.pressed, state.slip, state.work, True
+        counts = [body.loads.count for body in scene.bodies.values()]
+        acting = np.split(mark.acting, np.cumsum(counts)[:-1])
+        for (name, own), factors in zip(scene.parts(mark.station).items(), acting, strict=True):
+            if not np.array_equal(own, self._projectors[name].station):
+                self._projectors[name] = scene.projector(name, own, factors)
+        self._acting, self.spent = dict(zip(scene.bodies, acting, strict=True)), 0
+
+    def mark(self, state: FiniteState, size: float) -> FiniteMark:
+        """What the path goes on from, behind a ``state``, with increments of a ``size``."""
+        station = np.concatenate([one.station for one in self._projectors.values()])
+        return FiniteMark(state, station, np.concatenate(list(self._acting.values())), size)
 
     def start(self) -> Pressed:
         """The state before loading; NumericalError where it does not settle."""
@@ -238,6 +263,7 @@ class _Path:
             station = self._projectors[name].station
             if most_stretched(self._scene.bodies[name], own, station) > RENEW:
                 self._projectors[name] = self._scene.projector(name, own, acting[name])
+                self._acting[name] = acting[name]
                 self.spent += 1
                 renewed = True
         step = FiniteStep(state, saved, length, 0, self._iterations, self.spent, self._solves, (), renewed)

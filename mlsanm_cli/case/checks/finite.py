@@ -89,7 +89,8 @@ def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
         message = f'the "{contact.regularization.law}" contact law {_ALONE}'
         report.add((*path, "regularization", "law"), message, 'law = "exact"')
     for key in ("accuracy", "reach"):
-        if key in contact.model_fields_set:
+        # As resolved.toml has all keys, defaults may be given.
+        if getattr(contact, key) != type(contact).model_fields[key].default:
             message = "does not apply at finite strain: all nodes of the slave are candidates"
             report.add((*path, key), message, "remove it")
 
