@@ -99,8 +99,9 @@ def test_all_moves_as_differences_say(rigid: bool) -> None:
     if rigid:
         u = u[:6]
         shape = Round((0.8, -1.0), 1.05, False)
-        contact = RigidContact("c", pair.slave, shape, np.zeros((2, 1)), 0.3)
-    factors, rng = np.zeros(1), np.random.default_rng(1)
+        turned = np.array([0.7]), np.array(shape.center)
+        contact = RigidContact("c", pair.slave, shape, np.zeros((2, 1)), 0.3, *turned)
+    factors, rng = np.ones(1), np.random.default_rng(1)
     before = contact.meet(0.5 * u, factors, None).place
     p, q = rng.uniform(0.5, 1.0, 6), rng.normal(size=6)
     direction = rng.normal(size=u.shape)

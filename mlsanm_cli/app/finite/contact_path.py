@@ -199,7 +199,9 @@ class _Path:
             for at, one in ((position, self.now), (reached, found))
         )
         for contact in (one for one in scene.contacts if isinstance(one, RigidContact)):
-            moved = max(moved, np.abs(contact.motion @ (after - before)).max())
+            angle = abs(float(contact.rotation @ (after - before)))
+            arm = 0.0 if isinstance(contact.shape, Round) else np.ptp(contact.slave.places, axis=0).max()
+            moved = max(moved, np.abs(contact.motion @ (after - before)).max() + angle * arm)
             if isinstance(contact.shape, Round):
                 thin.append(contact.shape.radius)
         return float(moved / (STRIDE * min(thin)))

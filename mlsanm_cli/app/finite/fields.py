@@ -15,6 +15,7 @@ from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.contact.finite.exact import AnyContact, unpressed
 from mlsanm_cli.contact.finite.meeting import NOWHERE
 from mlsanm_cli.contact.finite.pair import BodyContact
+from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
@@ -177,7 +178,8 @@ def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, Contact
 def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces) -> dict[str, dict[str, Any]]:
     """The engineer's figures of every contact; the half-width is along the side before loading."""
     records = contact_records(scene, state)
-    found = {}
+    found: dict[str, dict[str, Any]] = {}
+    first = 0
     for contact in scene.contacts:
         record, pressed = records[contact.name], forces.contacts[contact.name]
         found[contact.name] = {
@@ -193,6 +195,10 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
         }
         if len(pressed) == 2:
             found[contact.name]["force_master"] = pressed[1].tolist()
+        count = 2 * sum(side.count for side in contact.sides)
+        if isinstance(contact, RigidContact) and contact.rotation.any():
+            found[contact.name]["moment"] = _moment(contact, state, slice(first, first + count))
+        first += count
     return found
 
 
@@ -203,10 +209,23 @@ def _cone(record: ContactRecord, friction: float) -> float:
     return float(ratio.max(initial=0.0))
 
 
-def platen_displacements(scene: FiniteScene, factors: FloatArray) -> dict[str, FloatArray]:
-    """Displacement (2,) of every platen by the load that moves it."""
-    moved = {}
+def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
+    """The moment of a turning obstacle's tractions, at the sides' nodes ``here``, on the body about its
+    pivot."""
+    assert state.pressed is not None
+    slave, pivot = contact.slave, contact.pivot + contact.motion @ state.whole
+    at = slave.places + state.pressed.surface[here].reshape(-1, 2) - pivot
+    force = slave.weight[:, None] * state.pressed.traction[here].reshape(-1, 2)
+    return float((at[:, 0] * force[:, 1] - at[:, 1] * force[:, 0]).sum())
+
+
+def platen_displacements(scene: FiniteScene, state: FiniteState) -> dict[str, FloatArray]:
+    """Displacement (2,) of every platen and of every obstacle by the load that moves it."""
+    moved, factors = {}, state.factors
+    rigid = {one.name: one for one in scene.contacts if isinstance(one, RigidContact)}
     for number, load in enumerate(scene.case.load):
+        if isinstance(load, ObstacleMotion):
+            moved[load.name] = rigid[load.obstacle].motion @ state.whole
         if isinstance(load, Platen):
             control = [load.control.get(axis) for axis in "xy"]
             moved[load.name] = np.array([0.0 if one is None else one[1] for one in control]) * factors[number]

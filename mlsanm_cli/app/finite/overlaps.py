@@ -89,9 +89,7 @@ def _obstacles(
         for surface in body.cloud.surfaces.values():
             if (body.name, surface.name) in taken:
                 continue
-            at = body.places[surface.index] - contact.motion @ factors
-            partner, normal = contact.shape.closest(at, surface.normal)
-            depth = -((at - partner) * normal).sum(axis=1)
+            depth = -contact.seen(body.places[surface.index], surface.normal, factors)[0]
             over = depth - DEEP * body.cloud.spacing[surface.index]
             worst = int(np.argmax(over))
             if over[worst] > 0.0:

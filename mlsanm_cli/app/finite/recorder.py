@@ -142,7 +142,7 @@ class FiniteRecorder(RunWriter):
             factors=dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
             resultants=resultants(scene, forces),
             contacts=contact_records(scene, state),
-            displacements=platen_displacements(scene, state.factors),
+            displacements=platen_displacements(scene, state),
             probes=probe_records(scene, state),
         )
 

@@ -13,7 +13,8 @@ from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.direct_solver import direct_solver
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure
+from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
+from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.exact import AnyContact
@@ -198,13 +199,17 @@ def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> A
         return BodyContact(pairing.name, slave, master, pairing.friction, pairing.exchanged)
     assert found.obstacle is not None
     count = len(case.moved)
-    motion = np.zeros((2, count + free))
+    motion, rotation, pivot = np.zeros((2, count + free)), np.zeros(count + free), (0.0, 0.0)
+    for number, load in enumerate(case.load):
+        if isinstance(load, ObstacleMotion) and load.obstacle == pairing.name and load.rotation:
+            rotation[number], pivot = load.rotation, pivot_of(found.obstacle, load) or pivot
     for constraint in prepared.rigid_constraints:
         if isinstance(constraint, mechanics.Obstacle) and constraint.contact == pairing.name:
             for one in constraint.motions:
                 if one.prescribed is not None:
                     motion[one.component, :count] += one.prescribed
-    return RigidContact(pairing.name, slave, shape_of(found.obstacle), motion, pairing.friction)
+    moved = (motion, pairing.friction, rotation, np.array(pivot))
+    return RigidContact(pairing.name, slave, shape_of(found.obstacle), *moved)
 
 
 def _side(prepared: SceneModel, body: str, surface: Surface) -> Side:
