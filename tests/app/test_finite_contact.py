@@ -237,8 +237,9 @@ def test_a_roller_that_turns_on_the_spot(tmp_path: Path) -> None:
     # Turning counter-clockwise the roller pushes the block below it to the right.
     assert across == pytest.approx(-0.3 * down, rel=0.06)
     assert found["moment"] == pytest.approx(-0.3 * down, rel=0.03)
-    work = read_run(directory).contacts["under"].dissipated_work
-    assert work[-1] - work[-2] == pytest.approx(found["moment"] * 0.5, rel=0.02)
+    run = read_run(directory)
+    work, half = run.contacts["under"].dissipated_work, int(np.argmin(np.abs(run.path.position - 1.5)))
+    assert work[-1] - work[half] == pytest.approx(found["moment"] * 0.5, rel=0.02)
 
 
 def test_a_plate_that_has_turned_is_one_drawn_so(tmp_path: Path) -> None:
