@@ -50,12 +50,18 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
                 "change the case and run it with --force",
             )
         loaded = stored_case(origin, rundir)
+        again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
         if loaded.case.model.strain == "finite":
-            raise RunError("a run at finite strain cannot be resumed yet", "run the case again with --force")
+            from mlsanm_cli.app.finite.run import run_finite
+
+            prepared = build_scene(loaded, context)
+            run_dir.reopen(rundir)
+            with resumable(rundir):
+                found = run_finite(loaded, prepared, rundir, again, context, origin)
+            return {**found, "directory": str(rundir)}
         earlier = earlier_of(origin)
         prepared = build_scene(loaded, context)
         run_dir.reopen(rundir)
-        again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
         with resumable(rundir), Recorder(rundir, loaded, again, context, earlier=earlier) as recorder:
             summary = carry_out(loaded.case, prepared, recorder, context, earlier.refinement)
     return {**summary, "directory": str(rundir)}

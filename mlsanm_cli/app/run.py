@@ -92,7 +92,8 @@ def run(
             if loaded.case.model.strain == "finite":
                 from mlsanm_cli.app.finite.run import run_finite
 
-                found = run_finite(loaded, prepared, directory, provenance, context)
+                with resumable(directory):
+                    found = run_finite(loaded, prepared, directory, provenance, context)
                 return {**found, "directory": str(directory)}
             recorder = Recorder(directory, loaded, provenance, context)
             with resumable(directory), recorder:

@@ -16,9 +16,12 @@ from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.app.resume import resume
+from mlsanm_cli.app.run import run
 from mlsanm_cli.errors import CaseError, RunError
+from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet, solve
-from tests.case_text import body, box, head, item, load, material, support, table
+from tests.app.test_resume import Deadly, Killed
+from tests.case_text import body, box, contact, head, item, load, material, pushed, support, table
 
 BEAM = (
     head("strain", strain="finite")
@@ -176,7 +179,7 @@ def test_lost_ellipticity_is_refused_by_node(tmp_path: Path) -> None:
     assert (tmp_path / "run" / "failure.vtu").is_file()
 
 
-def test_bodies_that_can_move_freely_and_resumed_runs_are_refused(tmp_path: Path) -> None:
+def test_bodies_that_can_move_freely_are_refused(tmp_path: Path) -> None:
     case = tmp_path / "loose.toml"
     case.write_text(
         BLOCK.replace('boundary = "block.bottom"\nux = 0.0\n', 'boundary = "block.bottom"\n').replace(
@@ -188,8 +191,50 @@ def test_bodies_that_can_move_freely_and_resumed_runs_are_refused(tmp_path: Path
     case.write_text(BLOCK)
     told = check(case, console=Quiet())
     assert told["nodes"] > 100
-    solve(BLOCK, tmp_path / "killed", "load.press.displacement=[0.0,-0.01]")
-    # As if it had been killed just before its end.
-    (tmp_path / "killed" / "summary.json").unlink()
-    with pytest.raises(RunError, match=r"cannot be resumed"):
-        resume(tmp_path / "killed", console=Quiet())
+
+
+SLID = (
+    head("strain", strain="finite")
+    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    + body("block", "rubber", 0.25, box([0.0, 3.0], [0.0, 1.0]))
+    + support("block.bottom", ux=0.0, uy=0.0)
+    + contact("c", "block.top", obstacle={"kind": "disk", "center": [1.0, 2.0], "radius": 1.0}, friction=0.3)
+    + pushed("press", "c", uy=-0.25)
+    + pushed("drag", "c", ux=0.3)
+    + item("stage", press=1.0)
+    + item("stage", drag=1.0)
+    + table("output", at=[1.0, 1.5, 2.0])
+)
+CUT = {
+    "friction, equations renewed": (SLID, 4),
+    "series past limit points": (ARCH + table("output", at=[0.3, 1.0]), 3),
+    "series, equations renewed": (BLOCK + table("output", at=[0.2, 1.0]), 1),
+}
+
+
+@pytest.mark.parametrize("name", CUT)
+def test_a_run_cut_short_is_resumed_to_the_same_result(name: str, tmp_path: Path) -> None:
+    """What friction remembers, the direction past limit points and renewed equations are taken up again."""
+    text, kept = CUT[name]
+    whole, cut = tmp_path / "case", tmp_path / "cut"
+    summary = solve(text, whole)
+    with pytest.raises(Killed):
+        run(tmp_path / "case.toml", out=cut, console=Deadly(kept))
+    resumed = resume(cut, console=Quiet())
+    assert resumed["status"] == summary["status"] == "done"
+    same = ("steps", "factorizations", "iterations", "warnings")
+    assert [resumed[key] for key in same] == [summary[key] for key in same]
+    assert resumed["finite_strain"]["equations_renewed"] == summary["finite_strain"]["equations_renewed"]
+    one, other = read_run(whole), read_run(cut)
+    assert one.path.rows == other.path.rows
+    np.testing.assert_allclose(one.path.position, other.path.position, rtol=1e-9)
+    for state, again in zip(one.states, other.states, strict=True):
+        for body_name, fields in state.bodies.items():
+            for field_name, values in fields.items():
+                atol = 1e-7 * np.abs(values).max()
+                np.testing.assert_allclose(again.bodies[body_name][field_name], values, atol=atol)
+    for contact_name, data in one.contacts.items():
+        mate = other.contacts[contact_name]
+        for found, values in ((mate.pressure, data.pressure), (mate.slip, data.slip)):
+            np.testing.assert_allclose(found[-1], values[-1], atol=1e-7)
+        assert mate.dissipated_work[-1] == pytest.approx(data.dissipated_work[-1], rel=1e-7)

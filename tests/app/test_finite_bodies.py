@@ -234,3 +234,196 @@ def test_a_body_is_dragged_along_another(tmp_path: Path) -> None:
     assert lost is not None
     assert work == pytest.approx(lost[-1] - lost[slips][0], rel=0.01)
     assert touch["force"][0] == pytest.approx(-0.2 * touch["force"][1], rel=0.05)
+
+
+DIE = (
+    head("strain", strain="finite")
+    + material("soft", E=1.0, nu=0.3, law="neo-hookean")
+    + material("hard", E=100.0, nu=0.3, law="neo-hookean")
+    + body("base", "soft", 0.25, box([-3.0, 3.0], [0.0, 2.0]))
+    + body("die", "hard", 0.1, {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"})
+    + support("base.bottom", ux=0.0, uy=0.0)
+    + load("press", "die.flat", "displacement", displacement=[0.0, -0.3])
+)
+
+
+def test_slave_and_master_are_names_only_where_one_is_softer(tmp_path: Path) -> None:
+    """A stiff slave with fine nodes on a softer master was refused: its pressures from node to node were
+    nobody's. The softer one carries them; what is reported is as it acts on the slave of the case."""
+    found = {}
+    for slave, master in (("die.arc", "base.top"), ("base.top", "die.arc")):
+        directory = tmp_path / slave
+        summary = solve(DIE + contact("c", slave, master), directory)
+        assert summary["status"] == "done"
+        assert summary["stability"] >= 0.8
+        found[slave] = (summary["contacts"]["c"], read_run(directory).contacts["c"])
+    (one, stored), (other, same) = found.values()
+    np.testing.assert_allclose(one["force"], -np.array(other["force"]), atol=1e-9)
+    np.testing.assert_allclose(one["force"], other["force_master"], atol=1e-9)
+    assert one["force"][1] > 0.25
+    np.testing.assert_allclose(stored.normal, -same.normal)
+    np.testing.assert_allclose(stored.pressure, same.pressure, atol=1e-9)
+
+
+def test_a_punch_with_sharp_corners(tmp_path: Path) -> None:
+    """Overlaps and pictures take the surface as the contact knows it: the cloud's own nodes swing by half a
+    spacing beside the edge, and ended the run as an overlap."""
+    text = (
+        head("strain", strain="finite")
+        + material("soft", E=2.0, nu=0.3, law="neo-hookean")
+        + material("hard", E=20.0, nu=0.3, law="neo-hookean")
+        + body(
+            "base",
+            "soft",
+            0.25,
+            box([-3.0, 3.0], [0.0, 2.0]),
+            refine=[{"along": "top", "spacing": 0.12, "radius": 0.1, "growth": 0.3}],
+        )
+        + body(
+            "punch",
+            "hard",
+            0.25,
+            box([-1.0, 1.0], [2.0, 3.0]),
+            refine=[{"along": "bottom", "spacing": 0.1, "radius": 0.1, "growth": 0.3}],
+        )
+        + support("base.bottom", ux=0.0, uy=0.0)
+        + load("press", "punch.top", "displacement", displacement=[0.0, -0.3])
+        + contact("c", "base.top", "punch.bottom", friction=0.2)
+    )
+    directory = tmp_path / "run"
+    summary = solve(text, directory)
+    assert summary["status"] == "done"
+    run = read_run(directory)
+    pressed = run.contacts["c"].points[run.contacts["c"].pressure[-1] > 0.0]
+    nodes, moved = run.bodies["base"].points, run.states[-1].bodies["base"]["displacement"]
+    edge = pressed[np.argmax(pressed[:, 0])]
+    around = [int(np.argmin(np.hypot(*(nodes - one).T))) for one in pressed]
+    low = (nodes + moved)[around, 1]
+    assert np.ptp(low) <= 0.02
+    assert edge[0] == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_side_of_several_pieces(tmp_path: Path) -> None:
+    """A cylinder pressed into the joint of two pieces of one side, slave or master, against one piece; on a
+    soft base, whose nodes are the same."""
+    fine = [{"at": [0.0, 2.0], "spacing": 0.1, "radius": 0.6, "growth": 0.3}]
+    forces = []
+    for pieces in (1, 2):
+        points = [[-2.0, 2.0], [-2.0, 0.0], [2.0, 0.0], [2.0, 2.0]]
+        names = ["left", "bottom", "right", "top"]
+        if pieces == 2:
+            points.append([0.0, 2.0])
+            names = ["left", "bottom", "right", "east", "west"]
+        shape = {"kind": "polygon", "points": points, "names": names}
+        side = "block.top" if pieces == 1 else ["block.east", "block.west"]
+        parts = HEAD + body("block", "rubber", 0.3, shape, refine=fine)
+        parts += support("block.bottom", ux=0.0, uy=0.0)
+        cylinder = {"kind": "disk", "center": [0.0, 3.0], "radius": 1.0}
+        rigid = parts + contact("c", side, obstacle=cylinder, friction=0.3) + pushed("press", "c", uy=-0.2)
+        summary = solve(rigid, tmp_path / f"rigid{pieces}")
+        assert summary["status"] == "done"
+        forces.append([summary["contacts"]["c"]["force"][1]])
+        disk = {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"}
+        soft = parts + material("softer", E=1.0, nu=0.3, law="neo-hookean")
+        soft += body("disk", "softer", 0.1, disk)
+        soft += load("press", "disk.flat", "displacement", displacement=[0.0, -0.2])
+        summary = solve(soft + contact("c", "disk.arc", side), tmp_path / f"soft{pieces}")
+        assert summary["status"] == "done"
+        forces[-1].append(summary["contacts"]["c"]["force"][1])
+    np.testing.assert_allclose(forces[1], forces[0], rtol=2e-3)
+
+
+def test_sliding_without_memory_takes_long_steps(tmp_path: Path) -> None:
+    """A hook pushed over a cam with friction: all that touches slides one way. Steps of a fifth of what one
+    node touches with were 46; none passes the arm's thickness."""
+    arm = {
+        "kind": "polygon",
+        "points": [[0.0, 0.0], [8.0, 0.0], [8.0, -1.0], [9.5, 0.3], [9.5, 1.0], [0.0, 1.0]],
+        "names": ["under", "catch", "nose", "tip", "top", "root"],
+        "rounding": [0.0, 0.1, 0.15, 0.1, 0.0, 0.0],
+    }
+    text = (
+        head("strain", strain="finite")
+        + material("plastic", E=2000.0, nu=0.35, law="saint-venant-kirchhoff")
+        + body("arm", "plastic", 0.25, arm)
+        + support("arm.root", ux=0.0, uy=0.0)
+        + contact(
+            "cam", "arm.nose", obstacle={"kind": "disk", "center": [11.0, -1.2], "radius": 0.9}, friction=0.2
+        )
+        + pushed("pass", "cam", ux=-3.0)
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["steps"] <= 12
+    across, up = summary["contacts"]["cam"]["force"]
+    assert summary["contacts"]["cam"]["max_cone_ratio"] == pytest.approx(1.0, abs=1e-6)
+    assert up > abs(across)
+
+
+def test_a_pin_in_half_a_bearing(tmp_path: Path) -> None:
+    """Contact over most of a short side, near its corners, was refused or swung from node to node: fields in
+    closed form began four nodes from corners."""
+    text = (
+        head("strain", strain="finite")
+        + material("soft", E=5.0, nu=0.3, law="neo-hookean")
+        + material("hard", E=50.0, nu=0.3, law="neo-hookean")
+        + body(
+            "pin", "hard", 0.15, {"kind": "half-disk", "center": [0.0, 0.0], "radius": 1.0, "side": "lower"}
+        )
+        + body(
+            "shell",
+            "soft",
+            0.15,
+            {"kind": "sector", "center": [0.0, 0.0], "radii": [1.05, 2.0], "angles": [180.0, 360.0]},
+        )
+        + support("shell.outer", ux=0.0, uy=0.0)
+        + load("press", "pin.flat", "displacement", displacement=[0.0, -0.2])
+        + contact("c", "pin.arc", "shell.inner", friction=0.1)
+    )
+    directory = tmp_path / "run"
+    summary = solve(text, directory)
+    assert summary["status"] == "done"
+    assert summary["stability"] >= 0.7
+    # With half of the spacing, and a quarter of it.
+    assert summary["contacts"]["c"]["force"][1] == pytest.approx(1.896, rel=0.012)
+    pressure = read_run(directory).contacts["c"].pressure[-1]
+    pressed = pressure[pressure > 0.0]
+    top = int(np.argmax(pressed))
+    assert (np.diff(pressed[: top + 1]) > -0.02 * pressed[top]).all()
+
+
+def test_what_resists_short_waves_is_not_refused_for_long_ones(tmp_path: Path) -> None:
+    """Half a rubber disk pressed down by 0.4 R sways under a dead pressure, not between plate and base:
+    refused with a stability of -170, at this spacing only."""
+    arc = [{"along": "arc", "spacing": 0.04, "radius": 0.1, "growth": 0.6}]
+    text = (
+        head("strain", strain="finite")
+        + material("soft", E=3.0, nu=0.4, law="neo-hookean")
+        + material("hard", E=300.0, nu=0.3, law="neo-hookean")
+        + body(
+            "bump",
+            "soft",
+            0.1,
+            {"kind": "half-disk", "center": [0.0, 0.0], "radius": 1.0, "side": "upper"},
+            refine=arc,
+        )
+        + body("plate", "hard", 0.125, box([-2.0, 2.0], [1.0, 1.6]))
+        + support("bump.flat", ux=0.0, uy=0.0)
+        + load("hit", "plate.top", "displacement", displacement=[0.0, -0.4])
+        + contact("c", "bump.arc", "plate.bottom", friction=0.3)
+    )
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["contacts"]["c"]["force"][1] == pytest.approx(-3.59, rel=0.005)
+
+
+@pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "only 1 of the nodes")])
+def test_contacts_between_few_nodes_are_told(tmp_path: Path, turn: float, words: str) -> None:
+    """Pressed by 4e-3 R less than it sags between its nodes, or a little more: done without a word."""
+    shape = {"kind": "half-disk", "center": [0.0, 1.0], "radius": 1.0, "side": "lower"}
+    across, up = float(np.sin(turn)), float(np.cos(turn))
+    text = HEAD + body("disk", "rubber", 0.17, shape)
+    text += load("press", "disk.flat", "displacement", displacement=[0.0, -2e-3])
+    text += contact("c", "disk.arc", obstacle=plane([-across, 1.0 - up], [across, up]))
+    (warning,) = solve(text, tmp_path / "run")["warnings"]
+    assert words in warning

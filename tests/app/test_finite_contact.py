@@ -221,3 +221,43 @@ def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:
     forces = [-row["fy"] for row in probe_force(tmp_path / "run", [0.2, 0.6, 1.0], "plate")]
     np.testing.assert_allclose(forces, [1.4426e-4, 3.6199e-4, 7.4609e-4], rtol=0.01)
     assert read_run(tmp_path / "run").contacts["plate"].gap[-1].min() >= -1e-9
+
+
+def test_a_roller_that_turns_on_the_spot(tmp_path: Path) -> None:
+    """Its moment is what friction bears on its radius, and does the work that friction dissipates."""
+    text = BLOCK.format(left=-2.0, depth=-0.1, refine=FINE, **CLAMPED) + "friction = 0.3\n"
+    text = text.replace('[contact.regularization]\nlaw = "exact"\n', "")
+    text += pushed("turn", "under", rotation=1.0) + "[[stage]]\npress = 1.0\n[[stage]]\nturn = 1.0\n"
+    directory = tmp_path / "run"
+    summary = solve(text + "[output]\nat = [1.5, 2.0]\n", directory)
+    assert summary["status"] == "done"
+    found = summary["contacts"]["under"]
+    across, down = found["force"]
+    assert found["max_cone_ratio"] == pytest.approx(1.0)
+    # Turning counter-clockwise the roller pushes the block below it to the right.
+    assert across == pytest.approx(-0.3 * down, rel=0.06)
+    assert found["moment"] == pytest.approx(-0.3 * down, rel=0.03)
+    run = read_run(directory)
+    work, half = run.contacts["under"].dissipated_work, int(np.argmin(np.abs(run.path.position - 1.5)))
+    assert work[-1] - work[half] == pytest.approx(found["moment"] * 0.5, rel=0.02)
+
+
+def test_a_plate_that_has_turned_is_one_drawn_so(tmp_path: Path) -> None:
+    """Turned before it touches, about a point off it."""
+    forces: list[list[float]] = []
+    for angle in (0.0, 0.2):
+        normal = np.array([np.sin(0.1 - angle), -np.cos(0.1 - angle)])
+        point = np.array([0.0, 2.3])
+        if angle:
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            point = np.array([1.0, 3.0]) + turn.T @ (point - [1.0, 3.0])
+        drawn = f'kind = "plane", point = {point.tolist()}, normal = {normal.tolist()}'
+        text = BLOCK.format(left=-2.0, depth=-0.6, refine="", bottom="ux = 0.0\n", obstacle=drawn)
+        text += "[[stage]]\n" + ("turn = 1.0\n[[stage]]\n" if angle else "") + "press = 1.0\n"
+        if angle:
+            text = text.replace(
+                "[[stage]]", pushed("turn", "under", rotation=angle, pivot=[1.0, 3.0]) + "[[stage]]", 1
+            )
+        forces.append(solve(text, tmp_path / f"run{len(forces)}")["contacts"]["under"]["force"])
+    assert abs(forces[0][1]) > 0.1
+    np.testing.assert_allclose(forces[1], forces[0], rtol=1e-6)

@@ -54,6 +54,7 @@ PLATE = '[[load]]\nname = "plate"\nboundary = "block.left"\nkind = "platen"\n'
 WARM = '[[load]]\nname = "warm"\nbody = "block"\nkind = "temperature"\ntemperature = 1.0\n'
 OBSTACLE = '[contact.obstacle]\nkind = "plane"\npoint = [-0.1, 0.0]\nnormal = [1.0, 0.0]\n'
 CONTACT = '[[contact]]\nname = "c"\nslave = "block.left"\n'
+HYPERBOLIC = '[contact.regularization]\nlaw = "hyperbolic"\n'
 EXACT = '[contact.regularization]\nlaw = "exact"\n'
 SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
 
@@ -66,7 +67,7 @@ SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
         (f"{PLATE}fx = 1.0\n", "load.plate", "force"),
         (f'{PLATE}ux = 0.1\nrotation = "free"\n', "load.plate.rotation", "rotating"),
         (f"{PLATE}ux = 0.1\nrotation = 0.1\n", "load.plate.rotation", "rotating"),
-        (f"{CONTACT}{OBSTACLE}", "contact.c.regularization.law", "hyperbolic"),
+        (f"{CONTACT}{OBSTACLE}{HYPERBOLIC}", "contact.c.regularization.law", "hyperbolic"),
         (f'{CONTACT}friction = "bonded"\n{OBSTACLE}{EXACT}', "contact.c.friction", "bonded"),
         (f"{CONTACT}gap = 0.1\n{OBSTACLE}{EXACT}", "contact.c.gap", "gap"),
         (f"{CONTACT}reach = 0.1\n{OBSTACLE}{EXACT}", "contact.c.reach", "slave"),
@@ -91,6 +92,18 @@ def test_laws_are_isotropic() -> None:
 
 
 def test_exact_contact_with_a_rigid_obstacle_is_accepted() -> None:
+    """Also where no law is given: finite strain has no other."""
+    assert (
+        parse_case(BLOCK + CONTACT + OBSTACLE, Path("c.toml")).case.contact[0].regularization.law == "exact"
+    )
     assert not problems(BLOCK + CONTACT + OBSTACLE + EXACT)
     assert not problems(BLOCK + CONTACT + OBSTACLE + EXACT, 'solver.method="active-set"')
     assert "anm" in problems(BLOCK + CONTACT + OBSTACLE + EXACT, 'solver.method="anm"')["solver.method"]
+
+
+def test_obstacles_turn_about_a_point_at_finite_strain() -> None:
+    turn = '[[load]]\nname = "turn"\nkind = "obstacle"\nobstacle = "c"\nrotation = 1.0\n'
+    assert "no point" in problems(BLOCK + CONTACT + OBSTACLE + turn)["load.turn.rotation"]
+    assert not problems(BLOCK + CONTACT + OBSTACLE + turn + "pivot = [0.0, 0.0]\n")
+    small = (BLOCK + CONTACT + OBSTACLE + turn).replace('strain = "finite"\n', "")
+    assert "finite strain" in problems(small)["load.turn.rotation"]

@@ -24,7 +24,7 @@ def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) ->
     free = np.zeros(len(arc), dtype=bool)
     return Side(
         body,
-        "side",
+        (("side", np.arange(len(arc))),),
         np.arange(len(arc)),
         places,
         outward,
@@ -35,6 +35,21 @@ def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) ->
         (0, len(arc) - 1),
         NO_PLANE,
     )
+
+
+def test_a_curve_with_corners_is_exact_for_parabolas_between_them() -> None:
+    """A kink stays where it is, on open curves and on closed ones."""
+    arc = np.array([0.0, 0.3, 0.5, 1.0, 1.2, 1.5, 1.7, 2.0])
+    values = np.where(arc < 1.0, arc**2, 3.0 - 2.0 * arc)
+    at = np.linspace(0.0, 1.999, 41)
+    for around in (None, 2.5):
+        corners = (3,) if around is None else (0, 3, 7)
+        curve = NodeCurve(arc, around, corners)
+        value, slope, _ = (rows @ values for rows in curve.rows(at))
+        np.testing.assert_allclose(value, np.where(at < 1.0, at**2, 3.0 - 2.0 * at), atol=1e-12)
+        np.testing.assert_allclose(slope, np.where(at < 1.0, 2.0 * at, -2.0), atol=1e-12)
+        behind, ahead = (rows @ values for rows in curve.slopes)
+        np.testing.assert_allclose([behind[3], ahead[3]], [2.0, -2.0], atol=1e-12)
 
 
 def bent_pair() -> tuple[BodyContact, FloatArray]:
@@ -84,8 +99,9 @@ def test_all_moves_as_differences_say(rigid: bool) -> None:
     if rigid:
         u = u[:6]
         shape = Round((0.8, -1.0), 1.05, False)
-        contact = RigidContact("c", pair.slave, shape, np.zeros((2, 1)), 0.3)
-    factors, rng = np.zeros(1), np.random.default_rng(1)
+        turned = np.array([0.7]), np.array(shape.center)
+        contact = RigidContact("c", pair.slave, shape, np.zeros((2, 1)), 0.3, *turned)
+    factors, rng = np.ones(1), np.random.default_rng(1)
     before = contact.meet(0.5 * u, factors, None).place
     p, q = rng.uniform(0.5, 1.0, 6), rng.normal(size=6)
     direction = rng.normal(size=u.shape)

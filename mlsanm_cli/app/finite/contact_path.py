@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.app.finite.overlaps import check_overlaps
-from mlsanm_cli.app.finite.path import RENEW, FiniteState, FiniteStep, most_stretched
+from mlsanm_cli.app.finite.path import RENEW, FiniteMark, FiniteState, FiniteStep, most_stretched
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.verdict import check_deformation
 from mlsanm_cli.app.scene.void import void_center
@@ -15,6 +16,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Answer
 from mlsanm_cli.contact.finite.exact import Pressed, Pressing, unpressed
 from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.geometry.obstacles import Round
+from mlsanm_cli.contact.laws.contact_status import SLIP
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.mechanics.finite.body import BodySeries
 from mlsanm_cli.mechanics.near_field import as_complex
@@ -27,18 +30,30 @@ MOST = 14
 """Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
 SHORTEST = 1e-5
 FARTHEST = 0.2
-"""With friction nodes slide by no more than this part of the contact's width in an increment."""
+"""With friction nodes slide by no more than this part of the contact's width in an increment, unless all of
+them slide the same way before and after it: that has no memory."""
 
 
-def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
-    """All steps, the start first. Raises NumericalError where the path breaks off."""
+STRIDE = 0.5
+"""Nothing moves further in an increment than this part of the thinnest body or disk: else it might be beyond
+what it should have met."""
+
+
+def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
+    """All steps, the start first, or those behind a ``mark``. Raises NumericalError where the path breaks
+    off."""
     path = _Path(scene)
     wanted = sorted(set(scene.case.output.at)) or [float(len(scene.stages) - 1)]
-    first = path.state(0.0, path.start())
-    yield FiniteStep(first, (first,) if 0.0 in wanted else (), factorizations=path.spent)
     steps, size, position = 0, FIRST, 0.0
+    if mark is None:
+        first = path.state(0.0, path.start())
+        saved = (first,) if 0.0 in wanted else ()
+        yield FiniteStep(first, saved, factorizations=path.spent, mark=path.mark(first, size))
+    else:
+        path.take_up(mark)
+        size, position = mark.pace, mark.state.position
     ends = sorted({*wanted, *np.arange(1.0, len(scene.stages)).tolist()})
-    for end in (one for one in ends if one > 0.0):
+    for end in (one for one in ends if one > position):
         while position < end:
             reached, size = path.forward(position, end, size)
             steps += 1
@@ -48,11 +63,11 @@ def contact_path(scene: FiniteScene) -> Iterator[FiniteStep]:
                 )
             state = path.state(reached, path.now)
             check_deformation(scene, reached, path.now.displacement)
-            check_overlaps(scene, reached, state.whole, state.displacement)
+            check_overlaps(scene, reached, state.whole, state.shown(scene))
             _resist(reached, path.now.stability)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
-            yield done
+            yield replace(done, mark=path.mark(state, size))
 
 
 def _resist(position: float, stability: float) -> None:
@@ -78,6 +93,7 @@ class _Path:
         acting = scene.acting(np.append(scene.stages[0], np.zeros(scene.free)), np.zeros(2 * count))
         parts = scene.parts(still)
         self._projectors = {name: scene.projector(name, parts[name], acting[name]) for name in scene.bodies}
+        self._acting = acting
         self._length = self._typical()
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
@@ -116,6 +132,23 @@ class _Path:
             first[side.body] += 2 * side.count
         return tuple(found)
 
+    def take_up(self, mark: FiniteMark) -> None:
+        """Go on behind a ``mark``."""
+        scene, state = self._scene, mark.state
+        assert state.pressed is not None
+        self.now, self._slip, self._work, self._settled = state.pressed, state.slip, state.work, True
+        counts = [body.loads.count for body in scene.bodies.values()]
+        acting = np.split(mark.acting, np.cumsum(counts)[:-1])
+        for (name, own), factors in zip(scene.parts(mark.station).items(), acting, strict=True):
+            if not np.array_equal(own, self._projectors[name].station):
+                self._projectors[name] = scene.projector(name, own, factors)
+        self._acting, self.spent = dict(zip(scene.bodies, acting, strict=True)), 0
+
+    def mark(self, state: FiniteState, size: float) -> FiniteMark:
+        """What the path goes on from, behind a ``state``, with increments of a ``size``."""
+        station = np.concatenate([one.station for one in self._projectors.values()])
+        return FiniteMark(state, station, np.concatenate(list(self._acting.values())), size)
+
     def start(self) -> Pressed:
         """The state before loading; NumericalError where it does not settle."""
         found = self._solved(0.0)
@@ -132,7 +165,7 @@ class _Path:
             reached = end if position + 1.001 * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
-            far = 0.0 if found is None else self._slid(found)
+            far = 0.0 if found is None else max(self._slid(found), self._strode(position, reached, found))
             if found is not None and far <= 1.0:
                 self._rub(found)
                 self.now = found
@@ -150,11 +183,36 @@ class _Path:
             here = slice(first, first + contact.slave.count)
             first = here.stop
             closed = found.sets.closed[here] | self.now.sets.closed[here]
-            if contact.friction and closed.any():
+            if contact.friction and closed.any() and not self._slides(found, here):
                 width = float(contact.slave.weight[closed].sum())
                 slid = float(np.abs(found.slip[here][closed]).max())
                 largest = max(largest, slid / (FARTHEST * width))
         return largest
+
+    def _strode(self, position: float, reached: float, found: Pressed) -> float:
+        """How far nodes or obstacles have moved in an increment, over what they may."""
+        scene = self._scene
+        moved = np.abs(found.displacement - self.now.displacement).max()
+        thin = [np.ptp(body.elastic.model.nodes, axis=0).min() for body in scene.bodies.values()]
+        before, after = (
+            np.append(factors_at(scene.stages, at), one.free)
+            for at, one in ((position, self.now), (reached, found))
+        )
+        for contact in (one for one in scene.contacts if isinstance(one, RigidContact)):
+            angle = abs(float(contact.rotation @ (after - before)))
+            arm = 0.0 if isinstance(contact.shape, Round) else np.ptp(contact.slave.places, axis=0).max()
+            moved = max(moved, np.abs(contact.motion @ (after - before)).max() + angle * arm)
+            if isinstance(contact.shape, Round):
+                thin.append(contact.shape.radius)
+        return float(moved / (STRIDE * min(thin)))
+
+    def _slides(self, found: Pressed, here: slice) -> bool:
+        """Whether all closed nodes of a contact slide in one sense, now and in the state that was found."""
+        senses = []
+        for sets in (self.now.sets, found.sets):
+            closed, sense = sets.closed[here], sets.slip_sign[here]
+            senses += np.where(sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
+        return len(set(senses)) == 1 and senses[0] != 0.0
 
     def _rub(self, found: Pressed) -> None:
         """Add to the slips, and to what friction has dissipated: its mean over the increment counts."""
@@ -182,8 +240,20 @@ class _Path:
         return found
 
     def _failed(self, position: float) -> None:
+        where, first = f"the path stopped at position {position:.6g}", 0
+        for contact in self._scene.contacts:
+            slave = contact.slave
+            gripped = slave.held & self.now.sets.closed[first : first + slave.count]
+            first += slave.count
+            if gripped.any() and not any(axis is not None for axis in slave.mirrors):
+                x, y = slave.places[int(np.argmax(gripped))]
+                raise NumericalError(
+                    f"{where}: in contact {contact.name} the held node of {slave.body} at ({x:.6g}, {y:.6g}) "
+                    "is pressed, and cannot give way",
+                    "let the contact end before the support, or move the obstacle less far",
+                )
         raise NumericalError(
-            f"the path stopped at position {position:.6g}: no increment of contact settles",
+            f"{where}: no increment of contact settles",
             "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance",
         )
 
@@ -195,6 +265,7 @@ class _Path:
             station = self._projectors[name].station
             if most_stretched(self._scene.bodies[name], own, station) > RENEW:
                 self._projectors[name] = self._scene.projector(name, own, acting[name])
+                self._acting[name] = acting[name]
                 self.spent += 1
                 renewed = True
         step = FiniteStep(state, saved, length, 0, self._iterations, self.spent, self._solves, (), renewed)

@@ -12,8 +12,10 @@ from mlsanm_cli.app.finite.path import FiniteState
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
-from mlsanm_cli.contact.finite.exact import unpressed
+from mlsanm_cli.contact.finite.exact import AnyContact, unpressed
 from mlsanm_cli.contact.finite.meeting import NOWHERE
+from mlsanm_cli.contact.finite.pair import BodyContact
+from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
@@ -50,10 +52,10 @@ class FiniteFields:
 
 def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]:
     """The fields at the nodes of every body."""
-    found = {}
+    found, shown = {}, scene.parts(state.shown(scene))
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
-        found[name] = FiniteFields.of(body.law, own.reshape(-1, 2), body.gradient(own))
+        found[name] = FiniteFields.of(body.law, shown[name].reshape(-1, 2), body.gradient(own))
     return found
 
 
@@ -102,7 +104,7 @@ class SceneForces:
                 begin = first[side.body]
                 first[side.body] += 2 * side.count
                 forces.append(bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
-            found[contact.name] = tuple(forces)
+            found[contact.name] = tuple(forces[::-1] if exchanged(contact) else forces)
         return cls(bodies, found)
 
     @property
@@ -128,6 +130,11 @@ class SceneForces:
         """By how much the forces of a contact on its sides differ at most, over the largest of all."""
         found = [float(np.abs(sum(forces)).max()) for forces in self.contacts.values() if len(forces) == 2]
         return max(found, default=0.0) / self.size if self.size else 0.0
+
+
+def exchanged(contact: AnyContact) -> bool:
+    """Whether the case names slave and master of a contact the other way round."""
+    return isinstance(contact, BodyContact) and contact.exchanged
 
 
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
@@ -171,7 +178,8 @@ def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, Contact
 def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces) -> dict[str, dict[str, Any]]:
     """The engineer's figures of every contact; the half-width is along the side before loading."""
     records = contact_records(scene, state)
-    found = {}
+    found: dict[str, dict[str, Any]] = {}
+    first = 0
     for contact in scene.contacts:
         record, pressed = records[contact.name], forces.contacts[contact.name]
         found[contact.name] = {
@@ -187,6 +195,10 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
         }
         if len(pressed) == 2:
             found[contact.name]["force_master"] = pressed[1].tolist()
+        count = 2 * sum(side.count for side in contact.sides)
+        if isinstance(contact, RigidContact) and contact.rotation.any():
+            found[contact.name]["moment"] = _moment(contact, state, slice(first, first + count))
+        first += count
     return found
 
 
@@ -197,10 +209,23 @@ def _cone(record: ContactRecord, friction: float) -> float:
     return float(ratio.max(initial=0.0))
 
 
-def platen_displacements(scene: FiniteScene, factors: FloatArray) -> dict[str, FloatArray]:
-    """Displacement (2,) of every platen by the load that moves it."""
-    moved = {}
+def _moment(contact: RigidContact, state: FiniteState, here: slice) -> float:
+    """The moment of a turning obstacle's tractions, at the sides' nodes ``here``, on the body about its
+    pivot."""
+    assert state.pressed is not None
+    slave, pivot = contact.slave, contact.pivot + contact.motion @ state.whole
+    at = slave.places + state.pressed.surface[here].reshape(-1, 2) - pivot
+    force = slave.weight[:, None] * state.pressed.traction[here].reshape(-1, 2)
+    return float((at[:, 0] * force[:, 1] - at[:, 1] * force[:, 0]).sum())
+
+
+def platen_displacements(scene: FiniteScene, state: FiniteState) -> dict[str, FloatArray]:
+    """Displacement (2,) of every platen and of every obstacle by the load that moves it."""
+    moved, factors = {}, state.factors
+    rigid = {one.name: one for one in scene.contacts if isinstance(one, RigidContact)}
     for number, load in enumerate(scene.case.load):
+        if isinstance(load, ObstacleMotion):
+            moved[load.name] = rigid[load.obstacle].motion @ state.whole
         if isinstance(load, Platen):
             control = [load.control.get(axis) for axis in "xy"]
             moved[load.name] = np.array([0.0 if one is None else one[1] for one in control]) * factors[number]

@@ -83,15 +83,13 @@ def _obstacles(
 ) -> Iterator[tuple[float, tuple[float, float], str, str]]:
     """The same of rigid obstacles, with the sides that no contact with one has."""
     rigid = [one for one in scene.contacts if isinstance(one, RigidContact)]
-    taken = {(one.slave.body, one.slave.surface) for one in rigid}
+    taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.members}
     for contact in rigid:
         body = bodies[contact.slave.body]
         for surface in body.cloud.surfaces.values():
             if (body.name, surface.name) in taken:
                 continue
-            at = body.places[surface.index] - contact.motion @ factors
-            partner, normal = contact.shape.closest(at, surface.normal)
-            depth = -((at - partner) * normal).sum(axis=1)
+            depth = -contact.seen(body.places[surface.index], surface.normal, factors)[0]
             over = depth - DEEP * body.cloud.spacing[surface.index]
             worst = int(np.argmax(over))
             if over[worst] > 0.0:

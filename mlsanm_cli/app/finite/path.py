@@ -49,6 +49,10 @@ class FiniteState:
         """How well the contacts resist pressures that change from node to node."""
         return np.inf if self.pressed is None else self.pressed.stability
 
+    def shown(self, scene: FiniteScene) -> FloatArray:
+        """The displacements (2N,) by which bodies are shown."""
+        return scene.shown(self.displacement, self.pressed.surface) if self.pressed else self.displacement
+
     @property
     def whole(self) -> FloatArray:
         """Load factors and free motions (L + d,)."""
@@ -73,7 +77,7 @@ class FiniteStep:
     """A finished step: the state at its end, wanted states in it as they follow each other (its end may be
     one), what it cost, limit points in it.
 
-    ``renewed`` means that the equations were renewed at its end.
+    ``renewed`` means that the equations were renewed at its end; ``mark`` is what the path goes on from.
     """
 
     state: FiniteState
@@ -85,22 +89,58 @@ class FiniteStep:
     solves: int = 0
     turns: tuple[Turn, ...] = ()
     renewed: bool = False
+    mark: FiniteMark | None = None
 
 
-def finite_path(scene: FiniteScene) -> Iterator[FiniteStep]:
-    """All steps, the start first. Raises NumericalError where the path breaks off, or where a state has no
-    sense: det F <= 0, or a law that has lost ellipticity."""
+@dataclass(frozen=True)
+class FiniteMark:
+    """What a path goes on from: a ``state``; the ``station`` (2N,) of the equations of all bodies in turn,
+    and ``acting`` (l,), the factors of the bodies' loads there, in turn; the ``pace``, of contacts the next
+    increment, of power series the length of the last step.
+
+    Power series also know the ``stage`` and the part ``lam`` of it, the ``direction`` (2N + 1,) of the path,
+    ``levels`` of the stage still to come, and whether equations are to be ``renewed`` first.
+    """
+
+    state: FiniteState
+    station: FloatArray
+    acting: FloatArray
+    pace: float
+    stage: int = 0
+    lam: float = 0.0
+    direction: FloatArray = field(default_factory=lambda: np.zeros(0))
+    levels: FloatArray = field(default_factory=lambda: np.zeros(0))
+    renewed: bool = False
+
+    @property
+    def branch(self) -> Branch | None:
+        """The direction as a straight piece of path, if there is any."""
+        if not self.direction.size:
+            return None
+        x = np.stack([self.state.displacement, self.direction[:-1]])
+        return Branch(x, np.array([self.lam, self.direction[-1]]), self.pace)
+
+
+def finite_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
+    """All steps, the start first, or those behind a ``mark``. Raises NumericalError where the path breaks
+    off, or where a state has no sense: det F <= 0, or a law that has lost ellipticity."""
     stages, case = scene.stages, scene.case
     wanted = sorted(set(case.output.at)) or [float(len(stages) - 1)]
-    x = np.zeros(scene.unknowns)
-    first = FiniteState(0.0, stages[0], x, 0.0)
-    yield FiniteStep(first, (first,) if 0.0 in wanted else ())
-    problem = _first_problem(scene)
-    steps = 0
-    for stage in range(len(stages) - 1):
+    problem, x = _first_problem(scene), np.zeros(scene.unknowns)
+    if mark is None:
+        first = FiniteState(0.0, stages[0], x, 0.0)
+        start = FiniteMark(first, x, stages[0], 0.0, levels=np.array(wanted))
+        yield FiniteStep(first, (first,) if 0.0 in wanted else (), mark=start)
+    elif mark.direction.size:
+        projector = scene.projector(scene.alone[0], mark.station, mark.acting)
+        x, problem = mark.state.displacement, replace(problem, projector=projector)
+    steps, begun = 0, mark.stage if mark is not None else 0
+    for stage in range(begun, len(stages) - 1):
         problem = replace(problem, start=stages[stage], end=stages[stage + 1])
         levels = [position - stage for position in wanted if stage < position <= stage + 1]
         path = _Stage(scene, problem, stage, levels)
+        if mark is not None and stage == begun and mark.direction.size:
+            path.take_up(mark)
         for step in path.steps(x):
             steps += 1
             if steps > case.solver.max_steps:
@@ -134,27 +174,41 @@ class _Stage:
         self._levels = list(levels)
         self.x = np.zeros(0)
         self._lam = 0.0
-        self._station = problem.projector.station
+        self._station, self._acting = problem.projector.station, problem.start
+        self._previous: Branch | None = None
+
+    def take_up(self, mark: FiniteMark) -> None:
+        """Go on behind a ``mark``."""
+        self.x, self._lam, self._previous = mark.state.displacement, mark.lam, mark.branch
+        self._acting, self._levels = mark.acting, mark.levels.tolist()
+        if mark.renewed:
+            self._renew()
 
     def steps(self, x: FloatArray) -> Iterator[FiniteStep]:
-        """The steps from a state ``x`` (2N,) at the stage's start to its end."""
-        self.x, previous, fresh = x, None, False
+        """The steps from a state ``x`` (2N,) at the stage's start to its end, or from what was taken up."""
+        self.x, fresh = self.x if self._previous is not None else x, False
         while True:
             follower = follow(
-                self.problem, self.x, self._lam, 1.0, _options(self._scene), previous, levels=self._levels
+                self.problem,
+                self.x,
+                self._lam,
+                1.0,
+                _options(self._scene),
+                self._previous,
+                levels=self._levels,
             )
             moved = 0
             for step in follower.steps():
                 moved += 1
                 check_deformation(self._scene, self._stage + step.lam, step.x)
                 finished = self._finished(step)
-                self.x, self._lam, previous = step.x, step.lam, step.branch
+                self.x, self._lam, self._previous = step.x, step.lam, step.branch
                 body = self.problem.body
                 stretched = step.lam != 1.0 and most_stretched(body, step.x, self._station) > RENEW
                 if stretched:
                     follower.stop()
                     finished = replace(finished, renewed=True, factorizations=finished.factorizations + 1)
-                yield finished
+                yield replace(finished, mark=self._mark(finished, step))
             outcome = follower.outcome
             if outcome.reached:
                 return
@@ -164,10 +218,16 @@ class _Stage:
                 fresh = True
             self._renew()
 
+    def _mark(self, finished: FiniteStep, step: Step) -> FiniteMark:
+        branch, levels = step.branch, np.array(self._levels)
+        direction = np.append(branch.x[1], branch.lam[1])
+        place = (self._stage, step.lam, direction, levels, finished.renewed)
+        return FiniteMark(finished.state, self._station, self._acting, branch.length, *place)
+
     def _renew(self) -> None:
         """Take the equations of the present state, and the state to them."""
         factors = self.problem.factors(self._lam)
-        self._station = self.x
+        self._station, self._acting = self.x, factors
         name = self._scene.alone[0]
         problem = replace(self.problem, projector=self._scene.projector(name, self.x, factors))
         x, rest = self.x, problem.residual(self.x, self._lam)

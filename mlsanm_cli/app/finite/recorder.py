@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.finite.checkpoint import FiniteEarlier, plain_mark
 from mlsanm_cli.app.finite.fields import (
     FiniteFields,
     SceneForces,
     contact_records,
+    exchanged,
     fields_of,
     platen_displacements,
     probe_records,
     resultants,
 )
-from mlsanm_cli.app.finite.path import FiniteState, FiniteStep, Turn
+from mlsanm_cli.app.finite.path import FiniteMark, FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.recording import boundary_tags
 from mlsanm_cli.app.output.writer import RunWriter, body_datasets
@@ -26,6 +30,19 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place, row
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import BodyState, write_single
+
+TALLIES = (
+    "steps",
+    "renewed",
+    "balance",
+    "largest",
+    "stability",
+    "residual",
+    "iterations",
+    "factorizations",
+    "solves",
+)
+"""What is counted along the path."""
 
 
 class FiniteRecorder(RunWriter):
@@ -40,16 +57,20 @@ class FiniteRecorder(RunWriter):
         loaded: LoadedCase,
         attributes: Mapping[str, str | int | float],
         context: RunContext,
+        earlier: FiniteEarlier | None = None,
     ) -> None:
-        super().__init__(directory, loaded, {**attributes, "strain": "finite"}, context)
-        self.steps = self._saved = self.renewed = 0
+        attributes = {**attributes, "strain": "finite"}
+        super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
+        self._started -= earlier.seconds if earlier else 0.0
+        self._earlier = earlier
+        self.steps = self._saved = self.renewed = self._rows = 0
         self.last: FiniteState | None = None
-        self.balance = self._largest = 0.0
+        self.balance = self.largest = 0.0
         self.stability = float("inf")
         self.turns: list[Turn] = []
 
-    def start(self, scene: FiniteScene) -> None:
-        """Store the bodies and their contacts."""
+    def start(self, scene: FiniteScene) -> FiniteMark | None:
+        """Store the bodies and their contacts; what the path goes on from, None where it begins."""
         with self._clock.phase("output"):
             datasets: dict[str, Value] = {}
             for name, body in scene.bodies.items():
@@ -59,13 +80,29 @@ class FiniteRecorder(RunWriter):
                 slave = contact.slave
                 geometry = {
                     "points": slave.places,
-                    "normal": contact.start(scene.stages[0]),
+                    "normal": (-1.0 if exchanged(contact) else 1.0) * contact.start(scene.stages[0]),
                     "arc_length": slave.arc,
                     "weight": slave.weight,
                 }
                 datasets |= {place("contacts", contact.name, key): array for key, array in geometry.items()}
-            self._file.add(datasets=datasets)
+            self._file.confirm(datasets)
             self._file.save_if_due()
+            return self._take_up(scene, self._earlier) if self._earlier else None
+
+    def _take_up(self, scene: FiniteScene, before: FiniteEarlier) -> FiniteMark | None:
+        """Go on behind what is recorded."""
+        if before.mark is None:
+            return None
+        self.last, self._rows = before.mark.state, before.rows
+        for name in TALLIES:
+            setattr(self, name, before.figures[name])
+        self.turns += [Turn(**one) for one in before.figures["turns"]]
+        self.warnings += before.figures["warnings"]
+        positions = self._file.saved_positions()
+        self._saved = len(positions)
+        for position in positions if scene.case.output.vtu else ():
+            self._states.keep(position, tuple(scene.bodies))
+        return before.mark
 
     def step(self, scene: FiniteScene, step: FiniteStep) -> None:
         """Store one finished step with the fields wanted within it."""
@@ -80,19 +117,20 @@ class FiniteRecorder(RunWriter):
                 datasets |= _stored(scene, found, self._saved)
                 rows.append({"fields/position": one.position})
                 self._saved += 1
-            self._file.add(rows, datasets)
-            self._file.save_if_due()
             for one, found in fields:
                 if scene.case.output.vtu:
                     self._states.write(one.position, _shown(scene, found))
-            self._events.write(
-                "step",
-                index=self.steps + bool(self.last),
-                position=state.position,
-                residual=state.residual,
-                length=step.length,
-            )
-        self._count(scene, step)
+            self._count(scene, step)
+            self._rows += 1 + len(between)
+            figures = {name: getattr(self, name) for name in TALLIES}
+            more = {"turns": [asdict(turn) for turn in self.turns], "warnings": list(self.warnings)}
+            assert step.mark is not None
+            latest = partial(plain_mark, step.mark, figures | more)
+            # Before the rows: a run that goes on drops the events of steps that are not in its file.
+            event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
+            self._events.write("step", **event, length=step.length)
+            self._file.add(rows, datasets, latest=latest)
+            self._file.save_if_due()
         turned = [f"limit point {turn.position:.6g}" for turn in step.turns]
         text = "  ".join([*turned, *(["equations renewed"] if step.renewed else [])])
         self._console.step(self.steps, state.position, state.residual, text)
@@ -104,7 +142,7 @@ class FiniteRecorder(RunWriter):
             factors=dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
             resultants=resultants(scene, forces),
             contacts=contact_records(scene, state),
-            displacements=platen_displacements(scene, state.factors),
+            displacements=platen_displacements(scene, state),
             probes=probe_records(scene, state),
         )
 
@@ -116,8 +154,8 @@ class FiniteRecorder(RunWriter):
         self.turns += step.turns
         self.stability = min(self.stability, step.state.stability)
         forces = SceneForces.of(scene, step.state)
-        self._largest = max(self._largest, forces.size)
-        self.balance = forces.rest / self._largest if self._largest else 0.0
+        self.largest = max(self.largest, forces.size)
+        self.balance = forces.rest / self.largest if self.largest else 0.0
 
     def failure(self, error: NumericalError, scene: FiniteScene) -> None:
         """Record a failure, and write the last good state as failure.vtu."""

@@ -12,16 +12,18 @@ from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT
 from mlsanm_cli.app.assessment.quality import Quality, announce
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.finite.checkpoint import earlier_of
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.fields import SceneForces, contact_summary, extremes, probe_records, resultants
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.recorder import FiniteRecorder
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.finite.verdict import FEW_WAVES
+from mlsanm_cli.app.finite.verdict import FEW_WAVES, few_nodes
 from mlsanm_cli.app.output.summary import Ending, head, probe_figures
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.io.run_reader import RunOrigin
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.system import peak_memory_mb
 
@@ -32,11 +34,14 @@ def run_finite(
     directory: Path,
     provenance: Mapping[str, str | int | float],
     context: RunContext,
+    origin: RunOrigin | None = None,
 ) -> Mapping[str, Any]:
-    """Follow the path and write the run directory; the mapping of summary.json."""
+    """Follow the path and write the run directory, or go on with a run of that ``origin``; the mapping of
+    summary.json."""
+    earlier = earlier_of(origin) if origin is not None else None
     with context.phase("operators"):
         scene = finite_scene(loaded.case, prepared)
-    with FiniteRecorder(directory, loaded, provenance, context) as recorder:
+    with FiniteRecorder(directory, loaded, provenance, context, earlier) as recorder:
         quality = announce(loaded.case, prepared, context, recorder.warn)
         ending = _followed(scene, recorder, context)
         summary = _summary(scene, recorder, ending, quality, context.clock)
@@ -47,10 +52,10 @@ def run_finite(
 def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext) -> Ending:
     """Go along the path; how it ended."""
     try:
-        recorder.start(scene)
+        mark = recorder.start(scene)
         context.stop_gently()
         several = bool(scene.contacts) or len(scene.bodies) > 1
-        steps = contact_path(scene) if several else finite_path(scene)
+        steps = contact_path(scene, mark) if several else finite_path(scene, mark)
         while True:
             context.check_stop()
             with context.phase("continuation"):
@@ -64,7 +69,7 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
         recorder.failure(error, scene)
         return Ending("failed", error.message, error.hint)
     except KeyboardInterrupt as stop:
-        return Ending("stopped", str(stop), "run the case again with --force: finite strain is not resumed")
+        return Ending("stopped", str(stop))
     return Ending("done", "end of the last stage")
 
 
@@ -76,6 +81,9 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
         recorder.warn(
             f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
         )
+    if recorder.last.pressed is not None:
+        for text in few_nodes(scene, recorder.last.pressed):
+            recorder.warn(text)
     # What single nodes hold a body with is not known from its stress.
     single = any(body.elastic.held_nodes for body in scene.bodies.values())
     if recorder.balance > BALANCE_LIMIT and not single:

@@ -13,7 +13,8 @@ from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.direct_solver import direct_solver
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, Place, Platen, Pressure
+from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
+from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.exact import AnyContact
@@ -80,6 +81,17 @@ class FiniteScene:
         ends = np.cumsum([body.unknowns for body in self.bodies.values()])[:-1]
         return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
 
+    def shown(self, displacement: FloatArray, surface: FloatArray) -> FloatArray:
+        """Displacements (2N,) of all bodies, at the nodes of sides in contact those of the ``surface`` (2s,):
+        to what changes from node to node there clouds by themselves answer wrongly."""
+        found, first = displacement.copy(), 0
+        own = self.parts(found)
+        for side in (one for contact in self.contacts for one in contact.sides):
+            last = first + 2 * side.count
+            own[side.body].reshape(-1, 2)[side.nodes] = surface[first:last].reshape(-1, 2)
+            first = last
+        return found
+
     def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
         """By body, the factors of all its loads: the case's and free motions, ``factors`` (L + d,), then its
         own of the tractions (2s,) at the nodes of all sides in contact."""
@@ -101,7 +113,7 @@ class FiniteScene:
 
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
-    """Take over clouds, conditions and loads of a scene that :func:`refuse_unsupported` has let pass."""
+    """Take over clouds, conditions and loads of a scene that the checks have let pass."""
     solver = direct_solver(case)
     loose, driven = _free(case, prepared)
     free = sum(one.count for one in loose) + len(driven)
@@ -184,16 +196,20 @@ def _contact(case: Case, prepared: SceneModel, pairing: Pairing, free: int) -> A
     if pairing.master is not None:
         assert pairing.master_body is not None
         master = _side(prepared, pairing.master_body, pairing.master)
-        return BodyContact(pairing.name, slave, master, pairing.friction)
+        return BodyContact(pairing.name, slave, master, pairing.friction, pairing.exchanged)
     assert found.obstacle is not None
     count = len(case.moved)
-    motion = np.zeros((2, count + free))
+    motion, rotation, pivot = np.zeros((2, count + free)), np.zeros(count + free), (0.0, 0.0)
+    for number, load in enumerate(case.load):
+        if isinstance(load, ObstacleMotion) and load.obstacle == pairing.name and load.rotation:
+            rotation[number], pivot = load.rotation, pivot_of(found.obstacle, load) or pivot
     for constraint in prepared.rigid_constraints:
         if isinstance(constraint, mechanics.Obstacle) and constraint.contact == pairing.name:
             for one in constraint.motions:
                 if one.prescribed is not None:
                     motion[one.component, :count] += one.prescribed
-    return RigidContact(pairing.name, slave, shape_of(found.obstacle), motion, pairing.friction)
+    moved = (motion, pairing.friction, rotation, np.array(pivot))
+    return RigidContact(pairing.name, slave, shape_of(found.obstacle), *moved)
 
 
 def _side(prepared: SceneModel, body: str, surface: Surface) -> Side:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.continuation import Outcome
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.law import determinant
 
+FEWEST = 4
+"""Nodes over a contact below which its pressures are hardly known."""
 FEW_WAVES = 0.1
 """Below this part of the shear modulus the acoustic tensor is so soft that a run warns."""
 _LAWS = 'law = "neo-hookean" bears any compression; or smaller loads'
@@ -41,6 +46,30 @@ def _check_body(scene: FiniteScene, name: str, position: float, displacement: Fl
             f"(acoustic tensor {waves[node]:.3g} of the shear modulus): the state is not unique",
             _LAWS,
         )
+
+
+def few_nodes(scene: FiniteScene, pressed: Pressed) -> Iterator[str]:
+    """Warnings of contacts whose nodes are too far apart for what touches, or might touch between them."""
+    first = 0
+    for contact in scene.contacts:
+        side, here = contact.slave, slice(first, first + contact.slave.count)
+        first = here.stop
+        name = f"{side.body}.{side.members[0][0].partition('/')[0]}"
+        closed, gap = pressed.sets.closed[here], pressed.gap[here]
+        near = int(np.argmin(gap))
+        spacing = float(side.weight[near])
+        if not closed.any():
+            turned = np.abs(np.diff(side.outward[max(near - 1, 0) : near + 2], axis=0)).max(initial=0.0)
+            if gap[near] < turned * spacing / 8.0:
+                yield (
+                    f"contact {contact.name}: no node of {name} touches, but between its nodes, "
+                    f"{spacing:.3g} apart, it may: give {name} finer nodes there"
+                )
+        elif closed.sum() < FEWEST:
+            yield (
+                f"contact {contact.name}: only {closed.sum()} of the nodes of {name} touch, {spacing:.3g} "
+                f"apart: pressures depend on that; give {name} finer nodes there"
+            )
 
 
 def path_failure(

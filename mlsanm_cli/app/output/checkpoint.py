@@ -39,13 +39,13 @@ def plain_checkpoint(
     last: State, checkpoint: Checkpoint | None, figures: Mapping[str, Any]
 ) -> dict[str, Value]:
     """As datasets: the state of the last row, what the path goes on from, and what was counted."""
-    found = {**_flat("checkpoint/last", last), **_flat("checkpoint/path", checkpoint)}
-    return {**found, "checkpoint/figures": _text(figures)}
+    found = {**flattened("checkpoint/last", last), **flattened("checkpoint/path", checkpoint)}
+    return {**found, "checkpoint/figures": as_text(figures)}
 
 
 def plain_refinement(refinement: Refinement) -> str:
     """The refinement of clouds as a dataset."""
-    return _text(asdict(refinement))
+    return as_text(asdict(refinement))
 
 
 def earlier_of(origin: RunOrigin) -> Earlier:
@@ -57,19 +57,25 @@ def earlier_of(origin: RunOrigin) -> Earlier:
         return Earlier(
             rows=origin.rows,
             seconds=origin.seconds,
-            last=_made(State, stored["last"]) if started else None,
+            last=restored(State, stored["last"]) if started else None,
             checkpoint=_checkpoint(stored["path"]) if started else None,
             figures=json.loads(stored["figures"]) if started else {},
             refinement=_refinement(json.loads(stored["refinement"])) if "refinement" in stored else None,
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise RunError(
-            f"the checkpoint of the run cannot be read: {error!r}",
-            "it is damaged, or of another version of mlsanm; run the case again with --force",
-        ) from error
+        raise unreadable(error) from error
 
 
-def _text(value: Any) -> str:
+def unreadable(error: Exception) -> RunError:
+    """What to say of a checkpoint that makes an ``error``."""
+    return RunError(
+        f"the checkpoint of the run cannot be read: {error!r}",
+        "it is damaged, or of another version of mlsanm; run the case again with --force",
+    )
+
+
+def as_text(value: Any) -> str:
+    """Plain values as JSON."""
     # Unlike in summary.json, nan is stored as such.
     return json.dumps(value, default=_plain)
 
@@ -78,17 +84,17 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else asdict(value)
 
 
-def _flat(name: str, value: Any) -> dict[str, Value]:
+def flattened(name: str, value: Any) -> dict[str, Value]:
     """All numbers and arrays of a dataclass, and of those in it, by their paths; nothing of None."""
     if value is None:
         return {}
     if is_dataclass(value):
-        parts = [_flat(f"{name}/{one.name}", getattr(value, one.name)) for one in fields(value)]
+        parts = [flattened(f"{name}/{one.name}", getattr(value, one.name)) for one in fields(value)]
         return {key: array for part in parts for key, array in part.items()}
     return {name: np.asarray(value)}
 
 
-def _made(kind: type[Made], stored: Mapping[str, Any], **more: Any) -> Made:
+def restored(kind: type[Made], stored: Mapping[str, Any], **more: Any) -> Made:
     """A dataclass from its arrays and numbers, and ``more`` that is made of several."""
     own = {name: value for name, value in stored.items() if name not in more}
     return kind(**{name: value if value.ndim else value.item() for name, value in own.items()}, **more)
@@ -98,8 +104,8 @@ def _checkpoint(stored: Mapping[str, Any]) -> Checkpoint:
     history = stored.get("history")
     remembered = None
     if history is not None:
-        remembered = _made(FrictionHistory, history, sets=_made(ContactStatus, history["sets"]))
-    return _made(Checkpoint, stored, state=_made(State, stored["state"]), history=remembered)
+        remembered = restored(FrictionHistory, history, sets=restored(ContactStatus, history["sets"]))
+    return restored(Checkpoint, stored, state=restored(State, stored["state"]), history=remembered)
 
 
 def _refinement(plain: Mapping[str, Any]) -> Refinement:

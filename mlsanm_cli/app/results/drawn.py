@@ -19,12 +19,14 @@ from mlsanm_cli.case import (
     Temperature,
     Traction,
 )
+from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.io.plots.marks import Marks
 from mlsanm_cli.io.run_reader import BodyData
 
 TICKS, ARROWS = 40, 7
 """Ticks along a held boundary, and arrows along one that a pressure acts on, at most."""
 Arrow = tuple[FloatArray, FloatArray, FloatArray, str]
+NO_FACTORS: Mapping[str, float] = {}
 
 
 def marks_of(
@@ -33,11 +35,13 @@ def marks_of(
     touching: Mapping[str, FloatArray],
     moved: Mapping[str, FloatArray],
     scale: float = 1.0,
+    factors: Mapping[str, float] = NO_FACTORS,
 ) -> Marks:
     """The signs of a case's supports, loads and obstacles.
 
     ``touching`` are points (m, 2) of the contacts, where the loads of obstacles are drawn; ``moved`` how far
-    (2,) loads have moved platens and obstacles, which are drawn ``scale`` times as far.
+    (2,) loads have moved platens and obstacles, which are drawn ``scale`` times as far; obstacles are turned
+    by loads with ``factors``.
     """
     points = np.concatenate([body.points for body in bodies.values()])
     lines = obstacles(case, points.min(axis=0), points.max(axis=0))
@@ -53,9 +57,22 @@ def marks_of(
         nodes=tuple(nodes),
         arrows=tuple(_arrows(case, bodies, touching)),
         obstacles=tuple(
-            line + scale * obstacle_shift(case, name, moved) for name, (line, _) in lines.items()
+            _turned(case, name, line, factors) + scale * obstacle_shift(case, name, moved)
+            for name, (line, _) in lines.items()
         ),
     )
+
+
+def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, float]) -> FloatArray:
+    """Points (k, 2) of an obstacle as loads have turned it."""
+    angle, pivot = 0.0, (0.0, 0.0)
+    obstacle = next(one.obstacle for one in case.contact if one.name == contact)
+    for load in case.load:
+        if isinstance(load, ObstacleMotion) and load.obstacle == contact and load.rotation and obstacle:
+            angle += load.rotation * factors.get(load.name, 0.0)
+            pivot = pivot_of(obstacle, load) or pivot
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return np.asarray(pivot + (line - pivot) @ turn)
 
 
 def boundary_nodes(body: BodyData, place: Place) -> tuple[IntArray, FloatArray]:

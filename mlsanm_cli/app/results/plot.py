@@ -272,6 +272,7 @@ def _draw_bodies(path: Path, run: RunData, case: Case, choice: Choice) -> None:
     row = int(np.abs(run.path.position - state.position).argmin())
     moved = {load: np.asarray(history[row]) for load, history in run.path.displacements.items()}
     touching = {name: contact.points for name, contact in run.contacts.items()}
-    marks = marks_of(case, run.bodies, touching, moved, scale)
+    factors = {load: float(history[row]) for load, history in run.path.factors.items()}
+    marks = marks_of(case, run.bodies, touching, moved, scale, factors)
     window = contact_window(run, state.position, bodies)
     plot_cloud(path, bodies, label, title, scale, window, marks=marks)

@@ -76,10 +76,6 @@ def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
         prepared = place(loaded.case, context)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(prepared.pairings)
-        if loaded.case.model.strain == "finite":
-            from mlsanm_cli.app.scene.finite_support import refuse_unsupported
-
-            refuse_unsupported(prepared)
     except CaseError as error:
         raise loaded.located(error) from error
     return prepared

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.app.scene.causes import unfacing_hint
 from mlsanm_cli.app.scene.fields import AmountField
+from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.surfaces import sides_of, surface_at
-from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle
+from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_obstacle, pair_surfaces
@@ -20,6 +21,8 @@ from mlsanm_cli.errors import CaseError, CaseProblem
 IN_PLACE = 0.05
 """Bonded surfaces are drawn in one place where they are apart by less than this part of the spacing: curves
 through points, and polygons, are no nearer to each other."""
+ALIKE = 1e-6
+"""Bodies whose compliances differ by less than this part are equally stiff."""
 TOUCHING = 1e-3
 """Surfaces of a fit are drawn touching where they are apart by less than this part of the spacing."""
 
@@ -77,17 +80,31 @@ def profile_of(contact: Contact) -> AmountField | None:
 
 
 def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
-    places = sides_of(case, contact)
-    body = places[0].body
-    slave = surface_at(case, clouds[body], places[0], f"contact.{contact.name}.slave")
+    places = list(zip(sides_of(case, contact), ("slave", "master"), strict=False))
+    exchanged = case.model.strain == "finite" and _stiff_slave(case, [place for place, _ in places])
+    if exchanged:
+        places.reverse()
+    (body, slave), *others = [
+        (place.body, surface_at(case, clouds[place.body], place, f"contact.{contact.name}.{key}"))
+        for place, key in places
+    ]
     if contact.obstacle is not None:
         shape = shape_of(contact.obstacle)
         return pair_obstacle(contact.name, body, clouds[body], slave, shape, contact.coefficient)
-    other = places[1].body
-    master = surface_at(case, clouds[other], places[1], f"contact.{contact.name}.master")
-    return pair_surfaces(
+    ((other, master),) = others
+    found = pair_surfaces(
         contact.name, body, clouds[body], slave, other, clouds[other], master, contact.coefficient
     )
+    return replace(found, exchanged=exchanged)
+
+
+def _stiff_slave(case: Case, places: Sequence[Place]) -> bool:
+    """Whether the slave is the stiffer body of a contact at finite strain: pressures live at the nodes of the
+    softer one, as those between its nodes would be a matter of nobody."""
+    stiffness = materials(case)
+    names = [next(one.material for one in case.body if one.name == place.body) for place in places]
+    slave, *masters = (float(stiffness[name].contact_compliance(np.array([[0.0, 1.0]]))[0]) for name in names)
+    return any(slave < (1.0 - ALIKE) * master for master in masters)
 
 
 def shape_of(obstacle: AnyObstacle) -> Shape:

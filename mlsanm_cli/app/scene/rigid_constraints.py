@@ -108,7 +108,8 @@ def _obstacles(case: Case) -> Iterator[mechanics.Obstacle]:
             _motion(len(case.moved), component, controls, alone=True)
             for component, controls in _controls(loads).items()
         )
-        yield mechanics.Obstacle(contact, (0.0, 0.0), motions, tuple(number for number, _ in loads))
+        if motions:
+            yield mechanics.Obstacle(contact, (0.0, 0.0), motions, tuple(number for number, _ in loads))
 
 
 def _loose(

@@ -110,7 +110,7 @@ def _check_moving(load: Platen | ObstacleMotion, path: KeyPath, report: Report) 
         report.add(
             (*path, single[0]), f'"{both}" gives both components already', "ux or fx, and uy or fy instead"
         )
-    elif not load.control:
+    elif not load.control and not (isinstance(load, ObstacleMotion) and load.rotation):
         what = "a platen" if isinstance(load, Platen) else "the motion of an obstacle"
         report.add(path, f"{what} needs a direction", "give force, displacement, or ux/uy/fx/fy")
     for u, f in (("ux", "fx"), ("uy", "fy")):

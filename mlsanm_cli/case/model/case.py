@@ -132,7 +132,7 @@ class Regularization(Section):
 
     law: Literal["hyperbolic", "exact"] = "hyperbolic"
     """Regularised contact law (a smooth hyperbola, required by power series) or exact Signorini and Coulomb
-    conditions; the same in all contacts."""
+    conditions; the same in all contacts. At finite strain contacts are exact, by default too."""
     eta: Annotated[Positive, NUMBER] = 1e-4
     """Regularisation parameter of the hyperbolic law, relative to the largest pressure."""
     stick: Annotated[Positive, NUMBER] = 1e-4

@@ -239,6 +239,11 @@ class ObstacleMotion(_Moving):
     """Contact to which the obstacle belongs."""
     kind: Literal["obstacle"]
     """Kind of load."""
+    rotation: Annotated[float, TURN] = 0.0
+    """Angle by which the obstacle turns, counter-clockwise, any number of turns (finite strain only)."""
+    pivot: Annotated[Vector, LENGTH] | None = None
+    """Point of the obstacle as drawn about which it turns; it moves with the obstacle. The centre of disks by
+    default."""
 
     @property
     def owner(self) -> None:

@@ -107,6 +107,7 @@ def parse_case(
     content, changed, bad_overrides = apply_overrides(content, overrides)
     _refuse_sizes(content, Report(content, lines, source, changed))
     data = _anchored({key: _frozen(value) for key, value in content.items()}, path.parent)
+    data = _with_law(data)
     data, bad_tables = inline_tables(data, path.parent)
     report = Report(data, lines, source, changed)
     covered: list[KeyPath] = []
@@ -153,6 +154,21 @@ def _anchored_body(body: Any, folder: Path) -> Any:
     assert isinstance(body, Mapping)
     assert isinstance(shape, Mapping)
     return {**body, "shape": {**shape, "file": str((folder / file).absolute())}}
+
+
+def _with_law(data: dict[str, Any]) -> dict[str, Any]:
+    """The content with the exact law, the only one of finite strain, in contacts that name none."""
+    model, contacts = data.get("model"), data.get("contact")
+    if not (isinstance(model, Mapping) and model.get("strain") == "finite" and isinstance(contacts, tuple)):
+        return data
+    return {**data, "contact": tuple(_exact(one) for one in contacts)}
+
+
+def _exact(contact: Any) -> Any:
+    given = contact.get("regularization", {}) if isinstance(contact, Mapping) else None
+    if not isinstance(given, Mapping):
+        return contact
+    return {**contact, "regularization": {"law": "exact", **given}}
 
 
 def _with_digests(case: Case, geometries: Mapping[int, Geometry]) -> Case:

@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import ComplexArray
 
-CLEAR = 4
+CLEAR = 2
 """Up to so many nodes from corners nothing is put back, from twice as many on all: fields there would have to
 know the corner."""
 WIDE = 4

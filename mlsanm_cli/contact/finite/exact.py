@@ -31,6 +31,8 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 AnyContact: TypeAlias = RigidContact | BodyContact
 LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
+PATIENCE = 3
+"""Iterations without a smaller update after which an increment is given up, from twice as many on."""
 NOTHING = 1e-12
 """Pressures below this part of those of the typical displacement are none."""
 
@@ -39,9 +41,10 @@ NOTHING = 1e-12
 class Pressed:
     """A state in contact: ``displacement`` (2N,) of all bodies in turn; at the slaves' nodes of all contacts
     nominal ``pressure`` and ``shear`` of friction (c,), ``gap``, ``place`` and ``slip`` (c,), ``normal``
-    (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn; the ``free`` motions
-    (d,). ``residual`` is the last update over the typical displacement, ``stability`` the least resistance of
-    a contact to pressures that change from node to node."""
+    (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn, which have moved by
+    ``surface`` (2s,), where their answers differ from the clouds'; the ``free`` motions (d,). ``residual`` is
+    the last update over the typical displacement, ``stability`` the least resistance of a contact to
+    pressures that change from node to node."""
 
     displacement: FloatArray
     pressure: FloatArray
@@ -52,6 +55,7 @@ class Pressed:
     normal: FloatArray
     sets: NodeSets
     traction: FloatArray
+    surface: FloatArray
     free: FloatArray
     residual: float
     iterations: int
@@ -145,7 +149,7 @@ class Pressing:
         derivatives."""
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
-        settled, traction = False, start.traction
+        settled, traction, updates = False, start.traction, [np.inf]
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
             closer = Closer.of(self.sides, self.answers, u[self.numbers], traction)
@@ -166,14 +170,15 @@ class Pressing:
             settled = count > 1 and done.settled and (still or done.sets.same(sets))
             sets = done.sets
             last = float(np.abs(done.du).max()) / self.length
-            if not np.isfinite(last):
+            if not np.isfinite(last) or _stalls(updates, last):
                 return None
+            updates.append(last)
             if part == 1.0 and settled and last <= tolerance:
                 spent = count * len(self.projectors)
                 counts = (last, count, spent, solves)
                 surface = closer.moved(u[self.numbers], traction)
                 met = self.meet(surface, np.concatenate([given, free]), before)
-                return self._state(u, p, q, sets, met, free, counts, done)
+                return self._state(u, p, q, sets, met, surface, free, counts, done)
         return None
 
     def _volume(self, u: FloatArray) -> float:
@@ -190,6 +195,7 @@ class Pressing:
         q: FloatArray,
         sets: NodeSets,
         met: Sequence[Meeting],
+        surface: FloatArray,
         free: FloatArray,
         counts: tuple[float, int, int, int],
         done: Done,
@@ -202,7 +208,8 @@ class Pressing:
         normal = np.concatenate([*(one.normal for one in met), np.zeros((0, 2))])
         traction = self.tractions(met, p, q)
         stable = done.stability(self, met)
-        return Pressed(u, p, q, gap, place, slip, normal, sets, traction, free, *counts, stable)
+        args = (u, p, q, gap, place, slip, normal, sets, traction, surface, free)
+        return Pressed(*args, *counts, stable)
 
     def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
         """Tractions (2s,) at the nodes of all sides by the slaves' pressures and friction (c,)."""
@@ -219,6 +226,11 @@ class Pressing:
         return [slice(first, last) for first, last in pairwise(ends)]
 
 
+def _stalls(updates: Sequence[float], last: float) -> bool:
+    """Whether the updates before the ``last`` one, and it, have become no smaller for PATIENCE of them."""
+    return len(updates) > 2 * PATIENCE and min(*updates[1 - PATIENCE :], last) >= min(updates[: 1 - PATIENCE])
+
+
 def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> Pressed:
     """The state before loading of bodies with so many ``unknowns`` and ``free`` motions."""
     count = sum(one.slave.count for one in contacts)
@@ -227,5 +239,5 @@ def unpressed(unknowns: int, contacts: Sequence[AnyContact], free: int = 0) -> P
     sets = NodeSets(np.zeros(count, dtype=np.int8), none)
     still = np.zeros(unknowns)
     zero = np.zeros(2 * sides)
-    args = (sets, zero, np.zeros(free), 0.0, 0, 0, 0)
+    args = (sets, zero, zero, np.zeros(free), 0.0, 0, 0, 0)
     return Pressed(still, none, none, none, none, none, np.zeros((count, 2)), *args)

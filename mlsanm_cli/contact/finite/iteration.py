@@ -28,6 +28,8 @@ BESIDE = 3
 """So many nodes beside those that touch may come to touch within an iteration."""
 REACH = 0.1
 """With free motions also nodes with gaps up to this part of the typical displacement may."""
+LONG = 8.0
+"""Pressures that change from node to node are waves shorter than this many nodes."""
 DAMPED = 1e-5
 """Free motions are held back by this part of the stiffness within an iteration: something has to where
 nothing touches yet, and steps that are 0 in the end change nothing."""
@@ -53,12 +55,14 @@ class Done:
     settled: bool
 
     def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
-        """The least resistance of a contact with closed nodes, on those between two others."""
+        """The least resistance of a contact with closed nodes, on those between two others, to pressures that
+        change within LONG nodes; of what is held nothing is known. Longer waves clouds resolve: what they do
+        is the body's, which may give way to a dead pressure that no contact exerts."""
         least = np.inf
         number = np.full(len(self.sets.status), -1, dtype=np.int64)
         number[self.chosen] = np.arange(len(self.chosen))
         for contact, one, here in zip(pressing.contacts, met, pressing.places, strict=True):
-            own = self.sets.closed[here]
+            own = self.sets.closed[here] & ~contact.slave.held
             inner = own[1:-1] & own[:-2] & own[2:]
             some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
             soft = sum(
@@ -70,7 +74,7 @@ class Done:
             place = number[here][some]
             part = self.compliance[np.ix_(place, place)]
             weight = contact.slave.weight[some]
-            held = self.unbalanced[:, place]
+            held = np.vstack([self.unbalanced[:, place], _long_waves(some) * weight])
             least = min(least, relative_resistance(weight, np.diag(soft), part, held))
         return least
 
@@ -326,6 +330,19 @@ class _Lack:
     now: FloatArray
     by_traction: FloatArray
     by_motion: FloatArray
+
+
+def _long_waves(nodes: IntArray) -> FloatArray:
+    """Cosines (w, k) over each run of neighbours among ``nodes`` (k,), of waves longer than LONG nodes."""
+    runs = np.split(np.arange(len(nodes)), 1 + np.flatnonzero(np.diff(nodes) > 1))
+    found = [np.zeros((0, len(nodes)))]
+    for run in runs:
+        size = len(run)
+        order = np.arange(int(np.ceil(2.0 * (size - 1) / LONG)))
+        waves = np.zeros((len(order), len(nodes)))
+        waves[:, run] = np.cos(np.pi * order[:, None] * (np.arange(size) + 0.5) / size)
+        found.append(waves)
+    return np.concatenate(found)
 
 
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:

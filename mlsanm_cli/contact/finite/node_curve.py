@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sparse
@@ -26,10 +27,11 @@ SLACK = 1e-3
 @dataclass(frozen=True)
 class NodeCurve:
     """Curves over the arc length before loading: nodes at ``arc`` (m,); ``around`` is the length of a closed
-    one."""
+    one, ``corners`` are the numbers of nodes at which curves have a kink."""
 
     arc: FloatArray
     around: float | None
+    corners: tuple[int, ...] = ()
 
     @cached_property
     def knots(self) -> FloatArray:
@@ -37,18 +39,51 @@ class NodeCurve:
         return self.arc if self.around is None else np.append(self.arc, self.arc[0] + self.around)
 
     @cached_property
-    def slopes(self) -> sparse.csr_array:
-        """Rows (m, m) of the derivatives at the nodes, at both ends of an open curve by fewer nodes: taken
-        from one side the slopes of high degrees answer to every unevenness of the last nodes."""
+    def slopes(self) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Rows (m, m) of the derivatives behind the nodes and ahead of them, which differ at corners; nothing
+        behind the first node and ahead of the last one of an open curve."""
         count = len(self.arc)
+        if self.around is not None and not self.corners:
+            both = _slopes(self.arc, self.around, np.arange(count), min(AROUND, count))
+            return both, both
+        stretches = self._stretches()
+        rows = sparse.csr_array(sparse.vstack([self._open(nodes) for nodes in stretches], format="csr"))
+        number, first = np.arange(rows.shape[0]), np.cumsum([0, *(len(nodes) for nodes in stretches)])
+        nodes, found = np.concatenate(stretches) % count, []
+        for end in (first[:-1], first[1:] - 1):
+            kept = np.setdiff1d(number, end)
+            entries = (np.ones(len(kept)), (nodes[kept], kept))
+            found.append(sparse.csr_array(sparse.csr_array(entries, shape=(count, len(number))) @ rows))
+        return found[0], found[1]
+
+    @cached_property
+    def mean_slopes(self) -> sparse.csr_array:
+        """Rows (m, m) of the derivatives at the nodes, at corners the means of both."""
+        both = np.full(len(self.arc), 0.5)
+        if self.around is None:
+            both[[0, -1]] = 1.0
+        behind, ahead = self.slopes
+        return sparse.csr_array(sparse.diags_array(both) @ (behind + ahead))
+
+    def _stretches(self) -> list[IntArray]:
+        """The nodes between corners, with these, beyond the seam of a closed curve counted on."""
+        count = len(self.arc)
+        ends = [0, *self.corners, count - 1]
         if self.around is not None:
-            return _slopes(self.arc, self.around, np.arange(count), min(AROUND, count))
-        inner = np.arange(AROUND // 2, count - AROUND // 2)
-        outer = np.setdiff1d(np.arange(count), inner)
-        ends = _slopes(self.arc, None, outer, min(AT_ENDS, count))
-        if not len(inner):
-            return ends
-        return sparse.csr_array(ends + _slopes(self.arc, None, inner, AROUND))
+            ends = [*self.corners, self.corners[0] + count]
+        return [np.arange(first, last + 1) for first, last in pairwise(ends)]
+
+    def _open(self, nodes: IntArray) -> sparse.csr_array:
+        """Rows (k, m) of the derivatives at ``nodes`` (k,) between two corners, near these by fewer nodes:
+        taken from one side slopes of high degrees answer to every unevenness of the last nodes."""
+        own, (turns, numbers) = len(nodes), np.divmod(nodes, len(self.arc))
+        arc = self.arc[numbers] + turns * (self.around or 0.0)
+        inner = np.arange(AROUND // 2, own - AROUND // 2)
+        rows = _slopes(arc, None, np.setdiff1d(np.arange(own), inner), min(AT_ENDS, own))
+        if len(inner):
+            rows = sparse.csr_array(rows + _slopes(arc, None, inner, AROUND))
+        entries = (np.ones(own), (np.arange(own), numbers))
+        return sparse.csr_array(rows @ sparse.csr_array(entries, shape=(own, len(self.arc))))
 
     def interval(self, place: FloatArray) -> IntArray:
         """Between which knots (c,) places (c,) lie, the number of the lower one."""
@@ -57,27 +92,50 @@ class NodeCurve:
 
     def rows(self, place: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
         """Rows (c, m) of value, first and second derivative at ``place`` (c,)."""
-        low = self.interval(place)
-        step = self.knots[low + 1] - self.knots[low]
-        t = (place - self.knots[low]) / step
-        values = (
-            (1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2),
-            (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t),
-            (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2),
-        )
+        low, step, values = self._shapes(place)
         number, count = np.arange(len(place)), len(self.arc)
         columns = np.concatenate([low, (low + 1) % count])
         found = []
+        shape, (behind, ahead) = (len(place), count), self.slopes
         for order, (one, slope, other, other_slope) in enumerate(values):
             scale = step**-order
-            shape = (len(place), count)
             at = (np.tile(number, 2), columns)
             direct = sparse.csr_array((np.concatenate([one, other]) * np.tile(scale, 2), at), shape=shape)
-            by_slopes = np.concatenate([slope, other_slope]) * np.tile(scale * step, 2)
-            found.append(
-                sparse.csr_array(direct + sparse.csr_array((by_slopes, at), shape=shape) @ self.slopes)
+            low_rows, high_rows = (
+                sparse.csr_array((part * scale * step, (number, nodes)), shape=shape)
+                for part, nodes in zip((slope, other_slope), np.split(columns, 2), strict=True)
             )
+            found.append(sparse.csr_array(direct + low_rows @ ahead + high_rows @ behind))
         return found[0], found[1], found[2]
+
+    def _shapes(self, place: FloatArray) -> tuple[IntArray, FloatArray, tuple[tuple[FloatArray, ...], ...]]:
+        """Of places (c,) the number of the lower knot, the way to the next one, and what value, first and
+        second derivative, over that way, take of the lower node, its slope, the upper node and its slope."""
+        low = self.interval(place)
+        step = self.knots[low + 1] - self.knots[low]
+        t = (place - self.knots[low]) / step
+        return (
+            low,
+            step,
+            (
+                (1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2),
+                (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t),
+                (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2),
+            ),
+        )
+
+    def _seen(
+        self, place: FloatArray, nodes: FloatArray, slopes: tuple[FloatArray, FloatArray]
+    ) -> list[FloatArray]:
+        """Value, first and second derivative (c, 2) at places (c,) of the curve through ``nodes`` (m, 2) with
+        the ``slopes`` (m, 2) behind them and ahead."""
+        low, step, values = self._shapes(place)
+        high, (behind, ahead) = (low + 1) % len(self.arc), slopes
+        ends = nodes[low], step[:, None] * ahead[low], nodes[high], step[:, None] * behind[high]
+        return [
+            sum(part[:, None] * end for part, end in zip(parts, ends, strict=True)) / step[:, None] ** order
+            for order, parts in enumerate(values)
+        ]
 
     def closest(self, nodes: FloatArray, points: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Places (c,) of the closest points to ``points`` (c, 2) on the curve through ``nodes`` (m, 2), and
@@ -91,8 +149,9 @@ class NodeCurve:
         steps = np.diff(self.knots)
         place = self.knots[low] + part[np.arange(len(points)), low] * steps[low]
         inside = np.zeros(len(points), dtype=bool)
+        slopes = (self.slopes[0] @ nodes, self.slopes[1] @ nodes)
         for _ in range(MOST):
-            value, first, second = (row @ nodes for row in self.rows(place))
+            value, first, second = self._seen(place, nodes, slopes)
             apart = points - value
             bent = (first**2).sum(axis=1) - (apart * second).sum(axis=1)
             # Beyond the centre of curvature the closest point is elsewhere: go down the slope.

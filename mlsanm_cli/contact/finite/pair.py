@@ -27,12 +27,14 @@ DEEP = 3.0
 @dataclass(frozen=True)
 class BodyContact:
     """The contact ``name`` of a ``slave`` with a deformable ``master``; ``friction`` is Coulomb's
-    coefficient."""
+    coefficient. ``exchanged`` tells that the case has them the other way round: forces and directions are
+    reported as they act on the slave of the case."""
 
     name: str
     slave: Side
     master: Side
     friction: float = 0.0
+    exchanged: bool = False
 
     @property
     def sides(self) -> tuple[Side, ...]:

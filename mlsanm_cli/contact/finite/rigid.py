@@ -24,14 +24,17 @@ SMALL = 1e-3
 
 @dataclass(frozen=True)
 class RigidContact:
-    """The contact ``name`` of a ``slave`` with an obstacle, whose ``shape`` moves by ``motion`` (2, L) times
-    the load factors, free motions among them; ``friction`` is Coulomb's coefficient."""
+    """The contact ``name`` of a ``slave`` with an obstacle, whose ``shape`` moves by ``motion`` (2, L) and
+    turns by ``rotation`` (L,) about ``pivot`` (2,), as drawn, times the load factors, free motions among
+    them; ``friction`` is Coulomb's coefficient."""
 
     name: str
     slave: Side
     shape: Shape
     motion: FloatArray
-    friction: float = 0.0
+    friction: float
+    rotation: FloatArray
+    pivot: FloatArray
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -40,24 +43,45 @@ class RigidContact:
 
     def start(self, factors: FloatArray) -> FloatArray:
         """Where the obstacle's normals (c, 2) are before anything is deformed."""
-        at = self.slave.places - self.motion[:, : len(factors)] @ factors
-        return self.shape.closest(at, self.slave.outward)[1]
+        count = self.motion.shape[1] - len(factors)
+        return self.seen(self.slave.places, self.slave.outward, np.append(factors, np.zeros(count)))[1]
+
+    def seen(
+        self, places: FloatArray, outward: FloatArray, factors: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distances (e,) of ``places`` (e, 2) with outward normals (e, 2) from the obstacle, and its normals
+        (e, 2), at load ``factors`` (L,)."""
+        turn = self.turn(factors)
+        at = self._drawn(places, factors, turn)
+        partner, normal = self.shape.closest(at, outward @ turn)
+        return ((at - partner) * normal).sum(axis=1), normal @ turn.T
+
+    def turn(self, factors: FloatArray) -> FloatArray:
+        """The matrix (2, 2) by which the obstacle has turned."""
+        angle = float(self.rotation @ factors)
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    def _drawn(self, places: FloatArray, factors: FloatArray, turn: FloatArray) -> FloatArray:
+        """Places (e, 2) as the obstacle sees them, where it was drawn."""
+        return np.asarray(self.pivot + (places - self.motion @ factors - self.pivot) @ turn)
 
     def meet(self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None) -> Meeting:
         """The contact in a state of the slave's ``displacement`` (c, 2) and load ``factors`` (L,); slips are
         from the places (c,) ``before``, or nothing."""
-        at = self.slave.places + displacement - self.motion @ factors
-        partner, normal = self.shape.closest(at, self.slave.outward)
+        turn = self.turn(factors)
+        at, outward = self._drawn(self.slave.places + displacement, factors, turn), self.slave.outward @ turn
+        partner, drawn = self.shape.closest(at, outward)
+        gap, normal = ((at - partner) * drawn).sum(axis=1), drawn @ turn.T
         tangent = turned(normal)
         count = self.slave.count
-        bent, place, scale = self._along(at)
+        bent, place, scale = self._along(at, outward)
         slip = np.zeros(count) if before is None else self._slip(place - before)
         own = sparse.eye_array(count, format="csr")
         none = sparse.csr_array((0, count))
         along = by_component(own, tangent)
         return Meeting(
             np.ones(count, dtype=bool),
-            ((at - partner) * normal).sum(axis=1),
+            gap,
             normal,
             tangent,
             place,
@@ -69,25 +93,27 @@ class RigidContact:
             lambda _: sparse.csr_array((0, 2 * count)),
         )
 
-    def _along(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _along(self, at: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What multiplies a node's motion along the obstacle to turn its normal (c,), 1 over the distance
         from the centre and 0 above straight sides; places along the obstacle, and how they move (c,)."""
         if isinstance(self.shape, Chain):
-            return self._along_chain(self.shape, at)
+            return self._along_chain(self.shape, at, outward)
         if not isinstance(self.shape, Round):
-            normal = self.shape.closest(at[:1], self.slave.outward[:1])[1]
+            normal = self.shape.closest(at[:1], outward[:1])[1]
             return np.zeros(len(at)), at @ turned(normal)[0], np.ones(len(at))
         x, y = (at - np.array(self.shape.center)).T
         away, sign = np.hypot(x, y), 1.0 if self.shape.inside else -1.0
         place = sign * self.shape.radius * np.arctan2(y, x)
         return -sign / away, place, self.shape.radius / away
 
-    def _along_chain(self, shape: Chain, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _along_chain(
+        self, shape: Chain, at: FloatArray, outward: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The same of a chain by differences over a small part of the nodes' lengths, over which a corner is
         round; places are counted against the way along the chain, as its tangents go."""
-        tangent = turned(shape.closest(at, self.slave.outward)[1])
+        tangent = turned(shape.closest(at, outward)[1])
         step = SMALL * self.slave.weight[:, None] * tangent
-        ahead, behind = (shape.closest(at + way, self.slave.outward) for way in (step, -step))
+        ahead, behind = (shape.closest(at + way, outward) for way in (step, -step))
         twice = 2.0 * SMALL * self.slave.weight
         bent = ((ahead[1] - behind[1]) * tangent).sum(axis=1) / twice
         moved = ((ahead[0] - behind[0]) * tangent).sum(axis=1) / twice

@@ -29,14 +29,15 @@ SQUARE = 1e-6
 
 @dataclass(frozen=True)
 class Side:
-    """The ``nodes`` (c,) of a ``surface`` of a ``body``, at ``places`` (c, 2) before loading, there with
-    outward normals ``outward`` (c, 2), at ``arc`` (c,) along it; ``weight`` (c,) is the length each stands
-    for. ``around`` is the length of a closed surface, and None of others. ``held`` (c,) tells which nodes
-    have a component of their displacement given. ``corners`` are the numbers of nodes at corners and ends; at
-    either end ``mirrors`` has the axis across a plane of symmetry, if there is one."""
+    """The ``nodes`` (c,) of surfaces of a ``body`` that follow each other, at ``places`` (c, 2) before
+    loading, there with outward normals ``outward`` (c, 2), at ``arc`` (c,) along them; ``weight`` (c,) is the
+    length each stands for. ``members`` are the surfaces' names with the numbers of their nodes among these.
+    ``around`` is the length of a closed side, and None of others. ``held`` (c,) tells which nodes have a
+    component of their displacement given. ``corners`` are the numbers of nodes at corners and ends; at either
+    end ``mirrors`` has the axis across a plane of symmetry, if there is one."""
 
     body: str
-    surface: str
+    members: tuple[tuple[str, IntArray], ...]
     nodes: IntArray
     places: FloatArray
     outward: FloatArray
@@ -62,7 +63,7 @@ class Side:
         known = {int(np.argmin(np.abs(surface.arc_length - one))) for one in corners_of(surface.curve)}
         return cls(
             body,
-            surface.name,
+            tuple((part.name, numbers) for part, numbers in surface.members),
             surface.index,
             cloud.points[surface.index],
             surface.normal,
@@ -82,12 +83,13 @@ class Side:
     @cached_property
     def curve(self) -> NodeCurve:
         """The curve through its nodes, over their arc lengths before loading."""
-        return NodeCurve(self.arc, self.around)
+        inner = self.corners if self.around is not None else self.corners[1:-1]
+        return NodeCurve(self.arc, self.around, inner)
 
     def turned(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
         """By what unit numbers (c,) the side has turned at its nodes, displaced by (c, 2), and rows (c, 2c)
         of how these angles move."""
-        slopes = self.curve.slopes
+        slopes = self.curve.mean_slopes
         before, now = (as_complex(slopes @ one) for one in (self.places, self.places + displacement))
         turn = now * np.conj(before)
         across = as_real(1j * now) / (np.abs(now) ** 2)[:, None]
@@ -99,10 +101,10 @@ def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int |
     ``end`` at a right angle."""
     if surface.curve.closed:
         return None
-    normal = surface.normal[end]
+    normal, own = surface.normal[end], [part.name for part, _ in surface.members]
     for name, components in held.items():
         beside = cloud.surfaces[name]
-        if name == surface.name or surface.index[end] not in beside.index or sum(components) != 1:
+        if name in own or surface.index[end] not in beside.index or sum(components) != 1:
             continue
         axis = components.index(True)
         flat = float(np.ptp(cloud.points[beside.index, axis])) <= SQUARE * beside.curve.length
@@ -120,14 +122,15 @@ def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[Side]) -> Loads:
     first, loads = loads.count, with_more(loads, more)
     sources, tractions = loads.sources, dict(loads.tractions)
     for side in sides:
-        halves = Halves.of(body.model.cloud.surfaces[side.surface], FINE)
-        shape = (len(halves.arc), 2, loads.count)
-        hats, every = tractions.setdefault(side.surface, np.zeros(shape)), np.arange(len(halves.arc))
-        for component in (0, 1):
-            columns = first + 2 * np.arange(side.count) + component
-            sources[body.condition_rows(side.surface, component), columns] = 1.0
-            hats[every, component, columns[halves.own]] += halves.share
-            hats[every, component, columns[halves.other]] += 1.0 - halves.share
+        for name, numbers in side.members:
+            halves = Halves.of(body.model.cloud.surfaces[name], FINE)
+            shape = (len(halves.arc), 2, loads.count)
+            hats, every = tractions.setdefault(name, np.zeros(shape)), np.arange(len(halves.arc))
+            for component in (0, 1):
+                columns = first + 2 * numbers + component
+                sources[body.condition_rows(name, component), columns] = 1.0
+                hats[every, component, columns[halves.own]] += halves.share
+                hats[every, component, columns[halves.other]] += 1.0 - halves.share
         first += 2 * side.count
     return replace(loads, tractions=tractions)
 

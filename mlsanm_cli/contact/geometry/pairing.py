@@ -41,7 +41,8 @@ class Pairing:
     what the gaps lose when the load of this contact's name is at 1, ``closed_by`` what they have lost to
     surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor ``master``; its
     virtual nodes lie on the obstacle. With ``grid`` the candidates are the places of a contact grid, and gaps
-    and normals means over its functions.
+    and normals means over its functions. ``exchanged`` tells that the case has slave and master the other way
+    round.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Pairing:
     interference: float = 0.0
     closed_by: float = 0.0
     grid: ContactGrid | None = None
+    exchanged: bool = False
 
     @property
     def bodies(self) -> tuple[str, ...]:

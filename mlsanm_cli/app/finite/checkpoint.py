@@ -1,0 +1,51 @@
+"""What a path at finite strain goes on from, as run.h5 stores it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mlsanm_cli.app.finite.path import FiniteMark, FiniteState
+from mlsanm_cli.app.output.checkpoint import as_text, flattened, restored, unreadable
+from mlsanm_cli.contact.finite.exact import Pressed
+from mlsanm_cli.contact.finite.sets import NodeSets
+from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.run_reader import RunOrigin
+
+
+@dataclass(frozen=True)
+class FiniteEarlier:
+    """What an earlier process left of a run: the rows of its path, the seconds they took, what the path goes
+    on from, None where it had not begun, and ``figures`` counted so far."""
+
+    rows: int
+    seconds: float
+    mark: FiniteMark | None
+    figures: Mapping[str, Any]
+
+
+def plain_mark(mark: FiniteMark, figures: Mapping[str, Any]) -> dict[str, Value]:
+    """As datasets."""
+    return {**flattened("checkpoint/path", mark), "checkpoint/figures": as_text(figures)}
+
+
+def earlier_of(origin: RunOrigin) -> FiniteEarlier:
+    """What a run stored to go on from. RunError if it is damaged or of another version."""
+    stored = origin.checkpoint
+    if not origin.rows:
+        return FiniteEarlier(0, origin.seconds, None, {})
+    try:
+        figures = json.loads(stored["figures"])
+        return FiniteEarlier(origin.rows, origin.seconds, _mark(stored["path"]), figures)
+    except (KeyError, TypeError, ValueError) as error:
+        raise unreadable(error) from error
+
+
+def _mark(stored: Mapping[str, Any]) -> FiniteMark:
+    state, pressed = stored["state"], None
+    if "pressed" in state:
+        sets = restored(NodeSets, state["pressed"]["sets"])
+        pressed = restored(Pressed, state["pressed"], sets=sets)
+    return restored(FiniteMark, stored, state=restored(FiniteState, state, pressed=pressed))
