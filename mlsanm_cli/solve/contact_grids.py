@@ -42,8 +42,9 @@ FEW = 2
 """Contacts without friction in more places than these are refined to what is asked for only: unknowns of all
 are solved for together."""
 
-Wanted: TypeAlias = Literal["ends", "every", "between"]
-"""States at the ends of the stages, all that count, or some on the way that tell where surfaces touch."""
+Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
+"""States at the ends of the stages, of those that had one to start from, all that count, or some on the way
+that tell where surfaces touch."""
 Search = Callable[[Condensed, Sequence[ContactStatus], Wanted], tuple[ExactState, ...]]
 """The exact states of a condensed scene, searched from sets if there are any."""
 
@@ -74,8 +75,9 @@ def find_grids(
             answers = Answers.of(scene, some, memo)
         if condensed is None:
             condensed = condense(scene, some, memo, answers)
+        which: Wanted = "every" if every else "known" if starts else "ends"
         starts = starts or [_starting_status(condensed.pairings)]
-        states = search(condensed, starts, "every" if every else "ends")
+        states = search(condensed, starts, which)
         wanted = ranged(condensed, grids, ranges, states, passed)
         if wanted is None:
             return None

@@ -36,9 +36,10 @@ def searched_ends(
     starts: Sequence[ContactStatus],
     which: Wanted,
 ) -> tuple[ExactState, ...]:
-    """Exact states at the ends of the stages, or every state that counts with those where fields are wanted;
+    """Exact states at the ends of the stages, with friction only of the ``starts`` if no more are to be
+    ``known``, or every state that counts with those where fields are wanted;
     or some between the ends, but for friction, whose path would have to be followed."""
-    factors, every = stages, which != "ends"
+    factors, every = stages, which not in ("ends", "known")
     if which == "between":
         if len(condensed.friction_nodes):
             return ()
@@ -49,7 +50,8 @@ def searched_ends(
         positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
         factors = np.stack([factors_at(stages, position) for position in positions])
     if len(condensed.friction_nodes):
-        return _friction_ends(condensed, factors, starts)
+        # Where friction let go at a stage's end, it takes all guesses to find that out anew.
+        return _friction_ends(condensed, factors[: len(starts) + 1] if which == "known" else factors, starts)
     ends: list[ExactState] = []
     for number, wanted in enumerate(factors[1:]):
         start = next(iter(starts[number:]), None)
