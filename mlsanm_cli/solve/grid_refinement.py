@@ -79,7 +79,7 @@ def grid_errors(
     condensed: Condensed, name: str, states: Sequence[ExactState], tractions: bool = True
 ) -> FloatArray:
     """What every interval of a contact's grid has of the relative L2 error of its pressures, and of tractions
-    if these count, in the worst of some states."""
+    if these count, in the worst of some states; but for the shortest, where pressures have no bound."""
     pairing = condensed.pairing_of(name)
     assert pairing.grid is not None
     hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.steps))
@@ -91,4 +91,5 @@ def grid_errors(
             parts.append(hats.errors(state.traction[condensed.tangential[name]]) / pairing.friction)
         if size > 0.0:
             worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / size)
+    worst[hats.steps <= SHORTEST * (pairing.grid.last - pairing.grid.first)] = 0.0
     return worst

@@ -19,9 +19,10 @@ from mlsanm_cli.cloud.joined import corners_of, points_of
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_grid import Facing
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import OPPOSED, Pairing
 from mlsanm_cli.mechanics.body import BodyModel
-from mlsanm_cli.mechanics.near_field import as_real
+from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
 ALIKE = 1e-9
 """Curvatures that differ by less are the same."""
@@ -116,6 +117,8 @@ def _clear(
     first, last = float(s[stretch[0]]), float(s[0] + base.length if around else s[stretch[1]])
     corners = [tuple(one for one in both if one is not None) for both in ends]
     tips = [corner.tip for both in corners for corner in both]
+    if isinstance(facing.obstacle, Chain):
+        tips += as_complex(facing.obstacle.points[~facing.obstacle.smooth]).tolist()
     exact_ends = base.closest(as_real(np.array(tips, dtype=np.complex128))).tolist()
     step = SNAP * float(s[1] - s[0])
     snapped = [_snapped(one, exact_ends, step) for one in (first, last)]

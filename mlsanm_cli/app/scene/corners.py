@@ -90,7 +90,9 @@ def _known(wedge: Wedge) -> bool:
     """Whether the fields of a corner's angle are known."""
     inside = float(np.angle(wedge.other / wedge.along) * wedge.turn.imag) % (2.0 * np.pi)
     angle = inside * (2.0 if wedge.sliding else 1.0)
-    blunt = BLUNTEST < angle < HOLLOW and abs(angle - np.pi) > ALIKE
+    # Where an outline continues straight on there is no corner; a wall at a right angle makes one of twice that.
+    straight = wedge.sliding and abs(angle - np.pi) <= ALIKE
+    blunt = BLUNTEST < angle < HOLLOW and not straight
     isotropic = isinstance(wedge.kernel, Isotropic)
     sharpest = SHARPEST if isotropic else SHARPEST_OF_OTHERS
     return sharpest <= inside <= angle <= WIDEST and not blunt and (isotropic or not wedge.sliding)
