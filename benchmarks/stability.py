@@ -31,12 +31,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.stability_bodies import bulk_error, jittered, random_scene  # noqa: E402
-from mlsanm_cli.app import certificate  # noqa: E402
 from mlsanm_cli.app.run import run  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
+from mlsanm_cli.solve import coercivity  # noqa: E402
 from tests.app.scenes import Quiet  # noqa: E402
 
-BULK_LIMIT, CONTACT_LIMIT = certificate.BULK_LIMIT, certificate.CONTACT_LIMIT
+BULK_LIMIT, CONTACT_LIMIT = coercivity.BULK_LIMIT, coercivity.CONTACT_LIMIT
 PER_GROUP = 10
 SETTINGS = (
     ("least-squares", 2),
@@ -114,7 +114,7 @@ def hertz(count: int) -> list[dict[str, Any]]:
 
     The certificate does not end a run here, so that its judgement can itself be judged.
     """
-    certificate.CONTACT_LIMIT = -math.inf
+    coercivity.CONTACT_LIMIT = -math.inf
     rng = np.random.default_rng(1)
     results = []
     for seed in range(count):
@@ -177,7 +177,7 @@ def _stiff(point: dict[str, Any]) -> bool:
 
 
 def draw(path: Path, results: dict[str, Any]) -> None:
-    """Error against certificate."""
+    """Error against coercivity."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

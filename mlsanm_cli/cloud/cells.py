@@ -114,11 +114,9 @@ class Halves:
         """Those of a surface, by the places and weights of a quadrature ``rule``, several times on each half
         if the curve is known by more points than there are nodes: cells must close along its waves."""
         rule = _repeated(rule, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MOST_TIMES))
-        arc, count = surface.arc_length, len(surface.index)
-        first, second = np.arange(count), np.arange(1, count + 1)
-        if surface.curve.closed:
-            arc, second = np.append(arc, surface.curve.length), second % count
-        first, second, step = first[: len(arc) - 1], second[: len(arc) - 1], np.diff(arc)
+        arc, step = surface.ends, np.diff(surface.ends)
+        first = np.arange(len(step))
+        second = (first + 1) % len(surface.index)
         parts = []
         for x, weight in rule:
             length = 0.5 * weight * step
@@ -188,9 +186,9 @@ def _outline_middles(count: int, surfaces: Mapping[str, Surface]) -> tuple[IntAr
     """Pairs of neighbours on the outline, as sorted numbers (b,), and the points of the curves halfway."""
     keys, middles = [], []
     for surface in surfaces.values():
-        arc, index = surface.arc_length, surface.index
+        arc, index = surface.ends, surface.index
         if surface.curve.closed:
-            arc, index = np.append(arc, surface.curve.length), np.append(index, index[0])
+            index = np.append(index, index[0])
         middles.append(surface.curve.points(0.5 * (arc[1:] + arc[:-1])))
         keys.append(np.minimum(index[1:], index[:-1]) * count + np.maximum(index[1:], index[:-1]))
     key = np.concatenate(keys)

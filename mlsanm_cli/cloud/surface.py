@@ -43,6 +43,12 @@ class Surface:
         return tuple(found)
 
     @cached_property
+    def ends(self) -> FloatArray:
+        """Arc lengths (k + 1,) of the ends of the k stretches between neighbouring nodes: those of the nodes,
+        and all around that of the first one again."""
+        return np.append(self.arc_length, self.curve.length) if self.curve.closed else self.arc_length
+
+    @cached_property
     def end_normals(self) -> FloatArray:
         """Normals (k, 2, 2) at both ends of the k stretches between neighbouring nodes: at a corner between
         two parts that of the stretch's own."""
@@ -61,14 +67,10 @@ class Surface:
     @cached_property
     def weight(self) -> FloatArray:
         """Quadrature weights along the surface."""
-        s = self.arc_length
+        steps = np.diff(self.ends)
         if self.curve.closed:
-            steps = np.diff(np.append(s, self.curve.length))
-            both = steps + np.roll(steps, 1)
-        else:
-            steps = np.diff(s)
-            both = np.append(steps, 0.0) + np.append(0.0, steps)
-        return np.asarray(0.5 * both)
+            return np.asarray(0.5 * (steps + np.roll(steps, 1)))
+        return np.asarray(0.5 * (np.append(steps, 0.0) + np.append(0.0, steps)))
 
 
 def joined_surface(name: str, parts: Sequence[Surface], around: bool) -> Surface:

@@ -53,9 +53,8 @@ def along_surface(surface: Surface, first: FloatArray, second: FloatArray) -> fl
     Between two nodes L apart it is L / 6 (2 a_0 b_0 + a_0 b_1 + a_1 b_0 + 2 a_1 b_1), as two Gauss points
     give it.
     """
-    arc, a, b = surface.arc_length, first, second
+    arc, a, b = surface.ends, first, second
     if surface.curve.closed:
-        arc = np.append(arc, surface.curve.length)
         a, b = np.concatenate([a, a[:1]]), np.concatenate([b, b[:1]])
     same = (a * b).sum(axis=1)
     across = (a[:-1] * b[1:] + a[1:] * b[:-1]).sum(axis=1)

@@ -22,18 +22,24 @@ BLOCK = 64
 """Solutions refined together: enough for dense products, few enough to keep them all."""
 MOST = 15
 STALLED = 0.5
-"""An update this large a part of the one before it brings nothing any more."""
+"""An update this large a part of both before it brings nothing any more.
+
+Not of one: where the factor has lost a mode altogether, as the bending of bodies a hundred times as long as
+thick, conjugate gradients find it in one large step, and are there in the next.
+"""
 TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far several solutions have come: sizes (c,) of their last updates, and which are ``done`` (c,).
+    """How far several solutions have come: sizes (c,) of their ``last`` updates and of those ``before``, and
+    which are ``done`` (c,).
 
     They are where the next update is foreseen to change them by ``tolerance`` at most, relatively, and the
     last one changed them by no more than ``limit``.
     """
 
+    before: FloatArray
     last: FloatArray
     done: BoolArray
     tolerance: float
@@ -42,12 +48,14 @@ class Progress:
     @classmethod
     def of(cls, solution: FloatArray, tolerance: float, limit: float = 1.0) -> Progress:
         """At the first ``solution`` (n, c)."""
-        return cls(np.linalg.norm(solution, axis=0), np.zeros(solution.shape[1], bool), tolerance, limit)
+        size, count = np.linalg.norm(solution, axis=0), solution.shape[1]
+        return cls(np.full(count, np.inf), size, np.zeros(count, bool), tolerance, limit)
 
     @classmethod
     def begun(cls, count: int, tolerance: float, limit: float = 1.0) -> Progress:
         """At ``count`` solutions that come from elsewhere, whatever they are worth."""
-        return cls(np.full(count, np.inf), np.zeros(count, bool), tolerance, limit)
+        unknown = np.full(count, np.inf)
+        return cls(unknown, unknown, np.zeros(count, bool), tolerance, limit)
 
     def after(self, update: FloatArray, solution: FloatArray) -> Progress:
         """After one more ``update`` (n, c), which led to ``solution`` (n, c)."""
@@ -55,9 +63,9 @@ class Progress:
         # Nothing is known of what an update does before there are two.
         next_one = change * np.where(np.isinf(self.last), 1.0, change / np.maximum(self.last, TINY))
         small = (next_one <= self.tolerance * size) & (change <= self.limit * size)
-        stalled = change >= STALLED * self.last
+        stalled = change >= STALLED * np.maximum(self.before, self.last)
         last = np.where(self.done, self.last, change)
-        return Progress(last, self.done | small | stalled, self.tolerance, self.limit)
+        return Progress(self.last, last, self.done | small | stalled, self.tolerance, self.limit)
 
     @property
     def finished(self) -> bool:
