@@ -6,6 +6,7 @@ import json
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -186,6 +187,17 @@ def _fit(run: RunData) -> dict[str, float]:
     return {"pressure": abs(_only(run).pressure[-1] / press_fit(bush, hub, 0.001) - 1.0).max()}
 
 
+def _forces(contact: str, axis: int, expected: tuple[float, ...], run: RunData) -> dict[str, float]:
+    rows = [_at(run, state.position) for state in run.states]
+    found = run.path.resultants[f"contact {contact}"][rows, axis]
+    return {"force": float(np.abs(found / np.array(expected) - 1.0).max())}
+
+
+def _ironed(run: RunData) -> dict[str, float]:
+    across, up = run.path.resultants["contact iron"][[_at(run, state.position) for state in run.states]].T
+    return {"horizontal force": float(np.abs(across / up).max()), "vertical force": float(np.ptp(up) / up[0])}
+
+
 def _punch(run: RunData) -> dict[str, float]:
     contact, punch = _only(run), FlatPunch(100.0, 0.2)
     inside = np.abs(contact.points[:, 0]) < 0.18
@@ -229,6 +241,17 @@ ENTRIES: dict[str, Entry] = {
     "deep_cylinder": Entry(
         "bodies", "finite elements of nine nodes: the force at depths of 0.1, 0.2 and 0.3", _deep
     ),
+    "rubber_half_disk": Entry(
+        "bodies",
+        "finite elements of nine nodes, penalty extrapolated: the force at 0.1, 0.2 and 0.3 R",
+        partial(_forces, "touch", 1, (0.0976, 0.2413, 0.4196)),
+    ),
+    "squeezed_ring": Entry(
+        "bodies",
+        "finite elements, 60 x 3 of nine nodes in a quarter: the force at a fifth, three fifths and the end",
+        partial(_forces, "plate", 1, (-1.4426e-4, -3.6199e-4, -7.4609e-4)),
+    ),
+    "ironing": Entry("bodies", "statics: no horizontal force; over the vertical one", _ironed),
     "snap_through": Entry(
         "force", "finite elements, 48 x 4 of nine nodes: the load at both limit points", _snapped
     ),

@@ -427,3 +427,12 @@ def test_contacts_between_few_nodes_are_told(tmp_path: Path, turn: float, words:
     text += contact("c", "disk.arc", obstacle=plane([-across, 1.0 - up], [across, up]))
     (warning,) = solve(text, tmp_path / "run")["warnings"]
     assert words in warning
+
+
+def test_a_body_that_only_moves_is_in_balance(tmp_path: Path) -> None:
+    """Carried along without touching anything: forces of round-off were said not to balance."""
+    text = HEAD + body("block", "rubber", 0.25, box([0.0, 1.0], [1.0, 2.0]))
+    text += load("go", "block.top", "displacement", displacement=[3.0, 0.5])
+    text += contact("c", "block.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
+    summary = solve(text, tmp_path / "run")
+    assert summary["status"] == "done", summary["stop_reason"]

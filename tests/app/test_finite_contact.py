@@ -15,7 +15,9 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
 from tests.app.scenes import Quiet, solve
-from tests.case_text import body, contact, head, material, plane, pushed, support, table
+from tests.case_text import pushed
+
+CASES = Path(__file__).parents[2] / "cases"
 
 BLOCK = """
 format = 1
@@ -195,27 +197,21 @@ def test_a_profile_of_points_is_as_good_as_the_disk_it_is_of(tmp_path: Path) -> 
     assert summary["force_balance"] <= 1e-6
 
 
-RING = (
-    head("strain", strain="finite")
-    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
-    + body(
-        "ring",
-        "rubber",
-        0.025,
-        {"kind": "sector", "center": [0.0, 0.0], "radii": [0.95, 1.05], "angles": [0.0, 90.0]},
-    )
-    + support("ring.start", uy=0.0)
-    + support("ring.end", ux=0.0)
-    + pushed("press", "plate", uy=-0.525)
-    + contact("plate", "ring.outer", obstacle=plane([0.0, 1.05], [0.0, -1.0]))
-    + table("contact.regularization", law="exact")
-    + table("output", at=[0.2, 0.6, 1.0])
-)
+def test_ironing_without_friction(tmp_path: Path) -> None:
+    """A stiff tool dragged by three contact widths feels no horizontal force, and always the same vertical
+    one."""
+    directory = tmp_path / "run"
+    summary = solve((CASES / "ironing.toml").read_text(), directory)
+    assert summary["status"] == "done"
+    forces = [[row["fx"], row["fy"]] for row in probe_force(directory, [1.0, 1.25, 1.5, 1.75, 2.0], "iron")]
+    across, up = np.array(forces).T
+    assert np.abs(across).max() <= 5e-3 * up.mean()
+    np.testing.assert_allclose(up, up.mean(), rtol=0.01)
 
 
 def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:
     """A quarter of it; forces against nine-node finite elements, 60 x 3."""
-    summary = solve(RING, tmp_path / "run")
+    summary = solve((CASES / "squeezed_ring.toml").read_text(), tmp_path / "run")
     assert summary["status"] == "done"
     assert summary["nodes"] <= 300
     forces = [-row["fy"] for row in probe_force(tmp_path / "run", [0.2, 0.6, 1.0], "plate")]

@@ -26,6 +26,8 @@ from mlsanm_cli.solve.load_factors import factors_at
 
 FIRST = 0.25
 """First increment, as a part of a stage."""
+STRETCHED = 1.4
+"""An increment that comes so near to a wanted state goes there."""
 MOST = 14
 """Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
 SHORTEST = 1e-5
@@ -162,7 +164,7 @@ class _Path:
         """Go on toward ``end`` by an increment of about ``size``; where that led, and the next one's size."""
         stage = int(position)
         while True:
-            reached = end if position + 1.001 * size >= end else position + size
+            reached = end if position + STRETCHED * size >= end else position + size
             reached = min(reached, float(stage + 1))
             found = self._solved(reached)
             far = 0.0 if found is None else max(self._slid(found), self._strode(position, reached, found))

@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checkpoint import FiniteEarlier, plain_mark
 from mlsanm_cli.app.finite.fields import (
@@ -31,6 +33,8 @@ from mlsanm_cli.io.records import place, row
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import BodyState, write_single
 
+ROUND_OFF = 1e-9
+"""Forces below this part of the stiffness of what moves are none."""
 TALLIES = (
     "steps",
     "renewed",
@@ -155,7 +159,10 @@ class FiniteRecorder(RunWriter):
         self.stability = min(self.stability, step.state.stability)
         forces = SceneForces.of(scene, step.state)
         self.largest = max(self.largest, forces.size)
-        self.balance = forces.rest / self.largest if self.largest else 0.0
+        # Bodies that only move have forces of round-off.
+        stiffest = max(body.elastic.model.material.modulus for body in scene.bodies.values())
+        tiny = ROUND_OFF * stiffest * float(np.abs(step.state.displacement).max())
+        self.balance = forces.rest / max(self.largest, tiny) if self.largest else 0.0
 
     def failure(self, error: NumericalError, scene: FiniteScene) -> None:
         """Record a failure, and write the last good state as failure.vtu."""

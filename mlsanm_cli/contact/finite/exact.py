@@ -5,6 +5,8 @@ Every iteration factorises the bodies' derivatives and condenses them on the tra
 may touch: U = U_0 + z + C dT, C with what clouds do not resolve of it. Tractions go with pressures and
 friction and turn with the displacements, dT = B (dp, dq) + K dU, so that
 dT = (1 - K C)^-1 (B (dp, dq) + K z); an active set finds dp and dq.
+
+Equation (28) of docs/method.md.
 """
 
 from __future__ import annotations

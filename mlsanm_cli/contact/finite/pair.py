@@ -3,6 +3,8 @@
 Slave nodes x meet the curve y(xi) through the master's deformed nodes where (x - y) . y' = 0; n is the
 master's current normal there, h = (x - y) . n the gap. xi is a length of the master before loading, and so a
 place of its material: slips are counted by it, whatever way both bodies go.
+
+Equation (26) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Open nodes carry nothing; closed ones have no gap; of those with friction sticking ones have no slip, and
 slipping ones bear q = d mu p against it, d = +-1.
+
+Equation (25) of docs/method.md.
 """
 
 from __future__ import annotations

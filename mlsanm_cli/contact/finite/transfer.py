@@ -6,6 +6,8 @@ A master's node gets what the slave bears under the node's linear function N_i, 
 
 so that the forces on both sides are the same to round-off, and a constant traction arrives as it is. The
 integral is exact: between the nodes of either side the integrand is a parabola.
+
+Equation (27) of docs/method.md.
 """
 
 from __future__ import annotations

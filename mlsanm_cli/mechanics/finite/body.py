@@ -10,7 +10,7 @@ the first Piola-Kirchhoff stress P in place of the Cauchy stress::
 x = X + u is the deformed place, x_P that of the piece, the mean of its nodes. Moments are balanced
 about deformed places: about those of the reference a body would lack its forces times its deflection.
 
-Equation (16) of docs/method.md.
+Equations (16) and (22) of docs/method.md.
 """
 
 from __future__ import annotations

@@ -11,6 +11,8 @@ mu (theta - 1) + lam ln(J_2 sqrt(theta)) = 0, J_2 = det F in the plane, so that 
 
 Components go 11, 12, 21, 22. Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis,
 sections 6.4 and 6.5.
+
+Equations (23) and (24) of docs/method.md.
 """
 
 from __future__ import annotations

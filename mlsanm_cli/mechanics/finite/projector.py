@@ -31,6 +31,11 @@ from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_unsymmetric
 
+DIAGONAL = 1e-3
+"""Pivots are diagonal entries down to this part of their columns' largest. Block under a cylinder, 0.3 R
+deep, 487 nodes: with 0.1 the factor takes 2.2 times as long and solutions twice, at the same accuracy, as
+other pivots undo the nested dissection."""
+
 
 @dataclass(frozen=True)
 class Weights:
@@ -132,7 +137,7 @@ class Projector:
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
         down = place @ strong
         matrix = sparse.block_array([[normal, up], [down, -sparse.eye_array(place.shape[0])]], format="csc")
-        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix))
+        factor = factor_unsymmetric(sparse.csc_array(matrix), self._order(matrix), DIAGONAL)
         return Factorised(self, rows, strong, factor)
 
     @cached_property

@@ -67,9 +67,11 @@ def factor_in_order(matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
     return _factor(matrix, order, 0.0)
 
 
-def factor_unsymmetric(matrix: sparse.csc_array, order: IntArray) -> SuperLUFactor:
+def factor_unsymmetric(
+    matrix: sparse.csc_array, order: IntArray, threshold: float = THRESHOLD
+) -> SuperLUFactor:
     """Factorise any square matrix with threshold pivoting; NumericalError for a singular one."""
-    return _factor(matrix, order, THRESHOLD)
+    return _factor(matrix, order, threshold)
 
 
 def _factor(matrix: sparse.csc_array, order: IntArray, threshold: float) -> SuperLUFactor:
