@@ -168,9 +168,12 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
         own = x[rubbing]
         closed[rubbing] = stuck = own > -least
         # Faces that are parallel float without pressures: next to nothing would hold them in any case.
-        own = np.where(own > 2.0 * least, 0.5 * own, -least)
+        unpressed = np.ones(len(own), dtype=bool)
+        for span in c.tangential.values():
+            unpressed[span] = (own <= 2.0 * least)[span].all()
+        own = np.where(unpressed, -least, 0.5 * np.maximum(own, 0.0))
         threshold = np.where(stuck, np.minimum(law.threshold, own), law.threshold)
-        base = replace(base, law=replace(base.law, threshold=threshold))
+        base = base.with_thresholds(threshold)
         return RegularizedFriction(base, begin, begin, ContactStatus(closed, stuck, nothing), rest, tally)
 
     x, rest, carried, times = np.concatenate([drawn(built, bare), nothing]), nothing, np.inf, SOFT
@@ -277,7 +280,7 @@ class _StagePath:
 
     def _put_on(self, point: Point, problem: RegularizedFriction, hits: EventFlags) -> None:
         """Put the path on the sets that hold beyond a point."""
-        problem, x = continued(problem, point.x, point.lam, hits)
+        problem, x = continued(problem.by_pressure_alone(point.x), point.x, point.lam, hits)
         # The event's place, known to the series' tolerance, and the new sets disagree by a little.
         self.point = inside(replace(point, problem=problem, x=x), self._options.goal)
 

@@ -64,7 +64,7 @@ def restored(built: CondensedScene, start: Checkpoint) -> Point:
         if isinstance(problem, HolonomicContact):
             x = problem.with_auxiliary(x, lam)
         return Point(problem, x, lam, start.state.work)
-    base = replace(coupling.softened(), law=replace(coupling.law, threshold=history.threshold))
+    base = coupling.softened().with_thresholds(history.threshold)
     begin, end = built.stages[stage], built.stages[stage + 1]
     friction = RegularizedFriction(base, begin, end, history.sets, history.stick_reference)
     return Point(friction, x, lam, start.state.work)

@@ -65,6 +65,14 @@ def pad(radius: float, slave: Any = FOOT, master: Any = "block.top") -> str:
     )
 
 
+def test_ranges_go_on_where_the_outline_does() -> None:
+    """Pressures had kept four spacings off the ends of edges that pass smoothly into free sides: contacts on
+    coarse clouds had no grid."""
+    case = parse(pad(0.3).replace('name = "pad"', 'name = "pad"\nspacing = 0.2', 1)).case
+    limits = prepare(case, clouds(case)).ranges["foot"]
+    assert limits.last - limits.first > 2.0 * (0.7 + 0.7 * 0.5 * np.pi * 0.3)
+
+
 def pressed(directory: Path, name: str) -> tuple[FloatArray, FloatArray]:
     """Points and final pressures of a contact."""
     found = read_run(directory).contacts[name]

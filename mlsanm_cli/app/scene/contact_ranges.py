@@ -196,17 +196,18 @@ def _off_corners(
 
 
 def _goes_on(cloud: Cloud, surface: Surface) -> tuple[bool, bool]:
-    """Whether the same boundary goes on smoothly where an open surface begins, and where it ends, as it does
-    where a part of it is in contact."""
+    """Whether the outline goes on smoothly where an open surface begins, and where it ends, as it does where
+    a part of a boundary is in contact, or, under any name, behind a rounded edge, which faces away there."""
     own = {part.name for part, _ in surface.members}
     stems = {name.partition("/")[0] for name in own}
+    rounded = surface.curve.curvature(np.array([0.0, surface.curve.length])) > 0.0
     found = []
     for place in (0, -1):
         node, normal = surface.index[place], surface.normal[place]
         beside = [
             other.normal[other.index == node]
             for name, other in cloud.surfaces.items()
-            if name not in own and name.partition("/")[0] in stems
+            if name not in own and (rounded[place] or name.partition("/")[0] in stems)
         ]
         found.append(any(bool((one @ normal >= SMOOTH).any()) for one in beside))
     return found[0], found[1]

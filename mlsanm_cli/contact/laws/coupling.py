@@ -74,6 +74,10 @@ class Coupling(Protocol):
         """All rows (r,) in one state."""
         ...
 
+    def with_thresholds(self, threshold: FloatArray) -> Coupling:
+        """With a law whose friction begins at other pressures (n,)."""
+        ...
+
     def split_motions(self, motion: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The platens' motions and, if they are unknowns too, the bodies' displacements among all motions."""
         ...
@@ -106,6 +110,10 @@ class DenseCoupling:
             np.vstack([one.load for one in maps]) / scale[:, None],
             np.asfortranarray(matrix / scale[:, None]),
         )
+
+    def with_thresholds(self, threshold: FloatArray) -> DenseCoupling:
+        """With a law whose friction begins at other pressures (n,)."""
+        return replace(self, law=replace(self.law, threshold=threshold))
 
     def softened(self) -> DenseCoupling:
         """With what the law's asperities give way counted among the slips."""

@@ -310,6 +310,18 @@ class RegularizedFriction:
             self.coupling, self.start, self.end, sets, self.stick_reference, self.tally
         )
 
+    def by_pressure_alone(self, x: FloatArray) -> RegularizedFriction:
+        """The same problem where nodes that are pressed by now have no friction limit without pressure any
+        more: thresholds below zero end. Itself where there are none."""
+        law, nodes = self.law, self.condensed.friction_nodes
+        ends = (law.threshold < 0.0) & (self.split(x)[0][nodes] > law.eta[nodes])
+        if not ends.any():
+            return self
+        coupling = self.coupling.with_thresholds(np.where(ends, 0.0, law.threshold))
+        return RegularizedFriction(
+            coupling, self.start, self.end, self.sets, self.stick_reference, self.tally
+        )
+
     def on_limits(self, x: FloatArray) -> FloatArray:
         """The unknowns with the tractions of nodes that slip or are open exact to the last digit."""
         x = x.copy()

@@ -62,6 +62,10 @@ class SparseCoupling:
     scale: FloatArray
     elimination: Elimination
 
+    def with_thresholds(self, threshold: FloatArray) -> SparseCoupling:
+        """With a law whose friction begins at other pressures (n,)."""
+        return replace(self, law=replace(self.law, threshold=threshold))
+
     def softened(self) -> SparseCoupling:
         """With what the law's asperities give way counted among the slips."""
         places, added = slip_places(self.condensed), self.law.stick_compliance / self.law.slip
