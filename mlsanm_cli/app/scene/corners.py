@@ -90,7 +90,7 @@ def _known(wedge: Wedge) -> bool:
     """Whether the fields of a corner's angle are known."""
     inside = float(np.angle(wedge.other / wedge.along) * wedge.turn.imag) % (2.0 * np.pi)
     angle = inside * (2.0 if wedge.sliding else 1.0)
-    # Where an outline continues straight on there is no corner; a wall at a right angle makes one of twice that.
+    # Where an outline continues straight on there is no corner; walls at right angles make one of that angle.
     straight = wedge.sliding and abs(angle - np.pi) <= ALIKE
     blunt = BLUNTEST < angle < HOLLOW and not straight
     isotropic = isinstance(wedge.kernel, Isotropic)
