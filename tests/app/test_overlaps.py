@@ -65,7 +65,7 @@ BARS = (
 )
 SLIT = (
     SOLID
-    + body("clip", "solid", 0.15)
+    + body("clip", "solid", 0.03)
     + table(
         "body.shape",
         kind="polygon",
