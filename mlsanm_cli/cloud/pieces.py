@@ -161,10 +161,10 @@ def _joined(labels: IntArray, pairs: IntArray, few: FloatArray) -> IntArray:
         count = np.bincount(labels)
         small = count < _least(few, labels, len(count))
         one, other = labels[np.concatenate([pairs, pairs[:, ::-1]])].T
-        beside = (one != other) & small[one]
-        if not beside.any():
+        adjacent = (one != other) & small[one]
+        if not adjacent.any():
             return labels
-        key, times = np.unique(one[beside] * len(count) + other[beside], return_counts=True)
+        key, times = np.unique(one[adjacent] * len(count) + other[adjacent], return_counts=True)
         part, neighbour = key // len(count), key % len(count)
         order = np.lexsort((-times, part))
         first = order[np.unique(part[order], return_index=True)[1]]

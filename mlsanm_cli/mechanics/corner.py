@@ -37,7 +37,7 @@ AT_TIP = 1e-3
 """Tractions on curved faces are looked at no nearer to the tip than this part of their span."""
 ON_NORMAL = 1e-2
 NONE = 1e-12
-BESIDE = 0.2
+NEAR_SURFACE = 0.2
 """Seen under less than this angle forces along a face are no row of single ones any more, but integrated."""
 INNER, OUTER = 0.2, 1.6
 """Between these in the logarithm of the distance the one goes over into the other."""
@@ -248,17 +248,17 @@ class Line:
         place, inward = self.face.places(x)
         w = (z - self.face.tip - place) * np.conj(inward)
         deep = w.real
-        near = np.flatnonzero((x > 0.0) & (np.abs(deep) < BESIDE * x) & (np.abs(w.imag) <= ON_FACE * x))
+        near = np.flatnonzero((x > 0.0) & (np.abs(deep) < NEAR_SURFACE * x) & (np.abs(w.imag) <= ON_FACE * x))
         apart = self.logarithm - np.log(x[near, None])
         slope = np.maximum(deep[near] / x[near], LEAST_ANGLE)
         inside = np.array(z)
         inside[near] += (slope * x[near] - deep[near]) * inward[near]
         by = field(self._forces, inside)
         by[near] *= (1.0 - _window(apart))[..., None, None]
-        by[near] += self._beside(x[near], slope, field_of_each)
+        by[near] += self._near_face(x[near], slope, field_of_each)
         return np.asarray(np.einsum("epcd,pdm->ecm", by, self.density, optimize=True))
 
-    def _beside(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
+    def _near_face(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
         """What forces (e, p, c, 2) around distances ``x`` (e,) along the face do, seen from ``slope`` (e,)
         times as far from the face: integrals over ln(x) + slope sinh(v)."""
         end = np.arcsinh(OUTER / slope)[:, None]
@@ -319,10 +319,10 @@ class CorneredForces:
             z = corner.off_tip(z, normal)
         total = self.own.traction(z, normal, curvature)
         cleared = [corner.cleared(z, normal) for corner in self.corners]
-        for _, beside in cleared:
-            total[beside] = 0.0
-        for (own, beside), lines in zip(cleared, self._lines, strict=True):
-            off = ~(own | beside)
+        for _, adjacent in cleared:
+            total[adjacent] = 0.0
+        for (own, adjacent), lines in zip(cleared, self._lines, strict=True):
+            off = ~(own | adjacent)
             if off.any():
                 for line in lines:
                     total[off] += _parted(line.traction(z[off], normal[off], curvature[off]), len(self.place))

@@ -11,7 +11,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
-from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction, Tally
+from mlsanm_cli.contact.laws.regularized_friction import FactorisationCount, RegularizedFriction
 from mlsanm_cli.contact.laws.set_search import NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.contact.monolithic.system import SparseCoupling
@@ -55,7 +55,7 @@ from mlsanm_cli.solve.series import (
     states_in,
     stopped,
 )
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, wanted_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
@@ -75,9 +75,9 @@ APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "e
 def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """States of the regularised laws. Wanted ones come from the series of their step, or end one of Newton's.
 
-    Raises NumericalError where the path cannot go on.
+    Raises NumericalError where the path cannot continue.
     """
-    wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
+    wanted, options = output_positions(built), replace(path_options(built), direction=1)
     if start is None:
         point, first = start_at_rest(built, options)
         saved = (first.state,) if 0.0 in wanted else ()
@@ -89,7 +89,7 @@ def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterato
             continue
         path = _StagePath(stage, wanted, options)
         if start is not None and stage == start.stage and start.fraction > 0.0:
-            steps = path.go_on(point, previous_piece(start, point.x))
+            steps = path.continue_stage(point, previous_piece(start, point.x))
         else:
             steps = path.steps(replace(point, problem=point.problem.over(begin, end), lam=0.0))
         try:
@@ -155,7 +155,7 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
     threshold. Raises NumericalError where nothing holds a body or platen.
     """
     c, bare = built.condensed, coupling_of(built, regularization(built))
-    law, begin, tally = bare.law, built.stages[0], Tally()
+    law, begin, tally = bare.law, built.stages[0], FactorisationCount()
     rubbing, nothing = c.friction_nodes, np.zeros(len(c.friction_nodes))
     least = FREE * law.eta[rubbing] / np.maximum(c.friction, 1.0)
     elastic = law.slip / (c.friction * law.pressure)
@@ -178,7 +178,7 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
 
     x, rest, carried, times = np.concatenate([drawn(built, bare), nothing]), nothing, np.inf, SOFT
     while times <= SOFTEST:
-        soft = replace(bare, law=replace(law, stick_compliance=times * elastic)).softened()
+        soft = replace(bare, law=replace(law, stick_compliance=times * elastic)).with_stick_compliance()
         problem = sticking(soft, x, rest)
         try:
             x = correct(problem, x, 0.0, options).x
@@ -196,7 +196,7 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
         # Condensed slips know that the tractions are gone; displacements among the unknowns do not.
         rest = c.slip(begin, bare.split_motions(motion)[0], pressure, nothing)
         traction[:] = 0.0
-    problem = sticking(bare.softened(), x, nothing)
+    problem = sticking(bare.with_stick_compliance(), x, nothing)
     return inside(Point(problem.rested(x, 0.0), x, 0.0, nothing), options.goal)
 
 
@@ -221,7 +221,7 @@ class _StagePath:
             self._put_on(point, point.friction, EventFlags.none(point.problem.n))
         yield from self._pieces()
 
-    def go_on(self, point: Point, previous: Branch | None) -> Iterator[PathStep]:
+    def continue_stage(self, point: Point, previous: Branch | None) -> Iterator[PathStep]:
         """Steps from a point within the stage to its end, the first ones of the ``previous`` piece of path if
         no event has ended that. Raises as `steps` does."""
         self.point, self._began = point, point.lam
@@ -285,7 +285,7 @@ class _StagePath:
         self.point = inside(replace(point, problem=problem, x=x), self._options.goal)
 
     def _event(self, step: Step, hits: EventFlags) -> Iterator[PathStep]:
-        """A step that ends at an event, its end already as the path goes on from it."""
+        """A step that ends at an event, its end already as the path continues from it."""
         before = self.point
         assert before.friction is not None
         point, failure = moved(before, step.x, step.lam), None
@@ -300,7 +300,7 @@ class _StagePath:
             raise failure
 
     def _finished(self, before: Point, step: Step, follower: Follower | None = None) -> PathStep:
-        """The step from ``before`` to where the path is now, of a piece that goes on by a follower."""
+        """The step from ``before`` to where the path is now, of a piece that continues by a follower."""
         stage = self._stage
         end = state_of(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]

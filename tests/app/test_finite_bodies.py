@@ -267,7 +267,7 @@ def test_slave_and_master_are_names_only_where_one_is_softer(tmp_path: Path) -> 
 
 def test_a_punch_with_sharp_corners(tmp_path: Path) -> None:
     """Overlaps and pictures take the surface as the contact knows it: the cloud's own nodes swing by half a
-    spacing beside the edge, and ended the run as an overlap."""
+    spacing next to the edge, and ended the run as an overlap."""
     text = (
         head("strain", strain="finite")
         + material("soft", E=2.0, nu=0.3, law="neo-hookean")

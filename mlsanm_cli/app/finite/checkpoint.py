@@ -1,4 +1,4 @@
-"""What a path at finite strain goes on from, as run.h5 stores it."""
+"""What a path at finite strain continues from, as run.h5 stores it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from mlsanm_cli.io.run_reader import RunOrigin
 
 @dataclass(frozen=True)
 class FiniteEarlier:
-    """What an earlier process left of a run: the rows of its path, the seconds they took, what the path goes
-    on from, None where it had not begun, and ``figures`` counted so far."""
+    """What an earlier process left of a run: the rows of its path, the seconds they took, what the path
+    continues from, None where it had not begun, and ``figures`` counted so far."""
 
     rows: int
     seconds: float
@@ -31,8 +31,8 @@ def plain_mark(mark: FiniteMark, figures: Mapping[str, Any]) -> dict[str, Value]
     return {**flattened("checkpoint/path", mark), "checkpoint/figures": as_text(figures)}
 
 
-def earlier_of(origin: RunOrigin) -> FiniteEarlier:
-    """What a run stored to go on from. RunError if it is damaged or of another version."""
+def interrupted_run(origin: RunOrigin) -> FiniteEarlier:
+    """What a run stored to continue from. RunError if it is damaged or of another version."""
     stored = origin.checkpoint
     if not origin.rows:
         return FiniteEarlier(0, origin.seconds, None, {})

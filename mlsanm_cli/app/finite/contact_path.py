@@ -147,7 +147,7 @@ class _Path:
         self._acting, self.spent = dict(zip(scene.bodies, acting, strict=True)), 0
 
     def mark(self, state: FiniteState, size: float) -> FiniteMark:
-        """What the path goes on from, behind a ``state``, with increments of a ``size``."""
+        """What the path continues from, behind a ``state``, with increments of a ``size``."""
         station = np.concatenate([one.station for one in self._projectors.values()])
         return FiniteMark(state, station, np.concatenate(list(self._acting.values())), size)
 

@@ -77,7 +77,7 @@ class FiniteStep:
     """A finished step: the state at its end, wanted states in it as they follow each other (its end may be
     one), what it cost, limit points in it.
 
-    ``renewed`` means that the equations were renewed at its end; ``mark`` is what the path goes on from.
+    ``renewed`` means that the equations were renewed at its end; ``mark`` is what the path continues from.
     """
 
     state: FiniteState
@@ -94,7 +94,7 @@ class FiniteStep:
 
 @dataclass(frozen=True)
 class FiniteMark:
-    """What a path goes on from: a ``state``; the ``station`` (2N,) of the equations of all bodies in turn,
+    """What a path continues from: a ``state``; the ``station`` (2N,) of the equations of all bodies in turn,
     and ``acting`` (l,), the factors of the bodies' loads there, in turn; the ``pace``, of contacts the next
     increment, of power series the length of the last step.
 

@@ -74,7 +74,7 @@ class FiniteRecorder(RunWriter):
         self.turns: list[Turn] = []
 
     def start(self, scene: FiniteScene) -> FiniteMark | None:
-        """Store the bodies and their contacts; what the path goes on from, None where it begins."""
+        """Store the bodies and their contacts; what the path continues from, None where it begins."""
         with self._clock.phase("output"):
             datasets: dict[str, Value] = {}
             for name, body in scene.bodies.items():
@@ -130,7 +130,7 @@ class FiniteRecorder(RunWriter):
             more = {"turns": [asdict(turn) for turn in self.turns], "warnings": list(self.warnings)}
             assert step.mark is not None
             latest = partial(plain_mark, step.mark, figures | more)
-            # Before the rows: a run that goes on drops the events of steps that are not in its file.
+            # Before the rows: a resumed run drops the events of steps that are not in its file.
             event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
             self._events.write("step", **event, length=step.length)
             self._file.add(rows, datasets, latest=latest)

@@ -12,7 +12,7 @@ from mlsanm_cli.app.assessment.checks import BALANCE_LIMIT
 from mlsanm_cli.app.assessment.quality import Quality, announce
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.finite.checkpoint import earlier_of
+from mlsanm_cli.app.finite.checkpoint import interrupted_run
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.fields import SceneForces, contact_summary, extremes, probe_records, resultants
 from mlsanm_cli.app.finite.path import finite_path
@@ -36,9 +36,9 @@ def run_finite(
     context: RunContext,
     origin: RunOrigin | None = None,
 ) -> Mapping[str, Any]:
-    """Follow the path and write the run directory, or go on with a run of that ``origin``; the mapping of
+    """Follow the path and write the run directory, or continue with a run of that ``origin``; the mapping of
     summary.json."""
-    earlier = earlier_of(origin) if origin is not None else None
+    earlier = interrupted_run(origin) if origin is not None else None
     with context.phase("operators"):
         scene = finite_scene(loaded.case, prepared)
     with FiniteRecorder(directory, loaded, provenance, context, earlier) as recorder:
@@ -74,7 +74,7 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
 
 
 def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
-    """Warn of, or refuse, a last state that cannot be believed."""
+    """Warn of, or refuse, a last state that is not reliable."""
     assert recorder.last is not None
     waves = extremes(scene, recorder.last)["ellipticity"]
     if waves < FEW_WAVES:

@@ -49,7 +49,7 @@ FEWEST = 30
 ACROSS = 3.5
 """And so many spacings across all parts: with four nodes across portal frames were useless at degree 4, and
 2 % off at degree 2, with three rings were 42 and 20 % off."""
-BESIDE = 1e-3
+OFF_POINT = 1e-3
 """Nodes held farther than this part of the spacing from where a support was put are reported."""
 
 
@@ -287,13 +287,13 @@ def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], 
 
 
 def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
-    """The node nearest to a point; of several at one distance the first, whatever round-off says."""
+    """The node nearest to a point; of several at one distance the first, whatever the round-off."""
     away = np.hypot(*(cloud.points - np.array(point)).T)
     return int(np.flatnonzero(away <= away.min() + TIED * cloud.spacing.min())[0])
 
 
 def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """Notes of supports that hold a node beside the point that they name."""
+    """Notes of supports that hold a node next to the point that they name."""
     for support in case.support:
         if support.body is None or support.near is None:
             continue
@@ -301,7 +301,7 @@ def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
         node = _nearest(cloud, support.near)
         x, y = cloud.points[node].tolist()
         away = float(np.hypot(x - support.near[0], y - support.near[1]))
-        if away > BESIDE * cloud.spacing[node]:
+        if away > OFF_POINT * cloud.spacing[node]:
             near = f"the support of {support.body} near ({support.near[0]:g}, {support.near[1]:g})"
             yield f"{near} holds its node at ({x:g}, {y:g}), {away:.3g} away"
 

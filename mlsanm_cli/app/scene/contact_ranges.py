@@ -31,7 +31,7 @@ TOUCHING = 1e-6
 SHALLOW = 1e-3
 """The same as a part of what profiles differ by, which may be shallower."""
 SMOOTH = float(np.cos(np.radians(1.0)))
-"""Outlines go on smoothly where they turn by no more than this angle's cosine tells."""
+"""Outlines continue smoothly where they turn by no more than this angle's cosine tells."""
 SNAP = 1.5
 """Ends of a range are ends of a surface that are no more looks away."""
 LOOKED_AT, PROFILED, LOOKS_PER_POINT = 800, 4000, 2
@@ -76,7 +76,7 @@ def _clear(
         return None
     facing = _facing(case, pairing)
     base = facing.base
-    # Looked at along the base, so that roles do not tell which of several alike places is taken.
+    # Looked at along the base, so that roles do not decide which of several alike places is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
     looks = LOOKED_AT if facing.profile is None else PROFILED
     looks = max(looks, LOOKS_PER_POINT * max(map(points_of, facing.curves)))
@@ -84,9 +84,9 @@ def _clear(
     points, partner, normal = ahead.opposite(s)
     away, outward = points - partner, as_real(-ahead.side(s, True)[1])
     gap = ahead.gap(s)
-    beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+    adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     across = (outward * normal).sum(axis=1)
-    faces = (across < OPPOSED) & (beside <= TOUCHING * base.length)
+    faces = (across < OPPOSED) & (adjacent <= TOUCHING * base.length)
     if not faces.any():
         return None
     ends = [ends_of(models[body], pairing.surface_of(slave), held[body]) for body, slave, _ in pairing.sides]
@@ -184,7 +184,7 @@ def _off_corners(
         arc = curve.closest(as_real(facing.side(s, slave)[0]))
         corners = list(corners_of(curve))
         if not curve.closed:
-            smooth = _goes_on(models[body].cloud, surface)
+            smooth = _continues(models[body].cloud, surface)
             ends_of = zip((0.0, curve.length), known, smooth, strict=True)
             corners += [end for end, one, on in ends_of if one is None and not on]
         for corner, near in zip(corners, np.interp(corners, surface.arc_length, spacing), strict=True):
@@ -195,21 +195,22 @@ def _off_corners(
     return off
 
 
-def _goes_on(cloud: Cloud, surface: Surface) -> tuple[bool, bool]:
-    """Whether the outline goes on smoothly where an open surface begins, and where it ends, as it does where
-    a part of a boundary is in contact, or, under any name, behind a rounded edge, which faces away there."""
+def _continues(cloud: Cloud, surface: Surface) -> tuple[bool, bool]:
+    """Whether the outline continues smoothly where an open surface begins, and where it ends, as it does
+    where a part of a boundary is in contact, or, under any name, behind a rounded edge, which faces away
+    there."""
     own = {part.name for part, _ in surface.members}
     stems = {name.partition("/")[0] for name in own}
     rounded = surface.curve.curvature(np.array([0.0, surface.curve.length])) > 0.0
     found = []
     for place in (0, -1):
         node, normal = surface.index[place], surface.normal[place]
-        beside = [
+        adjacent = [
             other.normal[other.index == node]
             for name, other in cloud.surfaces.items()
             if name not in own and (rounded[place] or name.partition("/")[0] in stems)
         ]
-        found.append(any(bool((one @ normal >= SMOOTH).any()) for one in beside))
+        found.append(any(bool((one @ normal >= SMOOTH).any()) for one in adjacent))
     return found[0], found[1]
 
 

@@ -49,29 +49,29 @@ def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> Ends:
 
 
 def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
-    """The corner at one end of a surface, if the face beside is free, or both are straight and that of an
+    """The corner at one end of a surface, if the face next to is free, or both are straight and that of an
     isotropic body slides along a wall; and neither blunt nor very sharp."""
     if surface.curve.closed:
         return None
     face, own = _face(surface.curve, at_end), {part.name for part, _ in surface.members}
-    for name, beside in model.cloud.surfaces.items():
-        if name in own or beside.curve.closed:
+    for name, adjacent in model.cloud.surfaces.items():
+        if name in own or adjacent.curve.closed:
             continue
-        ends = [_face(beside.curve, at) for at in (False, True)]
+        ends = [_face(adjacent.curve, at) for at in (False, True)]
         other = min(ends, key=lambda one: abs(one.tip - face.tip))
         if abs(other.tip - face.tip) > ALIKE * surface.curve.length:
             continue
-        if name in held and not (_straight(beside.curve) and _slides(other.along, held[name])):
+        if name in held and not (_straight(adjacent.curve) and _slides(other.along, held[name])):
             return None
         # Outlines have the body on their left.
         turn = -1j if at_end else 1j
         wedge = Wedge(model.kernel, face.along, other.along, turn, sliding=name in held)
         if not _known(wedge):
             return None
-        lengths = surface.curve.length, beside.curve.length
+        lengths = surface.curve.length, adjacent.curve.length
         spacing = float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
         corner = Corner(wedge, face.tip, min(lengths), CLEAR * spacing)
-        straight = _straight(surface.curve) and _straight(beside.curve)
+        straight = _straight(surface.curve) and _straight(adjacent.curve)
         if straight and not model.cloud.holds(_behind(wedge, face.tip, *lengths)).any():
             return corner
         return None if wedge.sliding else _limited(model.cloud, corner, (face, other), spacing)
@@ -121,7 +121,7 @@ def _curvature(face: Face) -> FloatArray:
 
 
 def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArray:
-    """Places (e, 2) that must be off the body: where the wedge's forces go on past the ends of its faces,
+    """Places (e, 2) that must be off the body: where the wedge's forces continue past the ends of its faces,
     which are ``along`` and ``other`` long, or act behind a wall, and what lies outwards of them, where their
     fields are cut."""
     far = np.geomspace(SIDE, BEYOND, SEEN)

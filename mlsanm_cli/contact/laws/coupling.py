@@ -115,7 +115,7 @@ class DenseCoupling:
         """With a law whose friction begins at other pressures (n,)."""
         return replace(self, law=replace(self.law, threshold=threshold))
 
-    def softened(self) -> DenseCoupling:
+    def with_stick_compliance(self) -> DenseCoupling:
         """With what the law's asperities give way counted among the slips."""
         own = slip_places(self.condensed)
         matrix = self.matrix.copy(order="F")

@@ -66,7 +66,7 @@ class SparseCoupling:
         """With a law whose friction begins at other pressures (n,)."""
         return replace(self, law=replace(self.law, threshold=threshold))
 
-    def softened(self) -> SparseCoupling:
+    def with_stick_compliance(self) -> SparseCoupling:
         """With what the law's asperities give way counted among the slips."""
         places, added = slip_places(self.condensed), self.law.stick_compliance / self.law.slip
         contact = self.contact + _entries(places, places, added, self.contact.shape)
