@@ -3,7 +3,7 @@
 Published cases, made quick, are changed at random and run by the command line in children of this process.
 Exit codes other than 0, 2 and 3, tracebacks, children that hang, files outside the run directory, refusals
 without a reason and results that contradict themselves are failures; their inputs are kept. Then runs are
-damaged, byte by byte, and read by every command that reads runs. Writes fuzz.json beside the other results.
+damaged, byte by byte, and read by every command that reads runs. Writes fuzz.json next to the other results.
 
     python benchmarks/fuzz_cases.py [--count N] [--runs N] [--seed S] [--minutes M] [--keep DIR] [--first K]
 """
@@ -75,7 +75,7 @@ def main() -> None:
     print(json.dumps(result, indent=2, ensure_ascii=False))
 
 
-class Tally:
+class FactorisationCount:
     """Counts of what happened; what is wrong is kept with its input."""
 
     def __init__(self, keep: Path) -> None:
@@ -145,9 +145,9 @@ class Trial:
 
 def _all(
     make: Callable[[int, int, Path], Trial], wishes: argparse.Namespace, numbers: range, until: float
-) -> Tally:
+) -> FactorisationCount:
     """Trials by their numbers, a batch at a time."""
-    tally = Tally(wishes.keep)
+    tally = FactorisationCount(wishes.keep)
     began = time.monotonic()
     for first in range(numbers.start, numbers.stop, BATCH):
         if time.monotonic() > until:

@@ -6,7 +6,7 @@ drawn evenly from the time between its first file and its end, every second time
 resumed, and compared with the first: saved states and the last row agree within the solver's tolerance. Files
 are written every 0.3 s and not every half a minute, which is longer than these runs. A run that was over
 before its moment came, or not begun, is not counted as killed.
-Writes kill_and_resume.json beside the other results.
+Writes kill_and_resume.json next to the other results.
 
     python benchmarks/kill_and_resume.py [kills per case] [seed]
 """

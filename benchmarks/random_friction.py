@@ -2,7 +2,7 @@
 
 Half-disks and blocks on blocks, friction coefficients from 0.05 to 1.5, stiffness ratios from 1 to 100, shear
 inside and beyond the friction limit under force or displacement control, three to five random stages, exact
-and smooth law. Writes random_friction.json beside the other results.
+and smooth law. Writes random_friction.json next to the other results.
 
     python benchmarks/random_friction.py [count] [first seed]
 """

@@ -138,7 +138,7 @@ def check(
 
 
 def open_run(rundir: Place) -> Run:
-    """A run directory, of a run that is done, failed, stopped or still goes on. RunError if it is none.
+    """A run directory, of a run that is done, failed, stopped or still running. RunError if it is none.
 
     The package has it as ``open``.
     """

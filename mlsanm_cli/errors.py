@@ -8,7 +8,7 @@
     |   +-- OutlineError         2   an outline drawn in the case: every fault with the key of its shape
     +-- RunError                 2   bad usage: run directory exists, file unreadable, scene too large
     |   +-- WriteError           2   a file cannot be written
-    +-- UnfinishedError          3   a run cannot write on; what was done is kept, resume goes on
+    +-- UnfinishedError          3   a run cannot write on; what was done is kept, resume continues
     +-- NumericalError           3   the solver could not finish, or a check of the result failed
     |   +-- UnstableError        3   the stability certificate of the discretisation failed
     +-- Interrupted             75   stopped by a signal or a wall-time limit; what was done is kept

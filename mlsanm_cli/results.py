@@ -68,9 +68,9 @@ class Contact:
 
 
 class Run:
-    """A run directory, of a run that is done, failed, stopped or still goes on.
+    """A run directory, of a run that is done, failed, stopped or still running.
 
-    What is read is kept; `reload` reads a run that has gone on.
+    What is read is kept; `reload` reads a run that has continued.
     """
 
     def __init__(self, directory: Path) -> None:

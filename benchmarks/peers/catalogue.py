@@ -32,16 +32,16 @@ def cloud(
     coarse: float,
     zone: tuple[float, float, float],
     edge: tuple[float, float, float],
-    beside: tuple[tuple[float, float, float], ...] = (),
+    adjacent: tuple[tuple[float, float, float], ...] = (),
     stick: tuple[tuple[float, float, float], ...] = (),
 ) -> list[str]:
     """Settings of both bodies: spacing far away; spacing, radius, growth of the zone, of ``edge`` and
-    what lies ``beside`` it at the ends of the contact, and of what lies where sticking ends."""
+    what lies ``adjacent`` it at the ends of the contact, and of what lies where sticking ends."""
 
     def refinements(body: str) -> str:
-        ends = [(HALF_WIDTH, *one) for one in (edge, *beside)] + [(STICK, *one) for one in stick]
+        ends = [(HALF_WIDTH, *one) for one in (edge, *adjacent)] + [(STICK, *one) for one in stick]
         places = [(0.0, *zone), *((sign * x, *one) for x, *one in ends for sign in (-1, 1))]
-        # On the arc, not beside it: a fine radius may be smaller than the arc's height there.
+        # On the arc, not next to it: a fine radius may be smaller than the arc's height there.
         height = {"cylinder": lambda x: RADIUS - (RADIUS**2 - x**2) ** 0.5, "block": lambda _x: 0.0}[body]
         return ", ".join(
             f"{{at=[{x:.6g}, {height(x):.6g}], spacing={spacing}, radius={radius}, growth={growth}}}"
@@ -72,7 +72,7 @@ CLOUDS = {
             0.6607,
             (0.007169, 0.02233, 0.2389),
             (0.0003245, 0.0007424, 0.1744),
-            beside=((0.01726, 0.01275, 0.2452),),
+            adjacent=((0.01726, 0.01275, 0.2452),),
         ),
     ),
     "degree 4, 2.9k": fitted(
@@ -82,7 +82,7 @@ CLOUDS = {
             0.503,
             (0.00545, 0.05115, 0.1587),
             (6.667e-5, 0.0002569, 0.179),
-            beside=((0.002976, 0.00569, 0.1823),),
+            adjacent=((0.002976, 0.00569, 0.1823),),
         ),
     ),
     "as in cases/": ["mls.degree=2"],
@@ -103,7 +103,7 @@ SLIP_CLOUDS = {
             0.35,
             (0.001476, 0.03429, 0.2569),
             (0.0001413, 0.0003619, 0.1752),
-            beside=((0.00236, 0.004795, 0.1858),),
+            adjacent=((0.00236, 0.004795, 0.1858),),
             stick=((0.0002082, 0.000539, 0.1474), (0.002761, 0.005197, 0.18)),
         ),
     ),

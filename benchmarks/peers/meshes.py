@@ -48,9 +48,9 @@ class Grading:
     def at(self, x: Array, y: Array) -> Array:
         """Spacing in the plane."""
         end = max(self.even, self.points[-1])
-        beside = np.maximum(np.abs(x) - end, 0.0)
+        adjacent = np.maximum(np.abs(x) - end, 0.0)
         on_surface = self.surface(np.clip(x, -end, end))
-        return np.minimum(on_surface + self.growth * np.hypot(beside, y), self.coarse)
+        return np.minimum(on_surface + self.growth * np.hypot(adjacent, y), self.coarse)
 
 
 KINKS = (-HALF_WIDTH, -STICK, STICK, HALF_WIDTH)

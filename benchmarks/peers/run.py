@@ -6,7 +6,7 @@ Needs what benchmarks/peers/README.md lists; a program that is not installed is 
 process has one thread. The programs take turns, so that a busy machine slows all of them; compare
 figures of one run only. Peers run twice, with a mesh given in a file and making it themselves; mlsanm always
 makes its clouds. Each part is written to peers.json as soon as it is done, and replaces only itself there;
-picture and tables follow it: the tables stand in docs/peers.md, or beside peers.json with --out.
+picture and tables follow it: the tables stand in docs/peers.md, or next to peers.json with --out.
 ``--only`` without a part measures nothing and writes them again.
 """
 

@@ -60,7 +60,7 @@ def ring_plates() -> Scene:
 
 @scene
 def ring_blocks() -> Scene:
-    """The same ring between elastic blocks, by force: what each block hands on is the load."""
+    """The same ring between elastic blocks, by force: what each block transfers is the load."""
     given = case(
         "strain",
         {"alloy": ALLOY, "steel": STEEL},

@@ -1,4 +1,4 @@
-"""``mlsanm resume``: a run that was stopped or killed goes on to the same result within its tolerance.
+"""``mlsanm resume``: a run that was stopped or killed continues to the same result within its tolerance.
 
 Its path is taken up behind the last step stored, from what the checkpoint holds. Clouds and operators are
 made anew from the resolved case, and must be those that are stored but for round-off.
@@ -14,7 +14,7 @@ from typing import Any
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.console import Console
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.checkpoint import earlier_of
+from mlsanm_cli.app.output.checkpoint import interrupted_run
 from mlsanm_cli.app.output.recorder import Recorder
 from mlsanm_cli.app.run import carry_out, resumable
 from mlsanm_cli.app.scene.build import build_scene
@@ -52,7 +52,7 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
         loaded = stored_case(origin, rundir)
         if loaded.case.model.strain == "finite":
             raise RunError("a run at finite strain cannot be resumed yet", "run the case again with --force")
-        earlier = earlier_of(origin)
+        earlier = interrupted_run(origin)
         prepared = build_scene(loaded, context)
         run_dir.reopen(rundir)
         again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}

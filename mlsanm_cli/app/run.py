@@ -70,7 +70,7 @@ def run(
     What other runs of this process can use is kept in the ``memo``. With ``skip_done`` a directory that
     already holds this case's run, done, is left as it is, and its summary comes back with ``skipped``.
 
-    Returns the mapping of summary.json with the ``directory`` added. A run whose numbers cannot be believed
+    Returns the mapping of summary.json with the ``directory`` added. A run whose numbers are not reliable
     comes back with status "failed"; one that was interrupted, or is not done after ``max_wall`` seconds, with
     "stopped"; both keep what was done. Raises CaseError or RunError, with nothing written, for a case that
     cannot be run, UnfinishedError for a run whose disk is full, and KeyboardInterrupt when stopped before a
@@ -119,7 +119,7 @@ def set_up(
 
 @contextmanager
 def resumable(directory: Path) -> Iterator[None]:
-    """What cannot be written within the block is an UnfinishedError: a run goes on behind its last step."""
+    """What cannot be written within the block is an UnfinishedError: a run continues after its last step."""
     try:
         yield
     except WriteError as error:
@@ -187,7 +187,7 @@ def _follow(
     built: CondensedScene, start: Checkpoint | None, recorder: Recorder, context: RunContext
 ) -> Stop | None:
     """Go along the path; the stop of the case that has ended it early, if one has. Raises NumericalError as
-    soon as a state cannot be believed."""
+    soon as a state is not reliable."""
     path = Stoppable(built, start, recorder.last, load_path)
     steps = path.steps()
     while True:

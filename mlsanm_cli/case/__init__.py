@@ -19,7 +19,7 @@ from mlsanm_cli.case.model.case import (
     Support,
 )
 from mlsanm_cli.case.model.expressions import ExpressionError, value_at
-from mlsanm_cli.case.model.files import FileShape, Geometry, Mesh, Points, Survey
+from mlsanm_cli.case.model.files import FileShape, Geometry, GeometryInspector, Mesh, Points
 from mlsanm_cli.case.model.loads import (
     AnyLoad,
     BodyForce,
@@ -80,6 +80,7 @@ __all__ = [
     "ExpressionError",
     "FileShape",
     "Geometry",
+    "GeometryInspector",
     "HalfDisk",
     "Load",
     "LoadedCase",
@@ -108,7 +109,6 @@ __all__ = [
     "Solver",
     "Stop",
     "Support",
-    "Survey",
     "Temperature",
     "Traction",
     "Units",

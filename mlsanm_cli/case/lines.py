@@ -39,7 +39,7 @@ class _Scanner:
     counted: int = 0
 
     def here(self) -> int:
-        """Line of the current place; places only ever grow, so the count goes on from the last one."""
+        """Line of the current place; places only ever grow, so the count continues from the last one."""
         self.line += self.text.count("\n", self.counted, self.at)
         self.counted = self.at
         return self.line

@@ -18,7 +18,7 @@ from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.places import Places
 from mlsanm_cli.cloud.relax import relax
 from mlsanm_cli.cloud.separation import NodeSeparation, separation
-from mlsanm_cli.cloud.sight import VisibilityCriterion, look
+from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.cloud.tips import Tips, tips_of
@@ -71,7 +71,7 @@ class Cloud:
     @cached_property
     def sight(self) -> VisibilityCriterion | None:
         """Which nodes see each other past the body's slits; None without slits."""
-        return look(self.points, self.edges)
+        return visibility_criterion(self.points, self.edges)
 
     @cached_property
     def tips(self) -> Tips | None:

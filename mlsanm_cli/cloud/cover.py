@@ -11,7 +11,7 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 LIMIT = 24
 TOLERANCE = 1.25
 """A node is content with a spacing this many times wider than asked for."""
-BESIDE = 0.5
+NEAR_LINE = 0.5
 """Zones nearer to a line of symmetry than this part of what they ask for are put on it."""
 
 
@@ -40,7 +40,7 @@ def cover(
             break
         h = float(wanted[worst])
         middle = points[worst]
-        if line is not None and abs(middle[line.axis] - line.at) < BESIDE * h:
+        if line is not None and abs(middle[line.axis] - line.at) < NEAR_LINE * h:
             middle = np.where(np.arange(2) == line.axis, line.at, middle)
         distance = np.hypot(*(points - middle).T)
         near = np.argsort(distance)

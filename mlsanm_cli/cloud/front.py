@@ -1,4 +1,4 @@
-"""The advancing front that fills a region, in slices: between them signals are heard and limits kept."""
+"""The advancing front that fills a region, in slices: between them signals are handled and limits kept."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advanc
 SLICE = 0.05
 """Seconds that a slice should take: a person who presses Ctrl-C does not notice twice as much."""
 FIRST = 500
-"""Nodes that the first slice goes on from."""
+"""Nodes that the first slice continues from."""
 WEYL = 0x9E3779B97F4A7C15
 MODULUS = 2**64
 

@@ -53,13 +53,13 @@ class Half:
         return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
 
     def mirror(self, count: int, upon: int) -> Mirror:
-        """The symmetry of ``count`` nodes: the boundary's, ``upon`` on the line, those beside it, their
+        """The symmetry of ``count`` nodes: the boundary's, ``upon`` on the line, those next to it, their
         images."""
         first = len(self.boundary)
         on = np.arange(first, first + upon)
-        beside, beyond = np.split(np.arange(first + upon, count), 2)
-        image = np.concatenate([self.image, on, beyond, beside])
-        side = [self.side, np.zeros_like(on), np.ones_like(beside), -np.ones_like(beyond)]
+        adjacent, beyond = np.split(np.arange(first + upon, count), 2)
+        image = np.concatenate([self.image, on, beyond, adjacent])
+        side = [self.side, np.zeros_like(on), np.ones_like(adjacent), -np.ones_like(beyond)]
         return Mirror(self.line, image, np.concatenate(side), self.surfaces)
 
 
@@ -89,9 +89,9 @@ def halved(
     points = boundary[edges]
     middle = points.mean(axis=1)
     middle[:, line.axis] = line.at
-    beside = (ends.sum(axis=1) > 0) | crossing
+    adjacent = (ends.sum(axis=1) > 0) | crossing
     outside = ends[:, :, None] < 0
-    chords = np.where(outside, middle[:, None], points)[beside]
+    chords = np.where(outside, middle[:, None], points)[adjacent]
     along = 1 - line.axis
     crossed = np.sort(np.concatenate([boundary[own, along], middle[crossing, along]]))
     if len(crossed) % 2:

@@ -15,7 +15,8 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.splines import SplinePart
 
 SMOOTH = math.radians(1.0)
-"""Curves that meet under a smaller angle go on smoothly: what a kink does to stresses goes with its angle."""
+"""Curves that meet under a smaller angle continue smoothly: what a kink does to stresses goes with its
+angle."""
 CHORDS, BEND = 64, 0.2
 SAME = 1e-9
 """Differences below this part of a curve's size are round-off."""
@@ -171,7 +172,7 @@ def points_of(curve: Curve) -> int:
 def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
     """One curve of several, one after the other; ``around`` if the last one ends where the first begins.
 
-    Lines that go on straight, arcs of one circle and parts of one curve become one again.
+    Lines that continue straight, arcs of one circle and parts of one curve become one again.
     """
     pieces: list[Curve] = []
     for curve in curves:

@@ -19,7 +19,7 @@ from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.halves import surface_images
 from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.polygon import signed_area
-from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.cloud.triangles import triangulate
@@ -87,7 +87,7 @@ def cloud_of_nodes(points: FloatArray, traced: Traced, normals: FloatArray | Non
             normal = np.where((given * normal).sum(axis=1, keepdims=True) > ALIGNED, given, normal)
         surfaces[name] = Surface(name, curve, nodes, arc, normal)
     cloud = Cloud(points, np.ones(len(points)), surfaces)
-    triangles = triangulate(points, cloud.edges, look(points, cloud.edges))
+    triangles = triangulate(points, cloud.edges, visibility_criterion(points, cloud.edges))
     return Cloud(points, _neighbour_distance(points, triangles), surfaces)
 
 

@@ -22,7 +22,7 @@ def boundary_chords(index: IntArray, names: Sequence[str]) -> IntArray:
     owner = np.array(names)
     chains = [np.flatnonzero(owner == name) for name in dict.fromkeys(names)]
     starts = {int(index[chain[0]]) for chain in chains}
-    # A surface that goes on nowhere is closed in itself.
+    # A surface that continues nowhere is closed.
     whole = [chain if int(index[chain[-1]]) in starts else np.append(chain, chain[:1]) for chain in chains]
     return np.concatenate([np.stack([chain[:-1], chain[1:]], axis=1) for chain in whole])
 

@@ -138,10 +138,10 @@ def _joined(labels: IntArray, pairs: IntArray, few: float) -> IntArray:
     while True:
         count = np.bincount(labels)
         one, other = labels[np.concatenate([pairs, pairs[:, ::-1]])].T
-        beside = (one != other) & (count[one] < few)
-        if not beside.any():
+        adjacent = (one != other) & (count[one] < few)
+        if not adjacent.any():
             return labels
-        key, times = np.unique(one[beside] * len(count) + other[beside], return_counts=True)
+        key, times = np.unique(one[adjacent] * len(count) + other[adjacent], return_counts=True)
         small, neighbour = key // len(count), key % len(count)
         order = np.lexsort((-times, small))
         first = order[np.unique(small[order], return_index=True)[1]]

@@ -35,8 +35,8 @@ def relax(
     the images of these follow them in what is returned.
     """
     end = len(points)
-    on, beside, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
-    points = points.copy() if line is None else np.concatenate([points, line.reflect(points[beside])])
+    on, adjacent, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
+    points = points.copy() if line is None else np.concatenate([points, line.reflect(points[adjacent])])
     count = min(NEIGHBORS, len(points) - 1)
     if end == fixed or count < 1:
         return points
@@ -56,5 +56,5 @@ def relax(
         points[moving] += (h * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
         if line is not None:
             points[on, line.axis] = line.at
-            points[end:] = line.reflect(points[beside])
+            points[end:] = line.reflect(points[adjacent])
     return points

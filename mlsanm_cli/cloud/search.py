@@ -1,4 +1,4 @@
-"""Long searches in pieces, and beside the main thread: signals are heard while they last."""
+"""Long searches in pieces, and outside the main thread: signals are handled while they last."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ class VisibilityCriterion:
         return inward
 
 
-def look(points: FloatArray, edges: IntArray) -> VisibilityCriterion | None:
+def visibility_criterion(points: FloatArray, edges: IntArray) -> VisibilityCriterion | None:
     """What the nodes ``points`` (n, 2) inside the loops of ``edges`` (e, 2) see; None without slits."""
     step = points[edges[:, 1]] - points[edges[:, 0]]
     length = np.sqrt((step**2).sum(axis=1))
@@ -170,11 +170,11 @@ def _slits(
     one = np.repeat(np.arange(len(middles)), np.diff(start))
     across = middles[other] - middles[one]
     out, back = (across * normals[one]).sum(axis=1), -(across * normals[other]).sum(axis=1)
-    beside = np.abs(across[:, 0] * normals[one, 1] - across[:, 1] * normals[one, 0])
+    adjacent = np.abs(across[:, 0] * normals[one, 1] - across[:, 1] * normals[one, 0])
     edge = along[:, 1] - along[:, 0]
     facing = (out > 0.0) & (back > 0.0) & ((normals[one] * normals[other]).sum(axis=1) < 0.0)
     # Edges that are ahead of each other: others may look the same way past the material between them.
-    facing &= beside <= np.maximum(out, back) + 0.5 * (edge[one] + edge[other])
+    facing &= adjacent <= np.maximum(out, back) + 0.5 * (edge[one] + edge[other])
     one, other, width = one[facing], other[facing], np.maximum(out, back)[facing]
     at = along.mean(axis=1)
     way = np.abs(at[one] - at[other])

@@ -14,7 +14,7 @@ from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.startup import cKDTree
 
 LEAP = 4.0
-"""A step so many times longer than those beside it is no step along one boundary."""
+"""A step so many times longer than those next to it is no step along one boundary."""
 BACK = np.radians(150.0)
 """A boundary that turns by more than this has gone back."""
 ALIGNED = 0.9
@@ -98,8 +98,8 @@ def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
         if len(chain) < 2:
             raise GeometryError(f'{nodes.places[chain[0]]}: "{name}" has one node only', "two nodes or more")
         step = np.hypot(*np.diff(nodes.points[chain], axis=0).T)
-        beside = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
-        leap = (step > LEAP * beside) & (len(step) > 1)
+        adjacent = np.maximum(np.append(0.0, step[:-1]), np.append(step[1:], 0.0))
+        leap = (step > LEAP * adjacent) & (len(step) > 1)
         back = np.append(False, np.abs(turns(nodes.points[chain]))[1:-1] > BACK)
         if (leap | back).any():
             place = int(np.argmax(leap | back))

@@ -1,4 +1,4 @@
-"""What small changes of gaps and slips do to a contact state with friction: what slips goes on to slip."""
+"""What small changes of gaps and slips do to a contact state with friction: what slips continues to slip."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Correction, Effort, correct_end, residual_norm
+from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct_end, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Series, expand
 from mlsanm_cli.continuation.options import AnmOptions
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
@@ -143,7 +143,7 @@ class AnmFollower(Follower):
 
     def _arrive(
         self, here: ExpansionPoint, branch: Branch
-    ) -> tuple[Branch, Correction, ExpansionPoint | None, Effort]:
+    ) -> tuple[Branch, Correction, ExpansionPoint | None, SolveCounts]:
         """Settle the end of a step and factorise there; the step is shortened while that fails.
 
         Returns the step's piece of path, its end, the next station (None at the target) and its effort.
@@ -159,7 +159,7 @@ class AnmFollower(Follower):
             if end is None:
                 failure = Stopped(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
             else:
-                effort = Effort()
+                effort = SolveCounts()
                 try:
                     ahead = self._station(end.x, end.lam, effort)
                     if self._metric.norm(ahead.slope, 0.0) < _STEEP:
@@ -180,13 +180,13 @@ class AnmFollower(Follower):
             raise Stopped(StopReason.CORRECTION_FAILED, f"no state at the event near load factor {lam:.9g}")
         return end
 
-    def _finish(self, here: ExpansionPoint, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
+    def _finish(self, here: ExpansionPoint, piece: Branch) -> tuple[Branch, Correction, None, SolveCounts]:
         """Correct the end of the last step, which lies exactly at the load factor asked for."""
         x = piece.evaluate(piece.length)[0]
         end = self._corrected(here, (x, self._lam_end), None)
         if end is None:  # a fold at the very target: the series' own end keeps the tolerance
             end = Correction(x, self._lam_end, residual_norm(self._problem, x, self._lam_end), 0, 0, 0)
-        return piece, end, None, Effort()
+        return piece, end, None, SolveCounts()
 
     def _end(self, here: ExpansionPoint, piece: Branch) -> Correction | None:
         """Return the end of a step, corrected if its residual has drifted; None when that fails."""

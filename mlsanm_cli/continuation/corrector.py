@@ -18,7 +18,7 @@ _HALVINGS = 40
 # by so many bisections.
 _SHORT_OF = 0.95
 _BISECTIONS = 5
-# A correction with an old tangent goes on while each update removes nine tenths of the residual.
+# A correction with an old tangent continues while each update removes nine tenths of the residual.
 _CHORD_RATE = 0.1
 _CHORD_UPDATES = 3
 # Smallest relative fall of the residual's norm that a damped update must bring, per unit of its fraction.
@@ -41,14 +41,14 @@ class Correction:
 
 
 @dataclasses.dataclass
-class Effort:
+class SolveCounts:
     """Counts of one step or correction as they grow."""
 
     updates: int = 0
     factorizations: int = 0
     solves: int = 0
 
-    def add(self, other: Effort) -> None:
+    def add(self, other: SolveCounts) -> None:
         """Add the counts of ``other`` to these."""
         self.updates += other.updates
         self.factorizations += other.factorizations
@@ -84,7 +84,7 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | 
     NumericalError
         When ``x`` is not admissible, the tangent singular, or no convergence reached.
     """
-    options, effort = options or PathOptions(), Effort()
+    options, effort = options or PathOptions(), SolveCounts()
     if not np.isfinite(residual_norm(problem, x, lam)):
         raise NumericalError(
             f"the start point at load factor {lam:.9g} is not admissible", "start from open gaps and no load"
@@ -120,7 +120,12 @@ class Across:
 
 @np.errstate(over="ignore", invalid="ignore")
 def iterate(
-    problem: Problem, x: FloatArray, lam: float, plane: Across | None, options: PathOptions, effort: Effort
+    problem: Problem,
+    x: FloatArray,
+    lam: float,
+    plane: Across | None,
+    options: PathOptions,
+    effort: SolveCounts,
 ) -> Point:
     """Return the point that damped Newton updates come to from an admissible (x, lam).
 
@@ -167,7 +172,7 @@ def correct_end(
     end: tuple[FloatArray, float],
     normal: tuple[FloatArray, float] | None,
     options: PathOptions,
-    effort: Effort,
+    effort: SolveCounts,
 ) -> Correction | None:
     """Bring the end of a step back to the path; None when that fails.
 
@@ -210,7 +215,7 @@ def _updated(
     at: ExpansionPoint,
     point: Point,
     normal: tuple[FloatArray, float] | None,
-    effort: Effort,
+    effort: SolveCounts,
 ) -> Point:
     """Return the point after one Newton update with the tangent and slope of the station ``at``."""
     effort.solves += 1

@@ -30,7 +30,7 @@ def follow(
         ``previous`` piece: when it exceeds the tolerance)
     lam_end : the path ends where the load factor first takes this value, going along the path
     options : choose the method too: power series (also by default), or Newton-Raphson
-    previous : the piece of path that led to the start point; the path goes on in its direction with its
+    previous : the piece of path that led to the start point; the path continues in its direction with its
         length of step, as if it had not been interrupted
     barrier : tells how far along a piece of path the problem holds; the path ends there with the reason EVENT
     levels : load factors at which states are wanted. Steps of Newton's method end there; power series hold

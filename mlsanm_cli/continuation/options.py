@@ -18,7 +18,7 @@ class PathOptions:
     tolerance : largest residual allowed anywhere on the path (Newton's method: in the states it hands out)
     max_steps : the path stops after so many steps
     direction : which way to leave the start point: load factor growing (1), falling (-1), or (0) as the piece
-        of path before it went on, without one toward the load factor asked for; the sign of later steps is
+        of path before it continued, without one toward the load factor asked for; the sign of later steps is
         that of the path itself
     min_length : a step shorter than this, in scaled units of the path, ends it
     max_corrections : Newton updates allowed in one correction

@@ -17,7 +17,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Correction, Effort, correct, residual_norm
+from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, station
 from mlsanm_cli.continuation.options import PathOptions
 from mlsanm_cli.continuation.problem import FloatArray, Problem
@@ -70,7 +70,7 @@ class Outcome:
     """How a path ended: ``reason``, a sentence about it, the last good point, totals of the whole path.
 
     ``piece`` is the last step as long as it would have been without an event: the ``previous`` of a path that
-    goes on, which needs no more of it than its ``tangent``.
+    continues, which needs no more of it than its ``tangent``.
     """
 
     reason: StopReason
@@ -121,7 +121,7 @@ class Follower(ABC):
         self._x, self._lam, self._residual = np.array(x0, dtype=np.float64), float(lam0), np.inf
         if self._x.shape != (problem.size,):
             raise ValueError(f"the start point has shape {self._x.shape}, the problem size {problem.size}")
-        self._steps, self._done, self._effort = 0, Effort(), Effort()
+        self._steps, self._done, self._effort = 0, SolveCounts(), SolveCounts()
         self._piece: Branch | None = None
         self._reason, self._message = StopReason.STOPPED_BY_CALLER, "the caller took no more steps"
         self._started = self._stopped = False
@@ -179,14 +179,14 @@ class Follower(ABC):
                 return  # the end of a step, which its successor starts from as it is
         start = correct(self._problem, self._x, self._lam, self._options)
         self._x, self._residual = start.x, start.residual
-        self._effort.add(Effort(start.updates, start.factorizations, start.solves))
+        self._effort.add(SolveCounts(start.updates, start.factorizations, start.solves))
 
     def _allow(self) -> None:
         """Raise ``Stopped`` when there may be no further step."""
         if self._steps == self._options.max_steps:
             raise Stopped(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
 
-    def _station(self, x: FloatArray, lam: float, effort: Effort) -> ExpansionPoint:
+    def _station(self, x: FloatArray, lam: float, effort: SolveCounts) -> ExpansionPoint:
         effort.factorizations += 1
         effort.solves += 1
         return station(self._problem, x, lam)
@@ -194,7 +194,7 @@ class Follower(ABC):
     def _record(self, branch: Branch, end: Correction, arc_length: float, order: int) -> Step:
         self._steps += 1
         self._x, self._lam, self._residual = end.x, end.lam, end.residual
-        effort, self._effort = self._effort, Effort()
+        effort, self._effort = self._effort, SolveCounts()
         self._done.add(effort)
         return Step(
             index=self._steps,

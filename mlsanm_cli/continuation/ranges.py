@@ -2,7 +2,7 @@
 
 The first guess is the classical range of a power series, a = (eps |X_1| / |X_N|)^(1/(N-1)); it is then
 shortened or stretched until the residual at its end lies just below the tolerance. An evaluation costs next
-to nothing beside a factorisation.
+to nothing compared with a factorisation.
 
 Source of the first guess: B. Cochelin, A path-following technique via an asymptotic-numerical method,
 Computers & Structures 53 (1994) 1181-1192.
@@ -40,7 +40,7 @@ _STRETCH = 1.4
 # A step keeps this part of the way to the nearest pole.
 _POLE_MARGIN = 0.9
 # A step ends where the terms of a Padé approximant, of both signs, leave so much round-off (part of the
-# tolerance) in their sum: many poles beside each other, as along a branch cut, have terms of 1e7.
+# tolerance) in their sum: many poles next to each other, as along a branch cut, have terms of 1e7.
 _NOISE, _QUIETER = 0.02, 0.95
 
 

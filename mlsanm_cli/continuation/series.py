@@ -156,7 +156,7 @@ class Branch:
         changes = np.flatnonzero(sign[1:] != sign[0])
         last = int(changes[0]) + 1 if changes.size else _SAMPLES - 1
         for low, high in self._dips(lam, grid[: last + 1], sign[0] * values[: last + 1]):
-            # Only beside folds; importing it takes longer than a path without them.
+            # Only near folds; importing it takes longer than a path without them.
             from scipy.optimize import minimize_scalar
 
             bottom = minimize_scalar(
@@ -206,7 +206,7 @@ class Branch:
     def _dips(self, lam: float, grid: FloatArray, distance: FloatArray) -> list[tuple[float, float]]:
         """Return the intervals in which lam(a) may touch the level between samples on one side of it.
 
-        That happens beside a fold that lies just past the level. ``distance`` is positive but for the last.
+        That happens near a fold that lies just past the level. ``distance`` is positive but for the last.
         """
         if distance[-1] <= 0.0:  # the crossing behind the last sample but one is found by its change of sign
             grid, distance = grid[:-1], distance[:-1]
@@ -226,7 +226,7 @@ class Branch:
 def locate(branches: Sequence[Branch], lam: float) -> tuple[int, float]:
     """Return (index, a) of the first point of a path, given piece by piece, at the load factor ``lam``.
 
-    A level that falls into the round-off (or, beside a fold, the correction) between the end of one piece
+    A level that falls into the round-off (or, near a fold, the correction) between the end of one piece
     and the start of the next belongs to that start.
 
     Raises

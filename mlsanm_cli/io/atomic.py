@@ -18,7 +18,7 @@ TEMPORARY_SUFFIX = ".tmp"
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside ``path`` to write to, and rename it to ``path`` when the block ends well.
+    """Give a temporary path next to ``path`` to write to, and rename it to ``path`` when the block ends well.
 
     The temporary file lies in the same directory because a rename is atomic only inside one file system.
 

@@ -1,4 +1,4 @@
-"""HTML pages that stand by themselves: no files beside them, no scripts, readable without styles."""
+"""HTML pages that stand by themselves: no files next to them, no scripts, readable without styles."""
 
 from __future__ import annotations
 

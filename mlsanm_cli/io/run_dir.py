@@ -71,7 +71,8 @@ def file_part(name: str) -> str:
 
 
 def check(directory: Path, force: bool) -> None:
-    """Raise RunError if `prepare` would refuse ``directory`` or a run goes on in it; touches nothing."""
+    """Raise RunError if `prepare` would refuse ``directory`` or a run is in progress in it; touches
+    nothing."""
     refuse_held(directory)
     _plan(directory, force)
 
@@ -93,7 +94,7 @@ def prepare(directory: Path, force: bool) -> None:
 
 
 def reopen(directory: Path) -> None:
-    """Make ``directory`` look like a run that goes on; the caller has locked it. RunError."""
+    """Make ``directory`` look like a run in progress; the caller has locked it. RunError."""
     try:
         for name in (SUMMARY_FILE, FAILURE_FILE):
             (directory / name).unlink(missing_ok=True)
@@ -104,7 +105,7 @@ def reopen(directory: Path) -> None:
 def check_comparison(directory: Path, force: bool) -> None:
     """Raise RunError if `prepare_comparison` would refuse ``directory``; touches nothing.
 
-    A comparison may lie beside a run, which it leaves alone.
+    A comparison may lie next to a run, which it leaves alone.
     """
     _check_place(directory)
     entries = _entries(directory)

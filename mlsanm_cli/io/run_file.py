@@ -12,7 +12,7 @@ Layout (S steps, row 0 is the state at the start; m slave nodes of a contact)::
     /maps/<kind>/<name>     (r, 1 + unknowns)
     /series/<step>/...      whatever reproduces the step
     /fields/<k>/<b>/...     saved states, /fields/position (K,)
-    /checkpoint/...         what the run goes on from behind its last row
+    /checkpoint/...         what the run continues from behind its last row
 
 The file on disk is always a whole one, as of some finished step: HDF5 works in memory only, and its image is
 renamed to the old file's name. A kill loses what came after, some half a minute at most.
@@ -48,7 +48,7 @@ SHARE = 20.0
 CHUNK_BYTES, CHUNK_ROWS = 8192, 128
 """Columns are stored by so many bytes and rows at most."""
 AGREES = 1e-8
-"""A run that goes on has the same model if its arrays differ by no more than this part of their size."""
+"""A resumed run has the same model if its arrays differ by no more than this part of their size."""
 # HDF5 1.8 to 1.10: compact groups, and readable by every program in use (ParaView, MATLAB, old h5py).
 _LIBRARY_VERSIONS = ("v108", "v110")
 
@@ -210,7 +210,7 @@ class RunFile(Closing):
         self._rows, self._pending = rows, self._pending[len(taken) :]
 
     def _put_checkpoint(self, datasets: Mapping[str, Value]) -> None:
-        """Store what the path goes on from, and nothing of what it went on from before."""
+        """Store what the path continues from, and nothing of what it continued from before."""
         if "checkpoint/path" in self._file:
             del self._file["checkpoint/path"]
         for name, value in datasets.items():

@@ -140,7 +140,7 @@ class RunData:
 @dataclass(frozen=True)
 class RunOrigin:
     """What a run was made from: attributes, the case as given and resolved; the seconds it took and the rows
-    it has so far, and what it goes on from: texts, arrays, and mappings of them by name."""
+    it has so far, and what it continues from: texts, arrays, and mappings of them by name."""
 
     attributes: Mapping[str, str | int | float]
     case_raw: str
@@ -170,7 +170,7 @@ def read_origin(rundir: Path) -> RunOrigin:
 
 
 def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
-    """The columns of path.csv, of a run that goes on too. Raises RunError as `read_run` does."""
+    """The columns of path.csv, also of a run in progress. Raises RunError as `read_run` does."""
     return _reading(rundir, lambda root, file: path_table(root))
 
 

@@ -19,7 +19,7 @@ LARGEST = 2**28
 """Bytes that a file may hold when unpacked; the limit on the file itself is the same."""
 HDF5 = b"\x89HDF\r\n\x1a\n"
 SCATTERED = (".xdmf", ".xmf", ".xml", ".ele", ".node")
-"""Formats whose readers open other files beside the one named."""
+"""Formats whose readers open other files next to the one named."""
 OBJECTS = 10_000
 """Groups and datasets of an HDF5 file: no program writes more for one mesh."""
 

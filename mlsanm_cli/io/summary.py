@@ -100,7 +100,7 @@ def _cells(name: str, column: NDArray[Any]) -> list[str]:
 class EventLog(Closing):
     """events.jsonl: one JSON object per line, each on disk as soon as it is written.
 
-    Opened for appending, so that a run that goes on later keeps its history.
+    Opened for appending, so that a run that is resumed later keeps its history.
     """
 
     def __init__(self, path: Path, rows: int | None = None) -> None:

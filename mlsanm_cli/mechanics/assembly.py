@@ -208,7 +208,7 @@ def row_weights(
     table: RowTable,
     grips: Held,
 ) -> FloatArray:
-    """Weights (r,) of the rows in the least-squares sum; stresses are singular beside ``grips``."""
+    """Weights (r,) of the rows in the least-squares sum; stresses are singular near ``grips``."""
     cloud = model.cloud
     factor = corner_weight(cloud, grips) * inward_weight(cloud, _unknown_corners(model, grips))
     weights = [factor * cloud.spacing / table.modulus] * 2

@@ -41,7 +41,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.reflected import reflected, reflected_numbers
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils, look_around
+from mlsanm_cli.operators.stencils import Stencils, build_gradients, build_stencils, nearest_nodes
 from mlsanm_cli.operators.system import LinearSystem
 from mlsanm_cli.startup import cKDTree
 
@@ -52,7 +52,7 @@ over the clouds of one graded scene, with these by 3, and halved."""
 COINCIDENT = 0.02
 """Nodes closer than this part of the spacing are refused: only their difference distinguishes them.
 
-Measured with an extra node beside another one, degrees 2, 4 and 6: at 0.03 the error is the same as without
+Measured with an extra node next to another one, degrees 2, 4 and 6: at 0.03 the error is the same as without
 it, at 0.01 fourteen times larger for degree 6, at 0.003 ten times for degree 2, then soon beyond all bounds.
 """
 
@@ -107,7 +107,7 @@ class BodyModel:
         tree = cloud.tree if nodes is cloud.points else cKDTree(nodes)
         mirror = cloud.mirror if nodes is cloud.points else None
         points = cloud.points if mirror is None else cloud.points[mirror.own]
-        near = look_around(tree, points, max(settings.stencil_size, foresight))
+        near = nearest_nodes(tree, points, max(settings.stencil_size, foresight))
         tips = known_tips(cloud.tips, material, settings)
         stencils = build_stencils(nodes, tree, points, 2, settings, cloud.sight, near, tips)
         if not foresight:
@@ -353,7 +353,7 @@ class ElasticBody:
     def depth_of_reactions(self, surface: str) -> float:
         """How many spacings inside the stress is taken for the force of a held surface.
 
-        Square schemes have no rows of pieces, and their stress beside held corners means little: it is taken
+        Square schemes have no rows of pieces, and their stress near held corners means little: it is taken
         a spacing inside, or two where both directions are held.
         """
         return float(sum(self.gripped[surface])) if self.model.settings.square else 0.0

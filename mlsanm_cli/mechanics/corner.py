@@ -19,7 +19,7 @@ LOW, HIGH = 9.0, 16.0
 """They reach so far, in this logarithm, below the nearest source and beyond the farthest; those still nearer
 to the tip, or farther, act at one place."""
 ON = 1e-9
-BESIDE = 0.2
+NEAR_SURFACE = 0.2
 """Seen under less than this angle forces along a face are no row of single ones any more, but integrated."""
 INNER, OUTER = 0.2, 1.6
 """Between these in the logarithm of the distance the one goes over into the other."""
@@ -135,14 +135,14 @@ class Line:
     ) -> FloatArray:
         w = z - self.tip
         x, deep = (w * np.conj(self.along)).real, (w * np.conj(self.inward)).real
-        near = np.flatnonzero((x > 0.0) & (deep < BESIDE * x))
+        near = np.flatnonzero((x > 0.0) & (deep < NEAR_SURFACE * x))
         apart = self.logarithm - np.log(x[near, None])
         single = np.ones((len(z), len(self.logarithm)))
         single[near] = 1.0 - _window(apart)
         found = field(self._at(np.exp(self.logarithm)), z)
         total = np.einsum("ep,epcd,pdm->ecm", single, found, self.density, optimize=True)
         if len(near):
-            total[near] += self._beside(x[near], np.maximum(deep[near] / x[near], LEAST), field)
+            total[near] += self._near_face(x[near], np.maximum(deep[near] / x[near], LEAST), field)
         return np.asarray(total)
 
     def _at(self, distance: FloatArray) -> SurfaceForces:
@@ -153,7 +153,7 @@ class Line:
             np.full(len(distance), self.inward),
         )
 
-    def _beside(
+    def _near_face(
         self,
         x: FloatArray,
         slope: FloatArray,
@@ -214,10 +214,10 @@ class CorneredForces:
         ``curvature`` (e,); none is left on the faces of a corner by the forces and this corner."""
         total = self.own.traction(z, normal, curvature)
         cleared = [corner.cleared(z, normal) for corner in self.corners]
-        for _, beside in cleared:
-            total[beside] = 0.0
-        for (own, beside), lines in zip(cleared, self._lines, strict=True):
-            off = ~(own | beside)
+        for _, adjacent in cleared:
+            total[adjacent] = 0.0
+        for (own, adjacent), lines in zip(cleared, self._lines, strict=True):
+            off = ~(own | adjacent)
             if off.any():
                 for line in lines:
                     total[off] += traction(self._parted(line.stress(z[off])), normal[off, None])

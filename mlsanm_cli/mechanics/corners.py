@@ -34,7 +34,7 @@ weights, 0.82 with power 1, 0.93 with 1.5; at 2 the stress at the clamped side b
 """
 
 REACH = 0.5
-"""Part of the thickness over which the weights beside such corners grow to 1.
+"""Part of the thickness over which the weights near such corners grow to 1.
 
 With five nodes across, ten clouds each, clamped beams of 5 to 50 thicknesses are within 0.8 % and a portal
 frame with fillets of two spacings within 1.6 %; with 1 the portal loses 3 %, without weights beams are up to
@@ -59,7 +59,7 @@ def thickness(cloud: Cloud) -> float:
 
 
 def corner_weight(cloud: Cloud, held: Mapping[str, tuple[bool, bool]]) -> FloatArray:
-    """Factor (n,) on the equilibrium and traction rows of every node: up to 1, beside corners
+    """Factor (n,) on the equilibrium and traction rows of every node: up to 1, near corners
     (distance / (REACH thickness))^POWER.
 
     Weights that grew all the way to the far end would leave the rows at a thin body's support with next to

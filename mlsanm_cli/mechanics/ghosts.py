@@ -1,7 +1,7 @@
 """Ghost nodes: one outside every boundary node that is not clamped, so that a square scheme can have
 equilibrium there too.
 
-Clamped nodes need none, and ghosts beside them do harm: where a fine zone lies on a clamped surface, a wave
+Clamped nodes need none, and ghosts next to them do harm: where a fine zone lies on a clamped surface, a wave
 of ghosts grows from it that hardly any equation notices.
 """
 
@@ -29,7 +29,7 @@ def ghost_owners(cloud: Cloud, clamped: Collection[str]) -> IntArray:
 def ghost_points(cloud: Cloud, owners: IntArray) -> FloatArray:
     """Ghosts (g, 2) of the nodes ``owners`` (g,), a spacing away along the sum of their normals.
 
-    Raises NumericalError where the body leaves no room for them, as in a notch or beside a thin slit.
+    Raises NumericalError where the body leaves no room for them, as in a notch or next to a thin slit.
     """
     outward = np.zeros_like(cloud.points)
     for surface in cloud.surfaces.values():

@@ -74,7 +74,7 @@ class PlaneMaterial:
         return result
 
     def out_of_plane_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
-        """sigma_zz (n,) beside plane ``stress`` (n, 3) after a change of ``temperature``, one or (n,)."""
+        """sigma_zz (n,) with plane ``stress`` (n, 3) after a change of ``temperature``, one or (n,)."""
         # Where nothing is heated, an expansion that is not known does not matter.
         heat = np.where(temperature, self.across_heat * np.asarray(temperature), 0.0)
         result: FloatArray = stress @ self.across + heat

@@ -49,7 +49,7 @@ class Kernel(Protocol):
         ...
 
     def along(self, tangent: ComplexArray) -> FloatArray:
-        """Traction (..., 2, 2) on the surface beside the force, over the surface's curvature there, which is
+        """Traction (..., 2, 2) on the surface next to the force, over the surface's curvature there, which is
         positive where the material is convex; ``tangent`` (...) are unit vectors."""
         ...
 
@@ -215,7 +215,7 @@ class SurfaceForces:
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, k, 2, 2) at places ``z`` (e,) of the surface with outward ``normal`` and
-        ``curvature`` (e,); at a force's own place what is left beside it."""
+        ``curvature`` (e,); at a force's own place what is left next to it."""
         w = z[:, None] - self.place
         at = np.abs(w) <= ALMOST * np.abs(z).max(initial=0.0)
         outward = np.broadcast_to(normal[:, None], w.shape)

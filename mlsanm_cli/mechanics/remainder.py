@@ -109,8 +109,8 @@ def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, Flo
         halves = _halves(surface, forces)
         points, normal = surface.curve.points(halves.arc), as_complex(surface.curve.normals(halves.arc))
         missing -= _total(points, halves.length[:, None, None, None] * sent[name])
-        beside = ((as_complex(points[:1]) - forces.place) * np.conj(inward)).real
-        if max(np.abs(normal + inward).max(), np.abs(beside).max() / surface.curve.length) < ALONG:
+        adjacent = ((as_complex(points[:1]) - forces.place) * np.conj(inward)).real
+        if max(np.abs(normal + inward).max(), np.abs(adjacent).max() / surface.curve.length) < ALONG:
             bearing = surface, halves, points
     assert bearing is not None
     surface, halves, points = bearing

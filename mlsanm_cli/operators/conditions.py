@@ -43,7 +43,7 @@ class Conditions:
         return np.asarray(solution + self.lift @ (wanted - self.rows @ solution))
 
 
-def said(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sparse.csr_array, IntArray]:
+def independent_sums(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sparse.csr_array, IntArray]:
     """What ``sums`` (s, g) of strong ``rows`` (g, n) say (t, n), and which of them do (t,): not those that
     cancel, as the forces on a body that nothing holds."""
     taken = sparse.csr_array(sums @ rows)

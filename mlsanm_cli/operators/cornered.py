@@ -1,8 +1,8 @@
-"""Fits beside sharp inward corners, which know how displacements grow there.
+"""Fits near sharp inward corners, which know how displacements grow there.
 
 Between free faces displacements are r^power times cosines and sines of power theta and (2 - power) theta,
 with powers below 1 (Williams 1952, doi:10.1115/1.4010553). No polynomial follows them: what fits leave out
-beside a corner would make a whole frame too stiff. So these functions take part in the fits around it as
+near a corner would make a whole frame too stiff. So these functions take part in the fits around it as
 polynomials do, as far as a stencil's nodes tell them from polynomials (as those of a crack's tip in Fleming,
 Chu, Moran and Belytschko 1997, doi:10.1002/(SICI)1097-0207(19970430)40:8<1483::AID-NME123>3.0.CO;2-6).
 """
@@ -44,7 +44,7 @@ ComplexArray: TypeAlias = NDArray[np.complex128]
 def corners_of_fits(
     tree: cKDTree, centers: FloatArray, settings: MlsSettings, tips: Tips
 ) -> tuple[IntArray, IntArray, int]:
-    """Which fits at ``centers`` (e, 2) are beside a corner, by number; which corner that is; and how many
+    """Which fits at ``centers`` (e, 2) are near a corner, by number; which corner that is; and how many
     neighbours such fits have."""
     more = 4 * max(len(powers) for powers in tips.powers)
     size = min(math.ceil(PER_COEFFICIENT * (settings.coefficients + more)), tree.n)

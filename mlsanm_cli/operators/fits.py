@@ -29,7 +29,7 @@ def fitted_derivatives(
     """Value and derivatives (e, 6, c) of a nodal ``field`` (n, c) at ``targets`` (e, 2), degree 2 at least.
 
     They are those of :meth:`Stencils.derivatives` with the same settings but for round-off; ``known`` (e, k)
-    are the targets' nearest nodes by :func:`look_around`, if they were looked for already.
+    are the targets' nearest nodes by :func:`nearest_nodes`, if they were looked for already.
     Raises NumericalError where the nodes cannot carry the degree.
     """
     result = np.empty((len(targets), 6, field.shape[1]))

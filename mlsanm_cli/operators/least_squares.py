@@ -28,7 +28,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.operators.compliance import corrected
-from mlsanm_cli.operators.conditions import Conditions, conditions_of, said
+from mlsanm_cli.operators.conditions import Conditions, conditions_of, independent_sums
 from mlsanm_cli.operators.linear.interface import DirectSolver, Factor
 from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
@@ -105,14 +105,14 @@ class LeastSquares:
     def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
         """Solutions (n, c) by the factor alone, for right-hand sides ``sources`` (r, c)."""
         scaled = self.scaled(sources)
-        return self._answer(scaled, self._sums(scaled))
+        return self._solve_once(scaled, self._sums(scaled))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
         """A step of refinement of a ``solution`` (n, 1) for ``source`` (r, 1), and solutions for ``more``
         (r, 1) by the factor alone, (n, 2)."""
         one, other = self.scaled(source), self.scaled(more)
         wanted = [self._sums(one) - self.conditions.rows @ solution, self._sums(other)]
-        return self._answer(np.hstack([one - self._apply(solution), other]), np.hstack(wanted))
+        return self._solve_once(np.hstack([one - self._apply(solution), other]), np.hstack(wanted))
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -177,10 +177,10 @@ class LeastSquares:
         relatively: (c,)."""
         scaled = self.scaled(sources)
         wanted = self._sums(scaled) - self.conditions.rows @ solutions
-        update = self._answer(scaled - self._apply(solutions), wanted)
+        update = self._solve_once(scaled - self._apply(solutions), wanted)
         return relative(np.linalg.norm(update, axis=0), solutions)
 
-    def _answer(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
+    def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
         """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows, and what the
         conditions want (s, c)."""
         return self.conditions.met(self.factor.solve(self._gather(misfit)), wanted)
@@ -295,7 +295,7 @@ def factorise(
     factor = solver.factor_definite(whole, np.concatenate([points, vertices]), negative=len(vertices))
     alone = Eliminated(factor, rows.shape[1], 2 * len(vertices))
     without = LeastSquares(rows, weight, strong, alone, Conditions.none(rows.shape[1]))
-    kept, numbers = said(strong.rows, strong.sums)
+    kept, numbers = independent_sums(strong.rows, strong.sums)
     if not len(numbers):
         return replace(without, strong=replace(strong, sums=strong.sums[numbers]))
     force, count = kept.T.toarray(), rows.shape[0] + len(strong.owner)

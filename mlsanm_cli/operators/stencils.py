@@ -84,7 +84,7 @@ def build_stencils(
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
 
     ``sight`` keeps stencils from reaching across the body's slits, ``known`` (e, k) are the nearest nodes of
-    the targets by :func:`look_around`, if they were looked for already; beside ``tips`` fits know how
+    the targets by :func:`nearest_nodes`, if they were looked for already; near ``tips`` fits know how
     displacements grow there (:mod:`mlsanm_cli.operators.cornered`).
 
     Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; the derivatives are those of the
@@ -187,7 +187,7 @@ def _fit_in_slices(
     weights: FloatArray,
     ratio: FloatArray,
 ) -> None:
-    """Fill ``weights`` and ``ratio`` a slice of stencils at a time: signals are heard in between."""
+    """Fill ``weights`` and ``ratio`` a slice of stencils at a time: signals are handled in between."""
     size = indices.shape[1]
     for first in range(0, len(centers), SLICE):
         here = slice(first, min(first + SLICE, len(centers)))
@@ -241,7 +241,7 @@ def sound_fits(
         size = int(np.ceil(GROWTH * size))
 
 
-def look_around(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
+def nearest_nodes(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
     """Numbers (e, k) of the nodes nearest to ``targets`` (e, 2), enough for stencils of ``size`` nodes."""
     distance, found = nearest(tree, targets, np.arange(1, min(size + 1, tree.n) + 1))
     numbers = np.asarray(found, dtype=np.int32)
@@ -262,10 +262,10 @@ def neighbors_of(
 ) -> tuple[FloatArray, IntArray]:
     """Radii (e,) and numbers (e, size) of stencils, the nearest nodes that the ``targets`` (e, 2) see.
 
-    They are searched for where those ``known`` (e, k), by :func:`look_around`, are not enough.
+    They are searched for where those ``known`` (e, k), by :func:`nearest_nodes`, are not enough.
     """
     if known is None or known.shape[1] <= min(size, len(points) - 1):
-        known = look_around(tree, targets, size)
+        known = nearest_nodes(tree, targets, size)
     radius, indices = _nearest(points, tree, targets, size, known)
     if sight is not None:
         asked = np.flatnonzero(sight.near(targets, radius))
@@ -287,7 +287,7 @@ def _nearest(
         beyond = _distance(points, targets, known[:, size : size + 1])[:, 0]
         tied = np.flatnonzero(beyond <= (1.0 + TIE) * radius)
         if len(tied):
-            more = look_around(tree, targets[tied], size + SPARE - 1)
+            more = nearest_nodes(tree, targets[tied], size + SPARE - 1)
             distance = _distance(points, targets[tied], more)
             order = np.argsort(distance * (1.0 + TIE * more / len(points)), axis=1)[:, :size]
             indices[tied] = np.take_along_axis(more, order, axis=1)
@@ -309,7 +309,7 @@ def _seen(
     pending, asked, nodes = np.arange(len(targets)), min(size, len(points)), len(points)
     while len(pending):
         some = targets[pending]
-        numbers = _nearest(points, tree, some, asked, look_around(tree, some, asked))[1]
+        numbers = _nearest(points, tree, some, asked, nearest_nodes(tree, some, asked))[1]
         seen = ~sight.cut(targets[pending], numbers)
         enough = seen.sum(axis=1) >= size
         # Stable: nodes that are seen come first, still ordered by distance.

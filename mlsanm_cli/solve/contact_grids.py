@@ -21,7 +21,7 @@ from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
-from mlsanm_cli.contact.response.condensed import Answers, Condensed, condense
+from mlsanm_cli.contact.response.condensed import BodyResponses, Condensed, condense
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.direction_updates import turns, unturned
@@ -61,7 +61,7 @@ def find_grids(
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     accuracy = {contact.name: contact.accuracy * _effort(contact, places) for contact in case.contact}
     grids = {name: first_grid(one) for name, one in ranges.items()}
-    answers: Answers | None = None
+    responses: BodyResponses | None = None
     starts: list[ContactStatus] = []
     common: dict[str, float] = {}
     passed: dict[str, FloatArray] = {}
@@ -70,17 +70,17 @@ def find_grids(
     condensed: Condensed | None = None
     for _ in range(ROUNDS):
         some = _on_grids(pairings, grids)
-        if answers is None:
-            answers = Answers.of(scene, some, memo)
+        if responses is None:
+            responses = BodyResponses.of(scene, some, memo)
         if condensed is None:
-            condensed = condense(scene, some, memo, answers)
+            condensed = condense(scene, some, memo, responses)
         starts = starts or [_starting_status(condensed.pairings)]
         states = search(condensed, starts, "every" if every else "ends")
         wanted = ranged(condensed, grids, ranges, states, passed)
         if wanted is None:
             return None
         if _same(wanted, grids):
-            wanted = sampled(scene, answers, grids)
+            wanted = sampled(scene, responses, grids)
         if _same(wanted, grids):
             wanted = refined(condensed, grids, ranges, states, accuracy, tractions=not every)
         if _same(wanted, grids):
@@ -99,7 +99,7 @@ def find_grids(
             wanted = turned
             ranges = {name: replace(one, facing=turned[name].facing) for name, one in ranges.items()}
         if any(wanted[name].samples_differ(grids[name]) for name in grids):
-            answers = None
+            responses = None
         grids = wanted
         later = [pairing for pairing in _on_grids(pairings, grids) if not pairing.bonded]
         starts = [_moved(condensed, later, state) for state in states]

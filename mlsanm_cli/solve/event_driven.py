@@ -11,7 +11,7 @@ from mlsanm_cli.contact.laws.event_driven import start as first_event
 from mlsanm_cli.contact.laws.sliding import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State, stops, wanted_positions
+from mlsanm_cli.solve.state import Checkpoint, FrictionHistory, PathStep, State, output_positions, stops
 
 ROWS = 40
 """Of the events of a stage with friction so many are stored as steps, evenly along it."""
@@ -19,7 +19,7 @@ ROWS = 40
 
 def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """Exact contact with Coulomb friction, followed from event to event."""
-    wanted, condensed = wanted_positions(built), built.condensed
+    wanted, condensed = output_positions(built), built.condensed
     if start is None:
         event = first_event(condensed, built.stages[0])
         state, begun, reached = event.state, 0, 0.0

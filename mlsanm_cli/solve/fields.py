@@ -62,7 +62,7 @@ def fields_of(
 def _fields(built: CondensedScene, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
     """Fields of one body by the ``displacement`` (N, 2) of its elastic system, ghosts last."""
     model = built.scene.bodies[name].model
-    moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns)
+    moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
     sigma, degrees = np.zeros((0, 3)), np.zeros(0)
     if stress:
         degrees = built.scene.degrees(name, state.factors)

@@ -27,7 +27,7 @@ LEAST = 8
 ENDING = 2e-3
 """Intervals at the end of a range that something touches are halved down to this part of the range."""
 MARGIN = 0.3
-"""The range goes on past the outermost contact by this part of the width between."""
+"""The range continues past the outermost contact by this part of the width between."""
 NARROWED = 0.6
 """Ranges that would become narrower than this part of themselves are narrowed."""
 FLAT = 1e-9

@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.response.condensed import Answers, Condensed
+from mlsanm_cli.contact.response.condensed import BodyResponses, Condensed
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.grid_ranges import summits
 
@@ -29,7 +29,7 @@ SHARE, WORST = 0.7, 0.1
 """Intervals are halved that have more than this part of an equal share of the error, and of the largest."""
 
 
-def sampled(scene: Scene, answers: Answers, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
+def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
     """The grids with as many samples as the bodies' answers need."""
     result = dict(grids)
     for pairing in answers.observation.pairings:

@@ -12,7 +12,7 @@ from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.load_factors import factors_at
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, stops, wanted_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions, stops
 
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
@@ -53,7 +53,7 @@ def _limited(built: CondensedScene, start: Checkpoint | None, path: Iterator[Pat
 
 def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """A scene without contact: every state is a combination of the loads' own solutions."""
-    wanted = wanted_positions(built)
+    wanted = output_positions(built)
     condensed = built.condensed
     for position in stops(built):
         if start is not None and position <= start.position:
@@ -78,7 +78,7 @@ def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
 
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Exact contact at the stages' ends and wherever fields are wanted, each from the set before."""
-    wanted = wanted_positions(built)
+    wanted = output_positions(built)
     state = unloaded_state(built) if start is None else start.state
     if start is None:
         yield PathStep(state, (state,) if 0.0 in wanted else (), checkpoint=Checkpoint(state))

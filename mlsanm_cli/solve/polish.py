@@ -39,7 +39,7 @@ def polished(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathSt
         for state in step.saved:
             if behind < state.position != step.state.position:
                 better = _improved(built, polish, state)
-                # Without a first step there is no place before this one to go on from.
+                # Without a first step there is no place before this one to continue from.
                 start = replace(start, told=state.position) if start else None
                 better = replace(better, series=step.series, series_attributes=step.series_attributes)
                 yield replace(better, checkpoint=start)

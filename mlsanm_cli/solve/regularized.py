@@ -11,7 +11,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
-from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction, Tally
+from mlsanm_cli.contact.laws.regularized_friction import FactorisationCount, RegularizedFriction
 from mlsanm_cli.contact.laws.set_search import NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
 from mlsanm_cli.contact.monolithic.system import SparseCoupling
@@ -56,7 +56,7 @@ from mlsanm_cli.solve.series import (
     states_in,
     stopped,
 )
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, wanted_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 STANDSTILL = 1e-12
 """Events this close to each other, as parts of a stage, do not move the path on."""
@@ -72,9 +72,9 @@ APART_HINT = 'draw the surfaces touching, or use contact.regularization.law = "e
 def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """States of the regularised laws. Wanted ones come from the series of their step, or end one of Newton's.
 
-    Raises NumericalError where the path cannot go on.
+    Raises NumericalError where the path cannot continue.
     """
-    wanted, options = wanted_positions(built), replace(path_options(built), direction=1)
+    wanted, options = output_positions(built), replace(path_options(built), direction=1)
     if start is None:
         point, first = start_at_rest(built, options)
         saved = (first.state,) if 0.0 in wanted else ()
@@ -86,7 +86,7 @@ def regularized_path(built: CondensedScene, start: Checkpoint | None) -> Iterato
             continue
         path = _StagePath(stage, wanted, options)
         if start is not None and stage == start.stage and start.fraction > 0.0:
-            steps = path.go_on(point, previous_piece(start, point.x))
+            steps = path.continue_stage(point, previous_piece(start, point.x))
         else:
             steps = path.steps(replace(point, problem=point.problem.over(begin, end), lam=0.0))
         try:
@@ -149,12 +149,12 @@ def _first(built: CondensedScene, options: AnmOptions | NewtonOptions) -> Point:
     Pressed nodes stick from the very start; friction of the others begins when they reach the law's
     threshold. Raises NumericalError where nothing holds a body or platen.
     """
-    c, coupling = built.condensed, coupling_of(built, regularization(built)).softened()
+    c, coupling = built.condensed, coupling_of(built, regularization(built)).with_stick_compliance()
     law = coupling.law
     nothing, begin = np.zeros(len(c.friction_nodes)), built.stages[0]
     x = np.concatenate([drawn(built, coupling), nothing])
     pressure = x[: len(c.weight)]
-    full, tally = law.threshold, Tally()
+    full, tally = law.threshold, FactorisationCount()
 
     def problem_at(pressure: FloatArray, sticking: bool, stick_reference: FloatArray) -> RegularizedFriction:
         pressed = np.zeros(len(pressure), dtype=bool)
@@ -228,7 +228,7 @@ class _StagePath:
             self._put_on(point, point.friction, EventFlags.none(point.problem.n))
         yield from self._pieces()
 
-    def go_on(self, point: Point, previous: Branch | None) -> Iterator[PathStep]:
+    def continue_stage(self, point: Point, previous: Branch | None) -> Iterator[PathStep]:
         """Steps from a point within the stage to its end, the first ones of the ``previous`` piece of path if
         no event has ended that. Raises as `steps` does."""
         self.point, self._began = point, point.lam
@@ -297,7 +297,7 @@ class _StagePath:
         self.point = inside(replace(point, problem=problem, x=x))
 
     def _event(self, step: Step, hits: EventFlags) -> Iterator[PathStep]:
-        """A step that ends at an event, its end already as the path goes on from it."""
+        """A step that ends at an event, its end already as the path continues from it."""
         before = self.point
         assert before.friction is not None
         point, failure = moved(before, step.x, step.lam), None
@@ -312,7 +312,7 @@ class _StagePath:
             raise failure
 
     def _finished(self, before: Point, step: Step, follower: Follower | None = None) -> PathStep:
-        """The step from ``before`` to where the path is now, of a piece that goes on by a follower."""
+        """The step from ``before`` to where the path is now, of a piece that continues by a follower."""
         stage = self._stage
         end = state_of(self.point, stage, step.residual)
         places = [p for p in self._wanted if stage + before.lam < p <= stage + step.lam]

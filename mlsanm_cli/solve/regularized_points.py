@@ -44,7 +44,8 @@ class Point:
 
 
 def checkpoint_at(point: Point, state: State, follower: Follower | None = None) -> Checkpoint:
-    """What the path goes on from at a point, whose state is given; a piece begins anew without a follower."""
+    """What the path continues from at a point, whose state is given; a piece begins anew without a
+    follower."""
     checkpoint = Checkpoint(state) if follower is None else checkpoint_of(state, follower)
     problem = point.friction
     if problem is None:
@@ -64,7 +65,7 @@ def restored(built: CondensedScene, start: Checkpoint) -> Point:
         if isinstance(problem, HolonomicContact):
             x = problem.with_auxiliary(x, lam)
         return Point(problem, x, lam, start.state.work)
-    base = replace(coupling.softened(), law=replace(coupling.law, threshold=history.threshold))
+    base = replace(coupling.with_stick_compliance(), law=replace(coupling.law, threshold=history.threshold))
     begin, end = built.stages[stage], built.stages[stage + 1]
     friction = RegularizedFriction(base, begin, end, history.sets, history.stick_reference)
     return Point(friction, x, lam, start.state.work)

@@ -64,13 +64,13 @@ class FrictionHistory:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """What a path goes on from: a state, and how friction came there.
+    """What a path continues from: a state, and how friction came there.
 
     ``heading`` (size + 1,), of power series and Newton's method, is the way in unknowns and load parameter
     that the last step set out on, per its parameter, which went as far as ``pace``. ``steps`` rows of the
     path are behind it, and saved levels up to ``told`` have rows of their own. Of the case's stops ``armed``
     (k,) tells which have been out of reach before; the one numbered ``ended_by`` has ended the path.
-    The path goes on to the same states within the solver's tolerance.
+    The path continues to the same states within the solver's tolerance.
     """
 
     state: State
@@ -89,7 +89,7 @@ class Checkpoint:
 
     @property
     def stage(self) -> int:
-        """The stage that goes on."""
+        """The stage in progress."""
         return int(self.position)
 
     @property
@@ -117,7 +117,7 @@ class PathStep:
     ``series`` holds the arrays from which any state of the step can be had again (ANM only), ``order`` is the
     series' and 0 without one; ``iterations`` are updates of the nonlinear solution; ``warning`` is what the
     user should know about the step, ``polish`` what the exact laws changed at its end; ``checkpoint`` is what
-    the path goes on from behind this step.
+    the path continues from behind this step.
     """
 
     state: State
@@ -134,7 +134,7 @@ class PathStep:
     checkpoint: Checkpoint | None = None
 
 
-def wanted_positions(built: CondensedScene) -> tuple[float, ...]:
+def output_positions(built: CondensedScene) -> tuple[float, ...]:
     """Where fields are asked for, in order; the end of the path where nothing is said."""
     return tuple(sorted(set(built.case.output.at))) or (float(len(built.case.stage)),)
 
@@ -142,4 +142,4 @@ def wanted_positions(built: CondensedScene) -> tuple[float, ...]:
 def stops(built: CondensedScene) -> list[float]:
     """The start, the stages' ends and the wanted positions, in order."""
     ends = np.arange(0.0, len(built.case.stage) + 1.0).tolist()
-    return sorted({*ends, *wanted_positions(built)})
+    return sorted({*ends, *output_positions(built)})

@@ -19,7 +19,7 @@ from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements, probe_record
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, wanted_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 CLOSE = 1e-12
 """Positions are known to this, per stage."""
@@ -115,7 +115,7 @@ class Stoppable:
     def _to(self, begin: Checkpoint | None, place: float) -> PathStep | None:
         """The step that leads to a position, which ends there; None if the path passes it by."""
         case = self._built.case
-        at = tuple(sorted({*wanted_positions(self._built), place}))
+        at = tuple(sorted({*output_positions(self._built), place}))
         output = case.output.model_copy(update={"at": at})
         built = replace(self._built, case=case.model_copy(update={"output": output}))
         near = CLOSE * max(1.0, place)

@@ -152,7 +152,7 @@ SHARED = Memo(60)
 
 
 def solve(text: str, directory: Path, *overrides: str, console: Quiet | None = None) -> Mapping[str, Any]:
-    """Write the case beside ``directory``, run it into it, return the summary."""
+    """Write the case next to ``directory``, run it into it, return the summary."""
     case = directory.with_suffix(".toml")
     case.write_text(text)
     return run(case, overrides=overrides, out=directory, console=console or Quiet(), memo=SHARED)

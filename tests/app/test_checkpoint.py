@@ -11,7 +11,7 @@ import pytest
 
 from mlsanm_cli.app.clock import Clock
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.checkpoint import earlier_of, plain_checkpoint
+from mlsanm_cli.app.output.checkpoint import interrupted_run, plain_checkpoint
 from mlsanm_cli.app.scene.build import build_scene, condense_scene
 from mlsanm_cli.case import load_case
 from mlsanm_cli.errors import NumericalError
@@ -95,7 +95,7 @@ def test_the_rest_of_a_path_has_the_steps_that_are_left(name: str, tmp_path: Pat
 
 
 def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
-    """States within steps have tangents of their own: the path would go on from those, and count them.
+    """States within steps have tangents of their own: the path would continue from those, and count them.
 
     Both follow the path on the same contact grid, of which what is saved tells how fine it is.
     """
@@ -108,7 +108,7 @@ def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
 
 
 def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
-    """Also where the last step's event left no state to go on from."""
+    """Also where the last step's event left no state to continue from."""
     built = built_of("friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
     steps: list[PathStep] = []
     with pytest.raises(NumericalError, match="slides as a whole"):
@@ -143,7 +143,7 @@ def test_a_checkpoint_is_read_as_it_was_stored(name: str, tmp_path: Path) -> Non
     figures = {"cone": {"a/b": float("nan")}, "told": ("a warning",)}
     with RunFile.create(tmp_path / "run.h5", {}) as file:
         file.add(latest=lambda: plain_checkpoint(step.state, step.checkpoint, figures))
-    read = earlier_of(read_origin(tmp_path))
+    read = interrupted_run(read_origin(tmp_path))
     assert packed(read.checkpoint) == packed(step.checkpoint)
     assert packed(read.last) == packed(step.state)
     assert read.figures["told"] == ["a warning"]

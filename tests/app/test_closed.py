@@ -1,4 +1,4 @@
-"""Contacts that go all around, or up to corners beside walls, and the degree that is left to the program."""
+"""Contacts that go all around, or up to corners next to walls, and the degree that is left to the program."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_a_fit_that_is_pulled_aside_may_open_anywhere(tmp_path: Path) -> None:
 
 
 def test_a_wedge_between_blocks_that_slide(tmp_path: Path) -> None:
-    """Corners beside a platen and beside walls, neither at a right angle: symmetric, and in equilibrium."""
+    """Corners next to a platen and next to walls, neither at a right angle: symmetric, and in equilibrium."""
     summary = solve(WEDGE, tmp_path / "wedge")
     assert summary["status"] == "done", summary["stop_reason"]
     left, right = (summary["contacts"][name]["force"] for name in ("left", "right"))

@@ -56,7 +56,7 @@ def beam(spacing: float, length: float = 20.0) -> str:
         ((STIFF, traction("right", 0.0, -1.0)), 0.03),
         ((CLAMP, WEIGHT), 0.03),
         ((CLAMP, LOWERED), 0.03),
-        # By stresses beside the corners of the sides that are moved apart it were 9 to 12 %.
+        # By stresses next to the corners of the sides that are moved apart it were 9 to 12 %.
         ((CLAMP, SHEARED), 0.03),
     ],
     ids=["bar", "blocked", "free", "heated", "soft", "stiff", "weight", "lowered", "sheared"],

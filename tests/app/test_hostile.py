@@ -157,7 +157,7 @@ def hostile() -> dict[str, Case]:
 
 @pytest.fixture(scope="module")
 def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Outcome, str]]:
-    """All of them in one child after the other, with the files they name beside them."""
+    """All of them in one child after the other, with the files they name next to them."""
     preload()
     place = tmp_path_factory.mktemp("hostile")
     os.mkfifo(place / "fifo")

@@ -126,7 +126,7 @@ def test_tangents_undo_the_residuals_derivative(scene: str, tmp_path: Path) -> N
 def test_rows_are_the_condensed_ones_at_what_the_bodies_answer(scene: str, tmp_path: Path) -> None:
     built = build(scene, "monolithic", tmp_path)
     law = regularization(built)
-    ours, theirs = coupling_of(built, law).softened(), DenseCoupling.of(built.condensed, law)
+    ours, theirs = coupling_of(built, law).with_stick_compliance(), DenseCoupling.of(built.condensed, law)
     assert isinstance(ours, SparseCoupling)
     rng, c = np.random.default_rng(2), built.condensed
     p, t = (
@@ -137,7 +137,7 @@ def test_rows_are_the_condensed_ones_at_what_the_bodies_answer(scene: str, tmp_p
     q = law.motion * rng.normal(size=len(law.motion))
     u = [c.displacement(built.scene, name, (f, q, p, t)).ravel() for name in built.scene.bodies]
     found = ours(f, np.concatenate([p, t, q, *u]))
-    wanted = theirs.softened()(f, np.concatenate([p, t, q]))
+    wanted = theirs.with_stick_compliance()(f, np.concatenate([p, t, q]))
     assert found[: len(wanted)] == pytest.approx(wanted, rel=1e-7, abs=1e-7 * np.abs(wanted).max())
     assert np.abs(found[len(wanted) :]).max() <= 1e-9
     u[0][:] *= 1.001

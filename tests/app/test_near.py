@@ -10,7 +10,7 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry import grid
-from mlsanm_cli.contact.response import near_fields
+from mlsanm_cli.contact.response import contact_fields
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
 from tests.app.scenes import Quiet, solve
@@ -123,7 +123,7 @@ def test_stresses_beneath_are_mcewen_s(tmp_path: Path) -> None:
 
 def test_stresses_beneath_need_points_of_their_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     # A fault put in on purpose: the points of the grid nearby.
-    monkeypatch.setattr(near_fields, "FAR", 0.0)
+    monkeypatch.setattr(contact_fields, "FAR", 0.0)
     assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 1.5e-4
 
 

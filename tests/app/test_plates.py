@@ -55,18 +55,18 @@ def test_pure_bending(way: str, scheme: str, tmp_path: Path) -> None:
 
 
 def test_a_hinge_takes_an_eccentric_push(tmp_path: Path) -> None:
-    # A block under a plate that is pushed beside its middle: compression and bending of a column.
+    # A block under a plate that is pushed next to its middle: compression and bending of a column.
     text = HEAD + body("block", [-0.5, 0.5], [0.0, 3.0]) + held("block.bottom", "uy")
     text += '[[support]]\nbody = "block"\nnear = [0.0, 0.0]\nux = 0.0\n'
-    push, beside = -6.0, 0.1
-    summary = solve(text + plate('"block.top"', f"fy = {push}\nhinge = [{beside}, 3.0]"), tmp_path / "run")
+    push, adjacent = -6.0, 0.1
+    summary = solve(text + plate('"block.top"', f"fy = {push}\nhinge = [{adjacent}, 3.0]"), tmp_path / "run")
     assert summary["status"] == "done", summary
     data = read_run(tmp_path / "run")
     points, stress = data.bodies["block"].points, data.states[-1].bodies["block"]["stress"]
-    expected = push * (1.0 + 12.0 * beside * points[:, 0])
+    expected = push * (1.0 + 12.0 * adjacent * points[:, 0])
     np.testing.assert_allclose(stress[:, 1], expected, atol=1e-5)
     turned = summary["plates"]["block.top"]
-    assert turned["rotation"] == pytest.approx(push * beside * 12.0 / E * 3.0, rel=1e-6)
+    assert turned["rotation"] == pytest.approx(push * adjacent * 12.0 / E * 3.0, rel=1e-6)
     assert turned["moment"] == pytest.approx(0.0, abs=1e-7)
     assert summary["forces"]["plate"] == pytest.approx([0.0, push])
 
@@ -89,7 +89,7 @@ def test_one_plate_on_two_bodies(tmp_path: Path) -> None:
     assert level["force_balance"] <= 1e-9
     turned = solve(text + plate(both, "fy = -5.0\nhinge = [0.0, 2.0]"), tmp_path / "turned")
     assert turned["status"] == "done", turned
-    # The tops turn with the plate, and so does what is below them; moments are small beside the forces' own.
+    # The tops turn with the plate, and so does what is below them; moments are small next to the forces' own.
     for name in ("one", "two"):
         assert turned["forces"][f"{name}.bottom"][1] == pytest.approx(2.5, rel=0.1)
     assert turned["plates"]["one.top and two.top"]["moment"] == pytest.approx(0.0, abs=1e-7)

@@ -52,7 +52,7 @@ def wait_for_steps(directory: Path, steps: int, process: subprocess.Popen[str]) 
 
 
 def test_a_signal_leaves_a_readable_run(tmp_path: Path) -> None:
-    # Thousands of saved states: the run would go on for a minute.
+    # Thousands of saved states: the run would continue for a minute.
     positions = ", ".join(str(0.2 + 0.0002 * k) for k in range(4001))
     process = start(tmp_path, hertz() + f"\n[output]\nvtu = false\nat = [{positions}]\n")
     wait_for_steps(tmp_path, 5, process)

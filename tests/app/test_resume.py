@@ -57,7 +57,7 @@ PATHS = {
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that nothing has cut short; its case lies beside it."""
+    """A run that nothing has cut short; its case lies next to it."""
     directory = tmp_path_factory.mktemp("whole") / "case"
     solve(hertz() + f"[output]\n{INSIDE.removeprefix('output.')}\n", directory, FAST)
     return directory
@@ -238,7 +238,7 @@ def test_events_are_complete(tmp_path: Path) -> None:
 def test_a_kill_loses_what_was_not_written_yet(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The file as it was some steps before the kill, beside VTU files and events that are further."""
+    """The file as it was some steps before the kill, next to VTU files and events that are further."""
     cut = tmp_path / "cut"
     kept: list[bytes] = []
 

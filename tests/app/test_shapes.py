@@ -11,7 +11,7 @@ from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.views import boundary_edges
 from mlsanm_cli.app.run import run
-from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet
@@ -56,7 +56,9 @@ def test_a_polygon_with_slit_hole_and_rounding_from_check_to_picture(tmp_path: P
     # The pictures' triangles leave hole and slit open.
     body = read_run(tmp_path / "run").bodies["bracket"]
     edges = boundary_edges(body)
-    a, b, c = body.points[triangulate(body.points, edges, look(body.points, edges))].transpose(1, 0, 2)
+    a, b, c = body.points[
+        triangulate(body.points, edges, visibility_criterion(body.points, edges))
+    ].transpose(1, 0, 2)
     area = 0.5 * float(np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum())
     exact = 8.0 - (1.0 - 0.25 * np.pi) * 0.25 - 0.09 * np.pi - 0.02
     assert area == pytest.approx(exact, rel=2e-3)

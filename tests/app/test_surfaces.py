@@ -76,7 +76,7 @@ def test_a_pad_touches_with_its_face_and_its_rounded_corners(tmp_path: Path) -> 
     swapped = solve(pad(0.3, "block.top", FOOT), tmp_path / "swapped")
     spacings = "body.pad.spacing=0.06", "body.block.spacing=0.15"
     fine = solve(pad(0.3), tmp_path / "fine", *spacings)["contacts"]["foot"]
-    # The face ends at 0.7: contact goes on into the arcs, a little.
+    # The face ends at 0.7: contact continues into the arcs, a little.
     assert 0.7 < found["half_width"] < 0.73
     assert found["force"] == pytest.approx([0.0, 5.0], abs=2e-3)
     assert swapped["contacts"]["foot"]["peak_pressure"] == pytest.approx(found["peak_pressure"], rel=1e-6)

@@ -226,7 +226,7 @@ def test_collect_has_a_row_for_every_directory(
     force = summary["contacts"]["interface"]["force"]
     assert [float(rows[0][f"contacts.interface.force_{axis}"]) for axis in "xy"] == force
     assert [float(rows[0][f"forces.press_{axis}"]) for axis in "xy"] == summary["forces"]["press"]
-    # A file that stands beside the directories is no run, as with `mlsanm collect all/*`.
+    # A file that stands next to the directories is no run, as with `mlsanm collect all/*`.
     assert main(["collect", *places, str(tmp_path / "all" / "sweep.csv")]) == 0
     assert capsys.readouterr().out == (tmp_path / "t.csv").read_text()
 

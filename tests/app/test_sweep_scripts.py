@@ -1,4 +1,4 @@
-"""The scripts in cases/sweeps call mlsanm as it wants to be called, and go on past a run that fails."""
+"""The scripts in cases/sweeps call mlsanm as it wants to be called, and continue past a run that fails."""
 
 from __future__ import annotations
 

@@ -207,7 +207,7 @@ def test_block_slides_both_ways(tmp_path: Path) -> None:
     assert np.abs(force).max() / 200.0 <= 0.3 * (1.0 + 1e-9)
     assert (contact.status[forward] == 2).all()
     assert summary["forces"]["push"][0] == pytest.approx(-60.0, rel=1e-9)
-    # The platen goes on when the block slides.
+    # The platen continues when the block slides.
     assert data.path.displacements["push"][forward] == pytest.approx(
         [0.002, data.path.displacements["push"][forward, 1]]
     )

@@ -28,7 +28,7 @@ class Terminal(io.StringIO):
 
 
 class Clock:
-    """Time that goes on by a given step at every look."""
+    """Time that continues by a given step at every look."""
 
     def __init__(self, step: float) -> None:
         self.now, self.step = 0.0, step

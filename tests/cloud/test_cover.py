@@ -45,8 +45,8 @@ def test_a_few_dense_nodes_do_not_make_a_wide_zone() -> None:
 
 def test_what_is_wanted_symmetrically_is_given_symmetrically() -> None:
     x, y = np.abs(POINTS[:, 0]), POINTS[:, 1]
-    beside, upon = np.hypot(x - 0.5, y - 0.1) < 0.25, np.hypot(x - 0.01, y + 0.6) < 0.2
-    wanted = np.where(beside, 0.02, np.where(upon, 0.025, np.inf))
+    adjacent, upon = np.hypot(x - 0.5, y - 0.1) < 0.25, np.hypot(x - 0.01, y + 0.6) < 0.2
+    wanted = np.where(adjacent, 0.02, np.where(upon, 0.025, np.inf))
     spacing = Spacing(0.05)
     for line in (Line(0, 0.0), Line(1, 0.3)):
         points = POINTS if line.axis == 0 else POINTS[:, ::-1] + [0.0, 0.3]

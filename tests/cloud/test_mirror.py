@@ -60,10 +60,10 @@ def test_nodes_and_surfaces_are_their_own_images(name: str) -> None:
     away = np.abs(line.reflect(cloud.points) - cloud.points[image])
     assert away[inner].max() <= 1e-15
     assert away.max() <= 1e-13
-    beside = cloud.points[:, line.axis] - line.at
-    assert (np.sign(beside[side != 0]) == side[side != 0]).all()
-    assert not beside[(side == 0) & inner].any()
-    assert np.abs(beside[side == 0]).max() <= 1e-13
+    adjacent = cloud.points[:, line.axis] - line.at
+    assert (np.sign(adjacent[side != 0]) == side[side != 0]).all()
+    assert not adjacent[(side == 0) & inner].any()
+    assert np.abs(adjacent[side == 0]).max() <= 1e-13
     assert np.abs(cloud.areas - cloud.areas[image]).max() == 0.0
     for surface in cloud.surfaces.values():
         other, places = mirror.surfaces[surface.name]

@@ -1,4 +1,4 @@
-"""Points in polygons, beside a slow twin."""
+"""Points in polygons, next to a slow twin."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
-from mlsanm_cli.cloud.sight import DETOUR, VisibilityCriterion, look
+from mlsanm_cli.cloud.sight import DETOUR, VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 
@@ -68,7 +68,7 @@ def test_a_hole_behind_a_wall_is_no_slit() -> None:
     places = np.concatenate([outer, bore])
     number = [np.arange(len(outer)), len(outer) + np.arange(len(bore))]
     edges = np.concatenate([np.stack([one, np.roll(one, -1)], axis=1) for one in number])
-    assert look(np.stack([places.real, places.imag], axis=1), edges) is None
+    assert visibility_criterion(np.stack([places.real, places.imag], axis=1), edges) is None
 
 
 @pytest.mark.parametrize("width", [1e-6, 0.01, 0.05, 0.3])

@@ -40,7 +40,7 @@ def test_sides_in_any_order_and_direction_become_one_loop_with_shared_corners() 
     points = given.points[loop.nodes]
     assert signed_area(points) == pytest.approx(1.0)
     assert len(loop.nodes) == 20
-    # The edge beside a corner belongs to the side it lies on, whichever tag the corner has.
+    # The edge near a corner belongs to the side it lies on, whichever tag the corner has.
     after = np.roll(points, -1, axis=0)
     for a, b, name in zip(points, after, loop.names, strict=True):
         side = {"bottom": a[1] == b[1] == 0, "top": a[1] == b[1] == 1}.get(name)

@@ -1,4 +1,4 @@
-"""Two deformed sides that meet: gaps, directions, slips and what is handed on, against differences."""
+"""Two deformed sides that meet: gaps, directions, slips and what is transferred, against differences."""
 
 from __future__ import annotations
 

@@ -174,7 +174,7 @@ def test_lack_of_force_balance_falls_with_the_spacing(ratio: float) -> None:
 
 def carried_from_arc(lower: Outline, master: str, h: float) -> tuple[float, float]:
     """What a pressure under a half-disk, nil at 0.3 from its lowest point, loses of its force on the way, and
-    how far the master receives it beside the places where gaps are measured, at most."""
+    how far the master receives it next to the places where gaps are measured, at most."""
     pairing, one, other = pair(half_disk((0.0, 1.0), 1.0, "lower"), "arc", lower, master, even(h, h))
     pairing = pairing.with_reach(0.15)
     shares = transfer(pairing, other)
@@ -184,8 +184,8 @@ def carried_from_arc(lower: Outline, master: str, h: float) -> tuple[float, floa
     on_master = other.points[other.surfaces[master].index, 0]
     full = shares @ np.ones(len(x))
     seen = (full != 0.0) & (np.abs(on_master) <= 0.25)
-    beside = (shares @ place)[seen] / full[seen] - on_master[seen]
-    return abs(got / float(pairing.weight[pairing.candidate] @ p) - 1.0), float(np.abs(beside).max())
+    adjacent = (shares @ place)[seen] / full[seen] - on_master[seen]
+    return abs(got / float(pairing.weight[pairing.candidate] @ p) - 1.0), float(np.abs(adjacent).max())
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_a_contact_hands_on_forces_to_where_gaps_are_measured(lower: Outline, ma
 
 @pytest.mark.parametrize("angle", [0.0, 0.5, 1.0, 1.5])
 def test_where_a_circle_begins_makes_no_difference(angle: float) -> None:
-    # The disk's arc begins at its top; the block lies below, beside or, turned by pi, on that very place.
+    # The disk's arc begins at its top; the block lies below, next to or, turned by pi, on that very place.
     turn = angle * math.pi
     away = np.array([math.sin(turn), -math.cos(turn)])
     along = np.array([-away[1], away[0]])

@@ -56,7 +56,9 @@ def random_problem(m: int, k: int, seed: int, smooth: int = 1) -> RegularizedFri
     closed[m - n :] = kind > 0
     sets = ContactStatus(closed, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
     start, end, stick_reference = rng.normal(size=2), rng.normal(size=2), rng.normal(size=n)
-    return RegularizedFriction(DenseCoupling.of(condensed, law).softened(), start, end, sets, stick_reference)
+    return RegularizedFriction(
+        DenseCoupling.of(condensed, law).with_stick_compliance(), start, end, sets, stick_reference
+    )
 
 
 def state(problem: RegularizedFriction, seed: int) -> FloatArray:
@@ -162,7 +164,7 @@ def test_nothing_resists_is_told() -> None:
 def test_units_change_no_digit(m: int, k: int, seed: int, smooth: int) -> None:
     problem = random_problem(m, k, seed, smooth)
     length, stress = 2.0**-20, 2.0**40
-    base = DenseCoupling.of(*in_units(problem.condensed, problem.law, length, stress)).softened()
+    base = DenseCoupling.of(*in_units(problem.condensed, problem.law, length, stress)).with_stick_compliance()
     end = problem.start + problem.change
     other = RegularizedFriction(base, problem.start, end, problem.sets, problem.stick_reference * length)
     x, rhs = state(problem, seed), np.random.default_rng(seed + 2).normal(size=problem.size)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import AnmOptions, FloatArray, Tangent, correct
-from mlsanm_cli.continuation.corrector import Effort, correct_end, residual_norm
+from mlsanm_cli.continuation.corrector import SolveCounts, correct_end, residual_norm
 from mlsanm_cli.continuation.expansion import Metric, station
 from mlsanm_cli.errors import NumericalError
 
@@ -101,9 +101,9 @@ def test_updates_are_limited() -> None:
 
 def corrected(
     drift: float, normal: tuple[FloatArray, float] | None
-) -> tuple[Truss, np.ndarray, float, Effort]:
+) -> tuple[Truss, np.ndarray, float, SolveCounts]:
     """Correct a point ``drift`` away from the truss path, starting from the station at w = 0.9."""
-    problem, effort = Truss(), Effort()
+    problem, effort = Truss(), SolveCounts()
     start = station(problem, np.array([0.9]), problem.load(0.9))
     end = np.array([0.8 + drift]), problem.load(0.8)
     found = correct_end(problem, Metric(problem.scale), start, end, normal, AnmOptions(), effort)
@@ -131,7 +131,7 @@ def test_old_tangent_is_used_first_and_a_fresh_one_when_it_stalls() -> None:
     near, far = Truss(), Truss()
     efforts = []
     for problem, w in ((near, 0.8999), (far, 0.65)):
-        effort = Effort()
+        effort = SolveCounts()
         start = station(problem, np.array([0.9]), problem.load(0.9))
         end = np.array([w + 1e-7]), problem.load(w)
         assert correct_end(problem, Metric(problem.scale), start, end, None, AnmOptions(), effort) is not None
@@ -152,4 +152,4 @@ def test_failing_end_of_step_is_reported() -> None:
     problem = Scalar(0.0, 0.0, 1.0)
     start = station(problem, np.array([1.0]), 1.0)
     end = np.array([0.3]), -1.0
-    assert correct_end(problem, Metric(problem.scale), start, end, None, AnmOptions(), Effort()) is None
+    assert correct_end(problem, Metric(problem.scale), start, end, None, AnmOptions(), SolveCounts()) is None

@@ -56,7 +56,7 @@ def test_damaged_code_is_not_read(change: str, cache: Path, tmp_path: Path) -> N
     assert kept.read(path.parent) is None
 
 
-def foreign(code: Code) -> Code:
+def imported_geometry(code: Code) -> Code:
     """Calls what is not there."""
     return Code(code.object, code.entries, (*code.symbols, "nobody_has_this"), code.math)
 
@@ -67,7 +67,7 @@ def test_code_that_cannot_be_used_is_no_code(
     path = copied(cache, tmp_path)
     monkeypatch.setattr(kept, "directory", lambda: path.parent)
     sound, warm = path.read_bytes(), []
-    for data in (sound, sound[:-1], kept.encoded(foreign(kept.decoded(sound)))):
+    for data in (sound, sound[:-1], kept.encoded(imported_geometry(kept.decoded(sound)))):
         path.write_bytes(data)
         monkeypatch.setattr(jit, "_loaded", [])
         warm.append(jit.is_warm())
@@ -76,7 +76,7 @@ def test_code_that_cannot_be_used_is_no_code(
 
 def test_what_cannot_be_used_is_compiled_anew(cache: Path, tmp_path: Path) -> None:
     path = copied(cache, tmp_path)
-    path.write_bytes(kept.encoded(foreign(kept.decoded(path.read_bytes()))))
+    path.write_bytes(kept.encoded(imported_geometry(kept.decoded(path.read_bytes()))))
     assert run(tmp_path, ROOTS) == answer(warm=False, numba=True)
     assert files(tmp_path) == [path]
     assert run(tmp_path, ROOTS) == answer(warm=True, numba=False)

@@ -190,8 +190,8 @@ def test_held_nodes_hold(degree: int) -> None:
 def test_single_held_nodes_stop_a_rigid_motion() -> None:
     cloud = jittered_square(9)
     corner = int(np.argmin(cloud.points.sum(axis=1)))
-    beside = int(np.argmin(np.hypot(cloud.points[:, 0] - 1.0, cloud.points[:, 1])))
-    body = build(cloud, {}, held_nodes=((corner, 0), (corner, 1), (beside, 1)))
+    adjacent = int(np.argmin(np.hypot(cloud.points[:, 0] - 1.0, cloud.points[:, 1])))
+    body = build(cloud, {}, held_nodes=((corner, 0), (corner, 1), (adjacent, 1)))
     stretch = np.array([0.01, -0.003])
     stress = STEEL.stiffness @ np.array([*stretch, 0.0])
     source = boundary_values(body, lambda at: at * stretch, lambda at: np.tile(stress, (len(at), 1)))

@@ -109,8 +109,8 @@ def test_traction_beside_a_force_on_a_circle(material: PlaneMaterial, side: floa
     force, normal = np.exp(1j * angle), side * np.exp(1j * angle)
     forces = SurfaceForces(kernel, at(force), at(-normal))
     step = 1e-4 * np.array([1.0, -1.0])
-    beside = np.exp(1j * (angle + step))
-    limit = traction(kernel.stress(beside - force), side * beside).mean(axis=0)
+    adjacent = np.exp(1j * (angle + step))
+    limit = traction(kernel.stress(adjacent - force), side * adjacent).mean(axis=0)
     found = forces.traction(at(force), at(normal), np.array([side]))
     # Without the curvature this would be zero.
     assert np.abs(limit).max() >= 0.05

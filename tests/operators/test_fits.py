@@ -13,7 +13,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators import fits
 from mlsanm_cli.operators.fits import fitted_derivatives
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import build_stencils, look_around
+from mlsanm_cli.operators.stencils import build_stencils, nearest_nodes
 from mlsanm_cli.startup import cKDTree
 
 FINE = Spacing(0.1, (Zone.around((0.5, 1.0), 0.005, 0.05, 0.12),))
@@ -32,7 +32,7 @@ def test_they_are_the_derivatives_of_the_stencils(degree: int, monkeypatch: pyte
     tree, settings = cKDTree(points), MlsSettings(degree)
     expected = build_stencils(points, tree, points, 2, settings).derivatives(field_at(points))
     found = fitted_derivatives(points, tree, points, settings, field_at(points))
-    known = look_around(tree, points, settings.stencil_size)
+    known = nearest_nodes(tree, points, settings.stencil_size)
     again = fitted_derivatives(points, tree, points, settings, field_at(points), known=known)
     np.testing.assert_array_equal(again, found)
     for kind in range(6):

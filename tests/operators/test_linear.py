@@ -17,7 +17,7 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.conditions import said
+from mlsanm_cli.operators.conditions import independent_sums
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.cholesky import CholeskySolver
 from mlsanm_cli.operators.linear.dissection import LEAF, nested_dissection
@@ -309,8 +309,8 @@ def test_sums_of_strong_rows_hold_exactly(seed: int) -> None:
         assert np.abs(solution - wanted).max() <= bar * size, name
         lack = sums @ (whole[300:] @ (solution - wanted))
         assert np.abs(lack).max() <= 1e-10 * np.abs(sums @ (whole[300:] @ expected)).max(), name
-    beside = system.step(column, off, sparse.csc_array(more[:, [0]]))[:, 1:]
-    assert np.abs(beside - other[:, :1]).max() <= 1e-6 * np.abs(other).max()
+    adjacent = system.step(column, off, sparse.csc_array(more[:, [0]]))[:, 1:]
+    assert np.abs(adjacent - other[:, :1]).max() <= 1e-6 * np.abs(other).max()
     observed = sparse.csr_array(np.concatenate([rng.normal(size=(5, 120)), sums @ whole[300:]]))
     mixture = rng.normal(size=(3, 4))
     for mixed, answers in ((None, expected), (mixture, expected @ mixture)):
@@ -341,7 +341,7 @@ def test_sums_that_say_nothing_or_what_others_say_are_left_out() -> None:
     twice = strong_ones(0)
     twice = replace(twice, rows=sparse.csr_array(np.vstack([rows[0], rows[0], rows[2:]])))
     sums = sparse.csr_array(np.vstack([[1.0, -1.0, *np.zeros(7)], told.toarray()[0]]))
-    kept, numbers = said(twice.rows, sums)
+    kept, numbers = independent_sums(twice.rows, sums)
     assert (kept.shape, numbers.tolist()) == ((1, 120), [1])
 
 

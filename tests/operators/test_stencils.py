@@ -14,7 +14,7 @@ from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.operators.stencils import Stencils, build_stencils, look_around
+from mlsanm_cli.operators.stencils import Stencils, build_stencils, nearest_nodes
 
 KINDS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
 # Twenty times what was measured; a Cholesky factorisation of the moments would leave 1e-8 at degree 6.
@@ -87,7 +87,7 @@ def test_nodes_looked_for_before_give_the_same_bits(cloud: str) -> None:
     tree, settings = cKDTree(points), MlsSettings(2)
     own = build_stencils(points, tree, points, 2, settings)
     for size in (settings.stencil_size, 24, 60):
-        near = look_around(tree, points, size)
+        near = nearest_nodes(tree, points, size)
         known = build_stencils(points, tree, points, 2, settings, known=near)
         np.testing.assert_array_equal(known.indices, own.indices)
         np.testing.assert_array_equal(known.weights, own.weights)

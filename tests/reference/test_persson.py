@@ -28,7 +28,7 @@ def test_a_small_contact_is_that_of_hertz() -> None:
     # Two bodies of E* each make half of it; 1/R = 1/10 - 1/10.1.
     hertz = HertzLine(1e-3, 10.0 * 10.1 / 0.1, 0.5e4)
     assert pin.half_angle < 0.002
-    # Persson's clearance is small beside the radius, here to 1 %.
+    # Persson's clearance is small next to the radius, here to 1 %.
     assert 10.0 * pin.half_angle == pytest.approx(hertz.half_width, rel=0.006)
     assert pin.peak_pressure == pytest.approx(hertz.peak_pressure, rel=0.006)
 

@@ -1,1 +1,1 @@
-"""How far a result can be believed: error estimates, balances, overlaps, refinement."""
+"""How reliable a result is: error estimates, balances, overlaps, refinement."""

@@ -152,7 +152,7 @@ def _corrected(
     for name, body in scene.bodies.items():
         followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
         change = bodies[name].change + followed + scene.floating_patterns(name) @ motion
-        change = change + condensed.near_fields(scene, name, moved)[0].ravel()
+        change = change + condensed.contact_fields(scene, name, moved)[0].ravel()
         error += float((change**2).sum())
     return error, after.pressure
 

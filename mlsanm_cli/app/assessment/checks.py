@@ -1,4 +1,4 @@
-"""Whether a result can be believed: the checks that every run must pass to be called done."""
+"""Whether a result is reliable: the checks that every run must pass to be called done."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from mlsanm_cli.solve.stage_ends import reach_error
 from mlsanm_cli.solve.state import Polish, State
 
 BALANCE_LIMIT = 0.1
-"""Largest lack of force balance of a body, relative to the forces on it, that passes.
+"""Largest force imbalance of a body, relative to the forces on it, that passes.
 
 The reactions come from the stress inside the bodies, independent of how the forces were applied. On clamped
-beams the lack of balance was as large as the error of the deflection.
+beams the imbalance was as large as the error of the deflection.
 """
 BALANCE_WARNING = 0.03
 
@@ -116,7 +116,7 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
 
 
 def check_state(built: CondensedScene, state: State) -> None:
-    """Raise NumericalError when a state on the path cannot be believed."""
+    """Raise NumericalError when a state on the path is not reliable."""
     condensed = built.condensed
     tolerance = built.case.solver.tolerance
     if not state.residual <= tolerance:
@@ -172,7 +172,7 @@ def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
 
 
 def check_transfer(built: CondensedScene, state: State) -> list[str]:
-    """Warnings of contacts whose slave and master feel unlike forces; NumericalError past the limit."""
+    """Warnings of contacts whose slave and master receive different forces; NumericalError past the limit."""
     texts = []
     mismatches = force_mismatch(built, state)
     for pairing in built.condensed.pairings:
@@ -284,12 +284,12 @@ def check_linear(residual: float) -> None:
     if not residual <= LINEAR_LIMIT:
         raise NumericalError(
             f"the elastic systems are solved to {residual:.2g} of their solution only",
-            "make the spacings less unlike, use a lower mls.degree, or a Poisson's ratio less close to 0.5",
+            "make the spacings more equal, use a lower mls.degree, or a Poisson's ratio less close to 0.5",
         )
 
 
 def check_spacing(built: CondensedScene, state: State) -> None:
-    """NumericalError where surfaces press on each other whose spacings are too unlike."""
+    """NumericalError where surfaces press on each other whose spacings differ too much."""
     clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
     for pairing in built.condensed.pairings:
         if pairing.grid is not None:

@@ -22,7 +22,7 @@ UNSTRAINED = 1e-6
 no more."""
 HEATED = 0.1
 """Nor are energies below this part of what would block all expansion of a heated body: free expansion has
-none, and what a held end has beside its corners is little, and known poorly, where all else is right."""
+none, and what a held end has away from its corners is little, and known poorly, where all else is right."""
 MISSED = 0.3
 """Integrals miss so many times F^2/E' of the energy under a single node that exerts a force F, whatever the
 spacing: 0.11 to 0.16 on a disk of 85 to 1,163 nodes that stands on one. Held in the middle it is some too
@@ -50,7 +50,7 @@ def energy_error(
     for name, body in built.scene.bodies.items():
         cloud, material, found = body.model.cloud, body.model.material, fields[name]
         single = single_nodes(built.case, name, cloud)
-        moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns, cloud.points)
+        moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, cloud.points)
         rest = found.displacement - moved, found.stress - stressed
         strains[name] = strain_of(cloud.points, found.displacement, found.von_mises, material.modulus)
         energies[name] = twice_strain_energy(cloud, material, rest[1])
@@ -117,7 +117,7 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
 
 
 def _faded(built: CondensedScene, state: State) -> float:
-    """How many times a state's energy goes into one that counts, beside those at the ends of the stages."""
+    """How many times a state's energy goes into one that counts, besides those at the ends of the stages."""
     now = max(largest_force(built, name, state.unknowns) for name in built.scene.bodies)
     before = [
         largest_force(built, name, (end.factors, end.motion, end.pressure, end.traction))

@@ -83,7 +83,7 @@ def _moved(built: CondensedScene, bodies: Mapping[str, Corrected], change: Chang
     for name, body in scene.bodies.items():
         followed = bodies[name].response(body, condensed.source(name, *moved))[:, 0]
         total = bodies[name].change + followed + scene.floating_patterns(name) @ change.motion
-        total = total + condensed.near_fields(scene, name, moved)[0].ravel()
+        total = total + condensed.contact_fields(scene, name, moved)[0].ravel()
         error += float((total**2).sum())
     return error
 

@@ -127,7 +127,7 @@ def _is_convex(outline: Outline) -> bool:
 def _of_bodies(
     one: str, other: str, outlines: Mapping[str, Outline], pairings: Sequence[Pairing], given: float
 ) -> Iterator[Overlap]:
-    """Where boundaries of ``one`` body lie inside the ``other`` beside their contacts, by more than a
+    """Where boundaries of ``one`` body lie inside the ``other`` outside their contacts, by more than a
     ``given`` gap."""
     own, there = outlines[one], outlines[other]
     low, high = there.points.min(axis=0), there.points.max(axis=0)
@@ -175,9 +175,9 @@ def _with_obstacles(
             partner, normal = shape.closest(own.points - shift, own.normal)
             away = own.points - shift - partner
             depth = -(away * normal).sum(axis=1)
-            beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+            adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
             deep = (depth > given[body] + own.tolerance + own.slack) & (
-                beside <= ROUND_OFF * own.size + 1e-3 * depth
+                adjacent <= ROUND_OFF * own.size + 1e-3 * depth
             )
             deep &= ~_other_contacts(built, pairings, contact.name, body, own, partner + shift, depth, shifts)
             if not deep.any():
@@ -317,7 +317,7 @@ def _both(contact: Contact) -> set[str]:
 
 
 def _outside(overlap: Overlap, boundaries: Sequence[str], built: CondensedScene) -> list[str]:
-    """Which of an overlap's boundaries go on where some ``boundaries`` of a contact end."""
+    """Which of an overlap's boundaries continue where some ``boundaries`` of a contact end."""
     return [
         name
         for name in (overlap.boundary, overlap.other)
@@ -326,7 +326,7 @@ def _outside(overlap: Overlap, boundaries: Sequence[str], built: CondensedScene)
 
 
 def _joins(built: CondensedScene, boundary: str, others: Sequence[str]) -> bool:
-    """Whether a boundary goes on where one of the others ends."""
+    """Whether a boundary continues where one of the others ends."""
     body = boundary.partition(".")[0]
     if body != others[0].partition(".")[0]:
         return False

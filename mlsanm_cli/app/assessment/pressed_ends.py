@@ -1,4 +1,4 @@
-"""Contacts that are pressed up to an end of their surfaces where a body goes on without a corner."""
+"""Contacts that are pressed up to an end of their surfaces where a body continues without a corner."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
 
 
 def smooth_ends(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
-    """The nodes at the ends of a surface where others go on without a corner, and what a case calls these."""
+    """The nodes at the ends of a surface where others continue without a corner, and what a case calls
+    these."""
     if surface.curve.closed:
         return
     own = {part.name for part, _ in surface.members}

@@ -41,7 +41,7 @@ WHOLE = 'solver.formulation="monolithic"'
 class CompareOptions:
     """What the command line asks for.
 
-    ``methods`` beside ANM; ``analytic`` errors against the case's reference; ``levels`` per stage at which
+    ``methods`` besides ANM; ``analytic`` errors against the case's reference; ``levels`` per stage at which
     states are compared; the largest difference between equal laws (None: from solver.tolerance); how often
     each path is followed for its time; whether to draw the picture.
     """
@@ -68,8 +68,8 @@ def compare(
     """Solve a case by several methods and write comparison.json and a picture.
 
     Returns the mapping of comparison.json with the ``directory`` added; its ``status`` is "agree", "disagree"
-    (or a method beside ANM failed) or "failed" (ANM did). Raises CaseError or RunError, with nothing written,
-    for a case or a method that does not fit it, NumericalError for a scene that cannot be set up.
+    (or a method besides ANM failed) or "failed" (ANM did). Raises CaseError or RunError, with nothing
+    written, for a case or a method that does not fit it, NumericalError for a scene that cannot be set up.
     """
     clock = Clock()
     loaded = load_with_files(case_path, overrides)
@@ -158,7 +158,7 @@ def _levels(case: Case, count: int) -> list[float]:
 
 
 def _judged(built: CondensedScene, base: Measured) -> list[str]:
-    """Warnings of ANM's last state; NumericalError where it cannot be believed."""
+    """Warnings of ANM's last state; NumericalError where it is not reliable."""
     if not base.done:
         return []
     last = base.states[max(base.states)]

@@ -93,7 +93,7 @@ def _point(
 
 
 def draw_precision(directory: Path, curves: Curves) -> None:
-    """The picture beside comparison.json."""
+    """The picture next to comparison.json."""
     plot_precision(
         directory / run_dir.picture_name("comparison", "png"),
         [

@@ -1,4 +1,4 @@
-"""``mlsanm compare`` at finite strain: power series beside Newton's method, on the same equations."""
+"""``mlsanm compare`` at finite strain: power series and Newton's method, on the same equations."""
 
 from __future__ import annotations
 

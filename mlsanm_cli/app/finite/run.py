@@ -69,7 +69,7 @@ def _followed(scene: FiniteScene, recorder: FiniteRecorder, context: RunContext)
 
 
 def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
-    """Warn of, or refuse, a last state that cannot be believed."""
+    """Warn of, or refuse, a last state that is not reliable."""
     assert recorder.last is not None
     waves = extremes(scene, recorder.last)["ellipticity"]
     if waves < FEW_WAVES:

@@ -1,4 +1,4 @@
-"""What a run goes on from as run.h5 stores it, in /checkpoint, and back."""
+"""What a run continues from as run.h5 stores it, in /checkpoint, and back."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
-class Earlier:
+class InterruptedRun:
     """What an earlier process left of a run: the rows of its path and the seconds they took; if there are
-    any, the ``last`` row's state, what the path goes on from, and ``figures`` counted so far; the refinement
-    of its clouds, if that is over."""
+    any, the ``last`` row's state, what the path continues from, and ``figures`` counted so far; the
+    refinement of its clouds, if that is over."""
 
     rows: int
     seconds: float
@@ -38,7 +38,7 @@ class Earlier:
 def plain_checkpoint(
     last: State, checkpoint: Checkpoint | None, figures: Mapping[str, Any]
 ) -> dict[str, Value]:
-    """As datasets: the state of the last row, what the path goes on from, and what was counted."""
+    """As datasets: the state of the last row, what the path continues from, and what was counted."""
     found = {**_flat("checkpoint/last", last), **_flat("checkpoint/path", checkpoint)}
     return {**found, "checkpoint/figures": _text(figures)}
 
@@ -48,13 +48,13 @@ def plain_refinement(refinement: Refinement) -> str:
     return _text(asdict(refinement))
 
 
-def earlier_of(origin: RunOrigin) -> Earlier:
-    """What a run stored to go on from. RunError if it is damaged or of another version."""
+def interrupted_run(origin: RunOrigin) -> InterruptedRun:
+    """What a run stored to continue from. RunError if it is damaged or of another version."""
     stored = origin.checkpoint
     try:
         # Without rows nothing need be there.
         started = origin.rows > 0 or "last" in stored
-        return Earlier(
+        return InterruptedRun(
             rows=origin.rows,
             seconds=origin.seconds,
             last=_made(State, stored["last"]) if started else None,

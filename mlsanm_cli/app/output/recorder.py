@@ -1,4 +1,4 @@
-"""The run directory while a run goes on."""
+"""The run directory during a run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mlsanm_cli.app.assessment.overlaps import check_overlaps, within_themselves
 from mlsanm_cli.app.assessment.refinement import Adapted
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output import recording
-from mlsanm_cli.app.output.checkpoint import REFINEMENT, Earlier, plain_checkpoint, plain_refinement
+from mlsanm_cli.app.output.checkpoint import REFINEMENT, InterruptedRun, plain_checkpoint, plain_refinement
 from mlsanm_cli.app.output.fine_views import Views
 from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.output.recording import model_bodies
@@ -46,13 +46,13 @@ NAMED = 2
 """Loads by which a stage is called."""
 
 TALLIES = ("iterations", "factorizations", "solves", "residual", "linear_residual", "cone")
-"""What a recorder counts along the path, a run that goes on counts further."""
+"""What a recorder counts along the path, a resumed run counts further."""
 
 
 class Recorder(RunWriter):
     """Writes run.h5, events.jsonl, VTU and CSV files; use as a context manager.
 
-    With ``earlier`` it goes on with the files of an earlier process, behind the last step in them.
+    With ``earlier`` it continues with the files of an earlier process, behind the last step in them.
     """
 
     def __init__(
@@ -62,12 +62,12 @@ class Recorder(RunWriter):
         attributes: Mapping[str, str | int | float],
         context: RunContext,
         *,
-        earlier: Earlier | None = None,
+        earlier: InterruptedRun | None = None,
     ) -> None:
         super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
         self._case = loaded.case
         self._lines = LinesWriter(directory)
-        # The clock of /path/seconds goes on where it stood.
+        # The clock of /path/seconds continues from where it stopped.
         self._started -= earlier.seconds if earlier else 0.0
         self._earlier = earlier
         self._pace: tuple[float, float] | None = None
@@ -91,7 +91,7 @@ class Recorder(RunWriter):
         return max(self._rows - 1, 0)
 
     def start(self, adapted: Adapted) -> Checkpoint | None:
-        """Store the model; what its path goes on from, None where it begins."""
+        """Store the model; what its path continues from, None where it begins."""
         built, self._starts = adapted.built, adapted.accuracy.solutions
         with self._clock.phase("output"):
             self._views = Views.of(built)
@@ -104,7 +104,7 @@ class Recorder(RunWriter):
             self._file.save_if_due()
             return self._take_up(built, self._earlier) if self._earlier else None
 
-    def _take_up(self, built: CondensedScene, before: Earlier) -> Checkpoint | None:
+    def _take_up(self, built: CondensedScene, before: InterruptedRun) -> Checkpoint | None:
         """Go on behind what is recorded."""
         if before.last is None:
             return None
@@ -122,7 +122,7 @@ class Recorder(RunWriter):
         return before.checkpoint
 
     def step(self, built: CondensedScene, step: PathStep) -> None:
-        """Add one finished step: its series, its row, the fields wanted within it, and what the run goes on
+        """Add one finished step: its series, its row, the fields wanted within it, and what the run continues
         from. All of it is written together, some time later."""
         state, index = step.state, self._rows
         with self._clock.phase("output"):
@@ -143,7 +143,7 @@ class Recorder(RunWriter):
             more = {"cone": dict(self.cone), "polished": tuple(self.polished), "told": tuple(self._reported)}
             latest = partial(plain_checkpoint, state, step.checkpoint, figures | more)
             event = {"index": index, "position": state.position, "residual": state.residual}
-            # Before the row: a run that goes on drops the events of steps that are not in its file.
+            # Before the row: a resumed run drops the events of steps that are not in its file.
             self._events.write("step", **event, length=step.length)
             self._file.add(rows, datasets, attributes, latest)
             self._file.save_if_due()
@@ -155,8 +155,8 @@ class Recorder(RunWriter):
         self._console.step(index, state.position, state.residual, text)
 
     def _progress(self, position: float) -> list[str]:
-        """How far the path is, since when, and how long the rest takes if it goes on like this; nothing where
-        nobody waits."""
+        """How far the path is, since when, and how long the rest takes if it continues like this; nothing
+        where nobody waits."""
         now, stages = time.monotonic(), len(self._case.stage)
         self._pace = self._pace or (now, position)
         begun, first = self._pace

@@ -52,7 +52,8 @@ def model_datasets(built: CondensedScene, clouds: Mapping[str, Cloud]) -> dict[s
 
 
 def operators_digest(built: CondensedScene) -> str:
-    """A digest of all that the path of a scene follows from beside its loads: equal for equal operators."""
+    """A digest of all that the path of a scene follows from, apart from its loads: equal for equal
+    operators."""
     condensed = built.condensed
     maps = (condensed.gap, condensed.slip, condensed.watched, condensed.balance)
     return digest([one.matrix for one in maps], condensed.weight)
@@ -169,7 +170,7 @@ def shown_fields(
 
 def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stress: bool) -> Fields:
     name, material = view.model.name, view.model.material
-    moved, stressed = built.condensed.near_fields(built.scene, name, state.unknowns, view.cloud.points)
+    moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, view.cloud.points)
     seen = (view.rows @ fields.rest.ravel()).reshape(5, -1).T
     sigma, degrees = np.zeros((0, 3)), np.zeros(0)
     if stress:

@@ -153,7 +153,7 @@ def polish_figures(levels: Sequence[Polish]) -> dict[str, Any]:
 
 
 def _contact(built: CondensedScene, name: str, state: State, cone: float | None) -> dict[str, Any]:
-    """A contact's figures, with the reference's beside them where the case names one."""
+    """A contact's figures, with the reference's next to them where the case names one."""
     pairing = next(p for p in built.condensed.reported if p.name == name)
     figures = recording.contact_summary(built, pairing, state) | {"max_cone_ratio": cone}
     profile = reference_profile(built, pairing, state)

@@ -47,7 +47,7 @@ class RunWriter(Closing):
         context: RunContext,
         rows: int | None = None,
     ) -> None:
-        """Begin the files, or go on behind so many ``rows`` of run.h5. RunError."""
+        """Begin the files, or append after so many ``rows`` of run.h5. RunError."""
         self.directory = directory
         self._clock, self._console = context.clock, context.console
         file = directory / run_dir.RUN_FILE

@@ -30,9 +30,9 @@ Row = dict[str, Any]
 def collect(rundirs: Sequence[Path]) -> list[Row]:
     """One row per run: directory, status, the case's keys that are not alike everywhere, figures.
 
-    Runs that failed, were stopped or still go on have rows too, with the figures they have; so do directories
-    that hold no readable run, with status "unreadable". Files beside run directories, as ``sweep.csv``, are
-    left out.
+    Runs that failed, were stopped or are still running have rows too, with the figures they have; so do
+    directories that hold no readable run, with status "unreadable". Files next to run directories, as
+    ``sweep.csv``, are left out.
     """
     rundirs = [place for place in rundirs if not place.is_file() or place.name == run_dir.RUN_FILE]
     heads, cases, results = zip(*map(_run, rundirs), strict=True) if rundirs else ((), (), ())

@@ -17,7 +17,7 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Temperature, stored_case
 from mlsanm_cli.cloud.membership import belongs
-from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.tips import tips_of
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import RunData, read_run
@@ -282,7 +282,7 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
     settings = enough_neighbors(settings, material)
     edges = boundary_edges(data)
     corners = tips_of(data.points, edges, data.boundary_index, data.boundary_normal)
-    tips, sight = known_tips(corners, material, settings), look(data.points, edges)
+    tips, sight = known_tips(corners, material, settings), visibility_criterion(data.points, edges)
     return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight, tips=tips)
 
 

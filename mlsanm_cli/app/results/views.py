@@ -13,7 +13,7 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.cloud.membership import boundary_chords
-from mlsanm_cli.cloud.sight import look
+from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.contact.geometry.profile import THRESHOLD
 from mlsanm_cli.errors import RunError
@@ -144,7 +144,7 @@ def boundary_edges(body: BodyData) -> IntArray:
 def triangles_of(body: BodyData) -> IntArray:
     """Triangles (t, 3) of a stored body's points that fill it."""
     edges = boundary_edges(body)
-    return triangulate(body.points, edges, look(body.points, edges))
+    return triangulate(body.points, edges, visibility_criterion(body.points, edges))
 
 
 def _size(bodies: Sequence[CloudBody]) -> float:

@@ -46,7 +46,7 @@ HIGH, LOW = 4, 2
 """Degrees that "auto" takes."""
 FEWEST = 30
 """The higher one needs so many neighbours."""
-BESIDE = 1e-3
+OFF_POINT = 1e-3
 """Nodes held farther than this part of the spacing from where a support was put are reported."""
 
 
@@ -283,13 +283,13 @@ def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], 
 
 
 def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
-    """The node nearest to a point; of several at one distance the first, whatever round-off says."""
+    """The node nearest to a point; of several at one distance the first, whatever the round-off."""
     away = np.hypot(*(cloud.points - np.array(point)).T)
     return int(np.flatnonzero(away <= away.min() + TIED * cloud.spacing.min())[0])
 
 
 def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """Notes of supports that hold a node beside the point that they name."""
+    """Notes of supports that hold a node next to the point that they name."""
     for support in case.support:
         if support.body is None or support.near is None:
             continue
@@ -297,7 +297,7 @@ def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> Iterator[str]:
         node = _nearest(cloud, support.near)
         x, y = cloud.points[node].tolist()
         away = float(np.hypot(x - support.near[0], y - support.near[1]))
-        if away > BESIDE * cloud.spacing[node]:
+        if away > OFF_POINT * cloud.spacing[node]:
             near = f"the support of {support.body} near ({support.near[0]:g}, {support.near[1]:g})"
             yield f"{near} holds its node at ({x:g}, {y:g}), {away:.3g} away"
 

@@ -24,7 +24,7 @@ MOST = 0.99
 """Strains beyond this part of all count as those at corners, where they have no bound."""
 
 
-def unfacing_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
+def no_opposite_surface_hint(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
     """Why no node of a contact's slave may face its partner."""
     if isinstance(contact.obstacle, PolylineObstacle):
         return "the obstacle lies on the left of the direction of its points: reverse their order"

@@ -9,17 +9,17 @@ import numpy as np
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.default_spacing import (
     arc_zones,
+    automatic_spacing,
     bends,
     bond_zones,
     clamped_zones,
     contact_zone,
-    usual_spacing,
 )
 from mlsanm_cli.app.scene.surfaces import (
     bond_ends,
     curve_at,
     drawn,
-    foreign,
+    imported_geometry,
     numbers_of,
     outline_of,
     sides_of,
@@ -39,7 +39,7 @@ def spacing_of(case: Case, body: Body) -> Spacing:
     outline = drawn(body.shape)
     far, zones = body.spacing, []
     if isinstance(far, str):
-        far = usual_spacing(outline)
+        far = automatic_spacing(outline)
         sides = _clamped(case, body.name) if bends(outline) else ()
         clamped = [curve_at(case, place, "support")[0] for place in sides]
         zones = [
@@ -94,7 +94,7 @@ def _far(case: Case, name: str) -> float:
     body = next(one for one in case.body if one.name == name)
     if isinstance(body.spacing, float):
         return body.spacing
-    return np.inf if body.has_nodes else usual_spacing(drawn(body.shape))
+    return np.inf if body.has_nodes else automatic_spacing(drawn(body.shape))
 
 
 def _brought(case: Case, body: Body, cloud: Cloud, line: Line | None) -> Cloud:
@@ -115,7 +115,7 @@ def clouds(
     placed = {}
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-            placed[body.name] = _brought(case, body, foreign(body.shape).cloud, line)
+            placed[body.name] = _brought(case, body, imported_geometry(body.shape).cloud, line)
         else:
             spacing = spacing_of(case, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.scene.causes import unfacing_hint
+from mlsanm_cli.app.scene.causes import no_opposite_surface_hint
 from mlsanm_cli.app.scene.fields import AmountField
 from mlsanm_cli.app.scene.surfaces import sides_of, surface_at
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle
@@ -34,7 +34,7 @@ def pair(case: Case, clouds: Mapping[str, Cloud]) -> list[Pairing]:
         pairing, key = _facing(case, contact, clouds), f"contact.{contact.name}"
         if not len(pairing.position):
             slave, other = (*contact.names, "the obstacle")[:2]
-            hint = unfacing_hint(case, contact, clouds)
+            hint = no_opposite_surface_hint(case, contact, clouds)
             problems.append(CaseProblem(key, f"no node of {slave} faces {other}", hint=hint))
             continue
         if contact.bonded:

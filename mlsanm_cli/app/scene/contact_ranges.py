@@ -43,7 +43,7 @@ SIDE, BEYOND, SEEN = 1e-3, 1e2, 40
 """From how far on, how far, in their lengths, and at how many places the lines of a corner's faces and what
 lies outwards of them are followed outside the body."""
 SMOOTH = float(np.cos(np.radians(1.0)))
-"""Outlines go on smoothly where they turn by no more than this angle's cosine tells."""
+"""Outlines continue smoothly where they turn by no more than this angle's cosine tells."""
 SNAP = 1.5
 """Ends of a range are ends of a surface that are no more looks away."""
 LOOKED_AT, PROFILED, LOOKS_PER_POINT = 800, 4000, 2
@@ -89,7 +89,7 @@ def _clear(
         return None
     facing = _facing(case, pairing)
     base = facing.base
-    # Looked at along the base, so that roles do not tell which of several alike places is taken.
+    # Looked at along the base, so that roles do not decide which of several alike places is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
     looks = LOOKED_AT if facing.profile is None else PROFILED
     looks = max(looks, LOOKS_PER_POINT * max(map(points_of, facing.curves)))
@@ -97,9 +97,9 @@ def _clear(
     points, partner, normal = ahead.opposite(s)
     away, outward = points - partner, as_real(-ahead.side(s, True)[1])
     gap = ahead.gap(s)
-    beside = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+    adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     across = (outward * normal).sum(axis=1)
-    faces = (across < OPPOSED) & (beside <= TOUCHING * base.length)
+    faces = (across < OPPOSED) & (adjacent <= TOUCHING * base.length)
     if not faces.any():
         return None
     ends = [_ends(models[body], pairing.surface_of(slave), held[body]) for body, slave, _ in pairing.sides]
@@ -168,8 +168,8 @@ def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) 
     if face is None:
         return None
     tip, along = (face[1], face[0] - face[1]) if at_end else (face[0], face[1] - face[0])
-    for name, beside in model.cloud.surfaces.items():
-        line = _straight(beside)
+    for name, adjacent in model.cloud.surfaces.items():
+        line = _straight(adjacent)
         if name == surface.name or line is None:
             continue
         if min(abs(end - tip) for end in line) > ALIKE * abs(along):
@@ -196,7 +196,7 @@ def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) 
 
 
 def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArray:
-    """Places (e, 2) that must be off the body: where the wedge's forces go on past the ends of its faces,
+    """Places (e, 2) that must be off the body: where the wedge's forces continue past the ends of its faces,
     which are ``along`` and ``other`` long, or act behind a wall, and what lies outwards of them, where their
     fields are cut."""
     far = np.geomspace(SIDE, BEYOND, SEEN)
@@ -271,7 +271,7 @@ def _off_corners(
         arc = curve.closest(as_real(facing.side(s, slave)[0]))
         corners = list(corners_of(curve))
         if not curve.closed:
-            smooth = _goes_on(models[body].cloud, surface)
+            smooth = _continues(models[body].cloud, surface)
             ends_of = zip((0.0, curve.length), known, smooth, strict=True)
             corners += [end for end, one, on in ends_of if one is None and not on]
         for corner, near in zip(corners, np.interp(corners, surface.arc_length, spacing), strict=True):
@@ -282,20 +282,20 @@ def _off_corners(
     return off
 
 
-def _goes_on(cloud: Cloud, surface: Surface) -> tuple[bool, bool]:
-    """Whether the same boundary goes on smoothly where an open surface begins, and where it ends, as it does
-    where a part of it is in contact."""
+def _continues(cloud: Cloud, surface: Surface) -> tuple[bool, bool]:
+    """Whether the same boundary continues smoothly where an open surface begins, and where it ends, as it
+    does where a part of it is in contact."""
     own = {part.name for part, _ in surface.members}
     stems = {name.partition("/")[0] for name in own}
     found = []
     for place in (0, -1):
         node, normal = surface.index[place], surface.normal[place]
-        beside = [
+        adjacent = [
             other.normal[other.index == node]
             for name, other in cloud.surfaces.items()
             if name not in own and name.partition("/")[0] in stems
         ]
-        found.append(any(bool((one @ normal >= SMOOTH).any()) for one in beside))
+        found.append(any(bool((one @ normal >= SMOOTH).any()) for one in adjacent))
     return found[0], found[1]
 
 
@@ -340,14 +340,14 @@ def void_center(cloud: Cloud, place: ComplexArray, inward: ComplexArray) -> list
 
 
 def _free(
-    place: ComplexArray, ahead: ComplexArray, start: ComplexArray, way: ComplexArray, beside: float
+    place: ComplexArray, ahead: ComplexArray, start: ComplexArray, way: ComplexArray, adjacent: float
 ) -> FloatArray:
     """How far (e,) one sees from places (e,) along unit directions ``ahead`` (e,) before the chords of the
-    outline, from ``start`` along ``way`` (c,), come into view; not counting those ``beside`` the place."""
+    outline, from ``start`` along ``way`` (c,), come into view; not counting those ``adjacent`` the place."""
     across = (np.conj(ahead)[:, None] * way).imag
     apart = start - place[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = (np.conj(apart) * way).imag / across
         share = -(np.conj(ahead)[:, None] * apart).imag / across
-    hit = (across != 0.0) & (share >= 0.0) & (share <= 1.0) & (distance > beside)
+    hit = (across != 0.0) & (share >= 0.0) & (share <= 1.0) & (distance > adjacent)
     return np.asarray(np.where(hit, distance, np.inf).min(axis=1))

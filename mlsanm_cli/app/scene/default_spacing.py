@@ -38,7 +38,7 @@ to the end."""
 AT_ENDS = 10.0
 """Spacings between the outermost of several such places and the end of the surface."""
 BY_BOND_ENDS, AT_BOND_ENDS, SLOWLY = 2.0, 4.0, 0.12
-"""The finer body's spacing over those along a bond that ends on a surface that goes on, and at its end. A
+"""The finer body's spacing over those along a bond that ends on a surface that continues, and at its end. A
 post on a block was then within 1 % of one piece, with 678 nodes, and its energies within 6 %; with spacings
 that grow faster energies were up to 26 % off."""
 AT_CLAMPED = 4.0
@@ -48,7 +48,7 @@ FLAT = 1e-6
 """Gaps that differ by less than this part of the length are the same."""
 
 
-def usual_spacing(outline: Outline) -> float:
+def automatic_spacing(outline: Outline) -> float:
     """The spacing far from everything."""
     return min(_sizes(outline))
 
@@ -164,7 +164,7 @@ def contact_zone(
 
 def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
     """Nodes as ``fine`` as the finer body's where a boundary is bonded to another one, and finer ones if it
-    has ``ends`` where a surface goes on: stresses are singular there."""
+    has ``ends`` where a surface continues: stresses are singular there."""
     if not ends:
         yield Zone(own, fine, 0.0, GROWTH)
         return

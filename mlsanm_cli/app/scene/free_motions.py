@@ -100,7 +100,7 @@ def constrain_free_rigid_modes(
         tuple(result),
         tuple(notes),
         tuple(one for one in unresisted if one),
-        tuple(_hardly(kept, pivot, direction) for pivot, direction in weak),
+        tuple(_weakly_resisted(kept, pivot, direction) for pivot, direction in weak),
     )
 
 
@@ -123,7 +123,7 @@ def free_motions(resistance: FloatArray, least: float = SLIDES) -> list[tuple[in
     free = directions[:, sizes <= least**2]
     if not free.size:
         return []
-    # Of motions that serve alike the first is held, whatever round-off says.
+    # Of motions that serve alike the first is held, whatever the round-off.
     order = 1.0 - FIRST * np.arange(len(free))
     pivots = independent_rows(order[:, None] * free)
     own = free @ np.linalg.inv(free[pivots])
@@ -153,7 +153,7 @@ def _driven(
             f"load.{load}",
             f"nothing resists its force on {whom}, where loads add up to a {what} of {worst.sum():.4g}: "
             f"no support holds it, and the contact's normals hardly tilt that way",
-            hint=f"hold it there with a [[support]]{_instead(one)}",
+            hint=f"hold it there with a [[support]]{_prescribe_hint(one)}",
         )
 
 
@@ -167,12 +167,12 @@ def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -
     return f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness in this direction)"
 
 
-def _hardly(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+def _weakly_resisted(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
     one, together = unknown[pivot], _together(unknown, pivot, direction)
     return (
         f"{_owner(one)}: {_way(one)}{f', which moves {together} with it,' if together else ''} is hardly "
         f"resisted, as it goes along the surfaces in contact: results depend on where exactly nodes are held "
-        f"and on the contact's width; hold it with a [[support]]{_instead(one)}"
+        f"and on the contact's width; hold it with a [[support]]{_prescribe_hint(one)}"
     )
 
 
@@ -205,7 +205,7 @@ def _way(one: UnknownMotion) -> str:
     return ("ux", "uy", "rotation")[one.motion.component]
 
 
-def _instead(one: UnknownMotion) -> str:
+def _prescribe_hint(one: UnknownMotion) -> str:
     if isinstance(one.constraint, FloatingBody) or one.motion.component == ROTATION:
         return ""
     return f", or prescribe {_way(one)} of the {'platen' if one.bodies else 'obstacle'}"

@@ -27,7 +27,7 @@ LARGEST = 256 * MB
 
 
 @dataclass(frozen=True, eq=False)
-class Foreign:
+class ImportedGeometry:
     """A body's nodes ``points`` (n, 2) and traced outline; ``normals`` (n, 2) where the file gives them."""
 
     digest: str
@@ -41,7 +41,7 @@ class Foreign:
         return cloud_of_nodes(self.points, self.traced, self.normals)
 
 
-def read_body(shape: FileShape) -> Foreign:
+def read_body(shape: FileShape) -> ImportedGeometry:
     """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
     path = Path(shape.file)
     try:
@@ -60,7 +60,7 @@ def read_body(shape: FileShape) -> Foreign:
 
 
 @lru_cache(maxsize=16)
-def _read(shape: FileShape) -> Foreign:
+def _read(shape: FileShape) -> ImportedGeometry:
     path = Path(shape.file)
     normals = None
     loops: tuple[Loop, ...]
@@ -78,4 +78,6 @@ def _read(shape: FileShape) -> Foreign:
     crossing = first_crossing(np.concatenate(chords))
     if crossing is not None:
         raise GeometryError(f"the outline crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g})")
-    return Foreign(str(shape.sha256), points, trace(points, loops, math.radians(shape.corner)), normals)
+    return ImportedGeometry(
+        str(shape.sha256), points, trace(points, loops, math.radians(shape.corner)), normals
+    )

@@ -7,19 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from mlsanm_cli.app.scene.surfaces import drawn, foreign, numbers_of
+from mlsanm_cli.app.scene.surfaces import drawn, imported_geometry, numbers_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     AnyShape,
     Case,
     Displacement,
     Geometry,
+    GeometryInspector,
     LoadedCase,
     Mesh,
     Place,
     Platen,
     Points,
-    Survey,
     load_case,
     split_boundary,
 )
@@ -46,7 +46,7 @@ def geometry_of(shape: AnyShape) -> Geometry:
     outline, digest = drawn(shape), ""
     points = np.concatenate([_points(curve) for curve in outline.curves])
     if isinstance(shape, Mesh | Points):
-        body = foreign(shape)
+        body = imported_geometry(shape)
         points, digest = body.points, body.digest
     normals: dict[str, tuple[float, float] | None] = {}
     for full, curve in zip(outline.names, outline.curves, strict=True):
@@ -78,7 +78,7 @@ def floating(case: Case) -> Iterator[Fault]:
             yield Fault(("body", index), f"can move freely: nothing resists {what}", hint)
 
 
-inspect_geometry_file = Survey(geometry_of, floating)
+inspect_geometry_file = GeometryInspector(geometry_of, floating)
 
 
 def _held(

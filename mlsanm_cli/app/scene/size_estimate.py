@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from mlsanm_cli.app.scene.assemble import mls_settings
 from mlsanm_cli.app.scene.clouds import spacing_of
-from mlsanm_cli.app.scene.surfaces import foreign, outline_of
+from mlsanm_cli.app.scene.surfaces import imported_geometry, outline_of
 from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.size import estimate_nodes
 from mlsanm_cli.cloud.spacing import Spacing
@@ -70,7 +70,7 @@ def _levels(nodes: float, without: float) -> float:
 
 def _nodes(case: Case, body: Body) -> float:
     if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-        return float(len(foreign(body.shape).points))
+        return float(len(imported_geometry(body.shape).points))
     return estimate_nodes(outline_of(case, body), spacing_of(case, body), COUNT_LIMIT)
 
 

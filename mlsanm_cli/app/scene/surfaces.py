@@ -40,7 +40,7 @@ from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 
 if TYPE_CHECKING:
-    from mlsanm_cli.app.scene.geometry_files import Foreign
+    from mlsanm_cli.app.scene.geometry_files import ImportedGeometry
 
 FAR = 0.1
 """The ends of a part of a boundary are within this part of its length of it."""
@@ -50,7 +50,7 @@ AT_END = 1e-6
 """Ends of parts nearer than this part of a piece's length to its end are there."""
 
 
-def foreign(shape: FileShape) -> Foreign:
+def imported_geometry(shape: FileShape) -> ImportedGeometry:
     """The body in a shape's file. Raises GeometryError, whose message begins with the file's name."""
     # What reads and traces files is imported for cases that have such bodies.
     from mlsanm_cli.app.scene.geometry_files import read_body
@@ -72,7 +72,7 @@ def drawn(shape: AnyShape) -> Outline:
     if isinstance(shape, Annulus):
         return annulus(shape.center, shape.radii)
     if isinstance(shape, Mesh | Points):
-        return foreign(shape).traced.outline
+        return imported_geometry(shape).traced.outline
     if isinstance(shape, Disk):
         return disk(shape.center, shape.radius)
     return _looped(shape)
@@ -258,7 +258,8 @@ def _parted(case: Case) -> Iterator[tuple[str, Place]]:
 
 def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
     """The slave and, if there is one, the master of a contact, with the rounded corners at their ends; of
-    bonds only the parts that face each other, so that tractions may begin and end where a surface goes on."""
+    bonds only the parts that face each other, so that tractions may begin and end where a surface
+    continues."""
     sides = contact.sides
     if not contact.bonded or len(sides) < 2:
         return tuple(
@@ -269,7 +270,7 @@ def sides_of(case: Case, contact: Contact) -> tuple[Place, ...]:
 
 
 def _with_roundings(case: Case, contact: Contact, place: Place, role: str) -> Place:
-    """The side of a contact with the rounded corners that it goes on in: what presses on a face presses on
+    """The side of a contact with the rounded corners that it continues in: what presses on a face presses on
     the beginning of its roundings.
 
     Not with those that have conditions of their own, or lie between two sides in contact.
@@ -283,16 +284,16 @@ def _with_roundings(case: Case, contact: Contact, place: Place, role: str) -> Pl
     loop = next(loop for loop in outline.loops if loop.start <= run.numbers[0] < loop.stop)
     count = loop.stop - loop.start
     for last, step in ((run.numbers[0], -1), (run.numbers[-1], 1)):
-        beside, beyond = (loop.start + (last - loop.start + k * step) % count for k in (1, 2))
-        curve = outline.curves[beside]
+        adjacent, beyond = (loop.start + (last - loop.start + k * step) % count for k in (1, 2))
+        curve = outline.curves[adjacent]
         if not isinstance(curve, Arc) or curve.sweep <= 0.0 or curve.closed:
             continue
         own = outline.curves[last]
         ends = (own.length, 0.0) if step > 0 else (0.0, curve.length)
         here, there = own.normals(np.array([ends[0]]))[0], curve.normals(np.array([ends[1]]))[0]
-        names = [f"{place.body}.{outline.names[k].partition('/')[0]}" for k in (beside, beyond)]
+        names = [f"{place.body}.{outline.names[k].partition('/')[0]}" for k in (adjacent, beyond)]
         if float(here @ there) > math.cos(SMOOTH) and _is_free(case, contact, place, *names):
-            found.append((names[0], beside))
+            found.append((names[0], adjacent))
     # Arcs of one name are taken together or not at all.
     taken = {number for _, number in found}
     more = {name for name, _ in found if {*numbers_of(outline, name.partition(".")[2])} <= taken}
@@ -351,7 +352,7 @@ def _ordered(
 
 
 def bond_ends(case: Case, contact: Contact) -> list[tuple[float, float]]:
-    """The points where a bond ends on a surface that goes on."""
+    """The points where a bond ends on a surface that continues."""
     found = []
     for place in sides_of(case, contact):
         if place.ends is None:
@@ -393,7 +394,7 @@ def _add_cut(cuts: dict[int, list[float]], run: _Run, body: Body, at: float) -> 
         s = at - start
         if body.has_nodes:
             assert isinstance(body.shape, Mesh | Points)
-            nodes = foreign(body.shape).cloud.surfaces[run.outline.names[number]].arc_length
+            nodes = imported_geometry(body.shape).cloud.surfaces[run.outline.names[number]].arc_length
             s = float(nodes[np.argmin(np.abs(nodes - s))])
         small = AT_END * curve.length
         known = [*cuts.get(number, ()), *(() if curve.closed else (0.0, curve.length))]

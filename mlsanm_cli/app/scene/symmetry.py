@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.app.scene.clouds import spacing_of
-from mlsanm_cli.app.scene.surfaces import foreign, outline_of
+from mlsanm_cli.app.scene.surfaces import imported_geometry, outline_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Mesh, Points
 from mlsanm_cli.case.model.case import Body
@@ -47,7 +47,7 @@ def _symmetric(case: Case, body: Body, line: Line, size: float) -> bool:
 def _points(case: Case, body: Body) -> FloatArray:
     """The nodes (n, 2) that came with a body, or points along its outline."""
     if isinstance(body.shape, Mesh | Points):
-        return foreign(body.shape).points
+        return imported_geometry(body.shape).points
     fractions = np.linspace(0.0, 1.0, SAMPLES)
     curves = outline_of(case, body).curves
     return np.concatenate([curve.points(curve.length * fractions) for curve in curves])

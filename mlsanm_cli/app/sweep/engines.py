@@ -33,15 +33,15 @@ class Engine(Closing, ABC):
 
     @abstractmethod
     def results(self) -> Iterator[Row]:
-        """Rows of all points submitted, also while this goes on, as they end."""
+        """Rows of all points submitted, as they end, also during the sweep."""
 
 
 def local_engine(jobs: int) -> Engine:
     """This process for one job, else so many new ones."""
-    return HereEngine() if jobs == 1 else PoolEngine(jobs)
+    return SerialEngine() if jobs == 1 else PoolEngine(jobs)
 
 
-class HereEngine(Engine):
+class SerialEngine(Engine):
     """One point after the other in this process."""
 
     def __init__(self) -> None:

@@ -84,7 +84,7 @@ def _check_contact(contact: Contact, path: KeyPath, report: Report) -> None:
     if contact.bonded:
         report.add((*path, "friction"), f"bonded surfaces {_ALONE}", "a coefficient")
     if contact.gap:
-        report.add((*path, "gap"), f"a gap beside that of the surfaces {_ALONE}", "draw it")
+        report.add((*path, "gap"), f"a gap in addition to that of the surfaces {_ALONE}", "draw it")
     if contact.interference is not None:
         report.add((*path, "interference"), f"an interference {_ALONE}", "move the obstacle")
     if contact.regularization.law != "exact":

@@ -16,7 +16,7 @@ from mlsanm_cli.case.checks.sound import Sound
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import BOUNDARY_PATTERN, split_boundary
 from mlsanm_cli.case.model.case import Body, Contact
-from mlsanm_cli.case.model.files import Geometry, Points, Survey
+from mlsanm_cli.case.model.files import Geometry, GeometryInspector, Points
 from mlsanm_cli.case.model.loads import ObstacleMotion, Platen
 from mlsanm_cli.case.model.materials import check_material
 from mlsanm_cli.case.model.obstacles import check_obstacle
@@ -35,7 +35,7 @@ LOWEST_AUTO = 2
 """Largest number of nodes of a stencil per coefficient of the polynomial."""
 
 
-def run_checks(sound: Sound, inspect_geometry_file: Survey | None, report: Report) -> Sound:
+def run_checks(sound: Sound, inspect_geometry_file: GeometryInspector | None, report: Report) -> Sound:
     """Adds every conflict between the sound parts of the case; returns these with the
     geometries of their shapes. Without a ``inspect_geometry_file`` nothing is checked that depends on
     these."""
@@ -61,7 +61,9 @@ def run_checks(sound: Sound, inspect_geometry_file: Survey | None, report: Repor
     return sound
 
 
-def _geometries(sound: Sound, inspect_geometry_file: Survey | None, report: Report) -> dict[int, Geometry]:
+def _geometries(
+    sound: Sound, inspect_geometry_file: GeometryInspector | None, report: Report
+) -> dict[int, Geometry]:
     if not sound.count("body"):
         report.add(("body",), "the list is empty, at least one item is required", "add [[body]]")
     found: dict[int, Geometry] = {}

@@ -1,6 +1,6 @@
 """Shapes given by files of their own, and what the checks of a case need to know of geometry.
 
-The case layer does no geometry and reads no such file: whoever loads a case passes in a `Survey`.
+The case layer does no geometry and reads no such file: whoever loads a case passes in a `GeometryInspector`.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Geometry:
 
 
 @dataclass(frozen=True)
-class Survey:
+class GeometryInspector:
     """Answers about the geometry of a case.
 
     ``geometry`` raises GeometryError for shapes that are no bodies; ``floating`` gives a fault for every body

@@ -97,7 +97,7 @@ class Polygon(Section):
     rounding: Annotated[tuple[Annotated[float, Field(ge=0.0)], ...], LENGTH] = ()
     """Radius of the arc at each point, 0 where it stays sharp; all sharp by default."""
     corners: tuple[Name | Literal[""], ...] = ()
-    """Names of the arcs, one per point; "" for the default: corner1 ..., or that of both sides beside it."""
+    """Names of the arcs, one per point; "" for the default: corner1 ..., or that of both sides next to it."""
     holes: tuple[Hole, ...] = ()
 
 

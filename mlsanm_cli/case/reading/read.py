@@ -16,7 +16,7 @@ from mlsanm_cli.case.checks.relations import run_checks
 from mlsanm_cli.case.checks.sound import validate
 from mlsanm_cli.case.lines import KeyPath, key_lines
 from mlsanm_cli.case.model.case import Case
-from mlsanm_cli.case.model.files import Geometry, Survey
+from mlsanm_cli.case.model.files import Geometry, GeometryInspector
 from mlsanm_cli.case.model.tables import inline_tables
 from mlsanm_cli.case.reading.limits import number_problems, size_problems, text_problem
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
@@ -53,7 +53,7 @@ class LoadedCase:
 
 
 def load_case(
-    path: Path, overrides: Sequence[str] = (), inspect_geometry_file: Survey | None = None
+    path: Path, overrides: Sequence[str] = (), inspect_geometry_file: GeometryInspector | None = None
 ) -> LoadedCase:
     """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation.
 
@@ -95,7 +95,10 @@ def _nearest_case(path: Path) -> str:
 
 
 def parse_case(
-    text: str, path: Path, overrides: Sequence[str] = (), inspect_geometry_file: Survey | None = None
+    text: str,
+    path: Path,
+    overrides: Sequence[str] = (),
+    inspect_geometry_file: GeometryInspector | None = None,
 ) -> LoadedCase:
     """Validates a case given as text; ``path`` is the source in messages, and its folder that of other files.
 

@@ -120,7 +120,7 @@ def _across(values: FloatArray) -> sparse.csr_array:
 
 def _uneven(side: Side, missing: FloatArray, share: FloatArray) -> FloatArray:
     """What is ``missing`` (2c, 2c) of tractions that are no constant: to one all along the cloud answers
-    exactly. Where fields have a ``share`` (c,) below 1, beside corners, only some of a node's neighbours
+    exactly. Where fields have a ``share`` (c,) below 1, near corners, only some of a node's neighbours
     count, and what cancels elsewhere would be left: there it is of differences from the node's own."""
     count, number = side.count, np.arange(side.count)
     blocks = missing.reshape(count, 2, count, 2).copy()
@@ -131,7 +131,7 @@ def _uneven(side: Side, missing: FloatArray, share: FloatArray) -> FloatArray:
 
 
 def _fit(side: Side) -> FloatArray:
-    """Values at the nodes (2c, 2c) of local cubic fits along the side, which go on behind planes of
+    """Values at the nodes (2c, 2c) of local cubic fits along the side, which continue behind planes of
     symmetry."""
     count, number = side.count, np.arange(side.count)
     arc, node, sign = side.arc, number, np.ones((count, 2))
@@ -165,7 +165,7 @@ def _fit(side: Side) -> FloatArray:
 
 def _share(side: Side) -> FloatArray:
     """How much (c,) fields in closed form have to say: nothing where nodes are held, but for planes of
-    symmetry, and beside corners."""
+    symmetry, and near corners."""
     number = np.arange(side.count)
     mirrored = {end for end, axis in zip((0, side.count - 1), side.mirrors, strict=True) if axis is not None}
     away = np.full(side.count, np.inf)

@@ -160,7 +160,7 @@ class Pressing:
             u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
             free = free + part * done.free
             traction = traction + part * done.traction
-            # Where bodies only just touch, round-off tells what nodes do.
+            # Where bodies only just touch, round-off decides what nodes do.
             least = NOTHING * self.stiffness * self.length
             still = max(float(np.abs(one).max(initial=0.0)) for one in (done.dp, done.dq)) <= least
             settled = count > 1 and done.settled and (still or done.sets.same(sets))

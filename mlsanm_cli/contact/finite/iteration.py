@@ -24,8 +24,8 @@ from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
 if TYPE_CHECKING:
     from mlsanm_cli.contact.finite.exact import Pressing
 
-BESIDE = 3
-"""So many nodes beside those that touch may come to touch within an iteration."""
+NEIGHBORS = 3
+"""So many nodes next to those that touch may come to touch within an iteration."""
 REACH = 0.1
 """With free motions also nodes with gaps up to this part of the typical displacement may."""
 DAMPED = 1e-5
@@ -135,14 +135,14 @@ class Iteration:
             here = slice(first, first + contact.slave.count)
             reach = REACH * self.pressing.length if self.pressing.free else 0.0
             near = one.facing & ((free[here] <= reach) | (p[here] > 0.0))
-            for _ in range(BESIDE):
-                beside = near.copy()
-                beside[1:] |= near[:-1]
-                beside[:-1] |= near[1:]
+            for _ in range(NEIGHBORS):
+                adjacent = near.copy()
+                adjacent[1:] |= near[:-1]
+                adjacent[:-1] |= near[1:]
                 if contact.slave.around is not None:
-                    beside[0] |= near[-1]
-                    beside[-1] |= near[0]
-                near = beside & one.facing
+                    adjacent[0] |= near[-1]
+                    adjacent[-1] |= near[0]
+                near = adjacent & one.facing
             own = np.flatnonzero(near)
             chosen.append(first + own)
             reached = np.unique(one.carried[:, own].tocoo().coords[0])

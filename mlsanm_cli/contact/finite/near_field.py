@@ -19,7 +19,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
 
-BESIDE = 1e-3
+NEAR_SURFACE = 1e-3
 """Forces on planes of symmetry are moved off them by this part of their node's length."""
 AT_ONCE = 64
 """Nodes whose remainders are worked on together, for the sake of memory."""
@@ -65,11 +65,11 @@ class _Near:
 
     @cached_property
     def _places(self) -> ComplexArray:
-        """Where forces act (c,), those on planes of symmetry a little beside them."""
+        """Where forces act (c,), those on planes of symmetry a little next to them."""
         side, places = self.side, as_complex(self.side.places)
         for end, way, axis in zip((0, -1), (1.0, -1.0), side.mirrors, strict=True):
             if axis is not None:
-                places[end] += BESIDE * way * side.weight[end] * self._along[end]
+                places[end] += NEAR_SURFACE * way * side.weight[end] * self._along[end]
         return places
 
     @cached_property

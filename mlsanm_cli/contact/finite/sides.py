@@ -101,11 +101,11 @@ def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int |
         return None
     normal = surface.normal[end]
     for name, components in held.items():
-        beside = cloud.surfaces[name]
-        if name == surface.name or surface.index[end] not in beside.index or sum(components) != 1:
+        adjacent = cloud.surfaces[name]
+        if name == surface.name or surface.index[end] not in adjacent.index or sum(components) != 1:
             continue
         axis = components.index(True)
-        flat = float(np.ptp(cloud.points[beside.index, axis])) <= SQUARE * beside.curve.length
+        flat = float(np.ptp(cloud.points[adjacent.index, axis])) <= SQUARE * adjacent.curve.length
         if flat and abs(normal[axis]) <= SQUARE:
             return axis
     return None

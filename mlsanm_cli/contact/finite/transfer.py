@@ -1,4 +1,4 @@
-"""Tractions of the slave handed on to the master's nodes, so that no force is lost.
+"""Tractions of the slave transferred to the master's nodes, so that no force is lost.
 
 A master's node gets what the slave bears under the node's linear function N_i, over its length::
 

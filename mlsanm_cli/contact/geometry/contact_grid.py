@@ -54,8 +54,8 @@ class Facing:
     closest points of the ``other`` surface, or of a rigid ``obstacle``, are looked for.
 
     If the slave is the other one, not the ``slave_first``, s is minus the arc length, so that it always
-    increases along the slave. On a closed base it may go on past the start. Which of two surfaces is the base
-    is a matter of their shapes alone, so that roles have no part in what comes out. The directions of
+    increases along the slave. On a closed base it may continue past the start. Which of two surfaces is the
+    base is a matter of their shapes alone, so that roles have no part in what comes out. The directions of
     pressures ``turn`` by an angle as bodies move. A ``profile`` over the slave's points is added to the gap.
     """
 
@@ -176,7 +176,7 @@ class ContactGrid:
         return SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
 
     def forces(self, kernel: Kernel, slave: bool) -> Forces:
-        """The same with what they need beside corners."""
+        """The same with what they need near corners."""
         own, corners = self.own_forces(kernel, slave), self.corners_of(slave)
         return CorneredForces(own, corners) if corners else own
 

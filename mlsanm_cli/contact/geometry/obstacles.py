@@ -18,7 +18,7 @@ from mlsanm_cli.startup import cKDTree
 ROUND_OFF = 1e-9
 SHARP = np.deg2rad(15.0)
 """Corners of a chain that turn by more are meant."""
-ALIKE, BESIDE = 0.6, 2
+ALIKE, NEIGHBORS = 0.6, 2
 """Samples of a smooth curve turn by the mean of those before and after, but for this part of the largest turn
 among so many on either side. A corner alone among straight sides differs by all of it."""
 CANDIDATES = 8
@@ -28,7 +28,7 @@ AT_ONCE = 200_000
 RUN = 3
 """So many corners in a row are a curve, two are a chamfer."""
 LONGER = 3.0
-"""Sides this many times as long as both beside them are straight."""
+"""Sides this many times as long as both next to them are straight."""
 
 
 class Shape(Protocol):
@@ -94,10 +94,10 @@ class Chain:
         angle = np.arctan2(along[:, 1], along[:, 0])
         turn = np.angle(np.exp(1j * np.diff(angle)))
         turn[np.abs(turn) <= ROUND_OFF] = 0.0
-        # Beyond the ends the curve goes on as it is there.
-        wide = np.pad(turn, BESIDE, mode="edge")
-        window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * BESIDE + 1)
-        mean = 0.5 * (wide[BESIDE - 1 : -BESIDE - 1] + wide[BESIDE + 1 : count - 2 + BESIDE + 1])
+        # Beyond the ends the curve continues as it is there.
+        wide = np.pad(turn, NEIGHBORS, mode="edge")
+        window = np.lib.stride_tricks.sliding_window_view(np.abs(wide), 2 * NEIGHBORS + 1)
+        mean = 0.5 * (wide[NEIGHBORS - 1 : -NEIGHBORS - 1] + wide[NEIGHBORS + 1 : count - 2 + NEIGHBORS + 1])
         even = np.abs(turn - mean) <= ALIKE * window.max(axis=1)
         result[1:-1] = even & (np.abs(turn) <= SHARP) & (window.max(axis=1) > 0.0)
         for first, last in _runs(result):

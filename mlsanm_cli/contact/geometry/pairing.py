@@ -34,14 +34,14 @@ class Pairing:
 
     ``position`` (w,) tells which of the slave surface's nodes they are, -1 for places between nodes;
     ``points`` (w, 2) where they lie, ``arc`` (w,) their arc lengths along the slave, increasing over the
-    candidates, past the start of a closed surface going on, ``weight`` (w,) the length of slave surface they
-    stand for. ``partner`` (w, 2) are the virtual nodes on the master, ``normal`` (w, 2) the master's outward
-    normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,) marks the places that can touch; the
-    others are only watched. ``friction`` is Coulomb's coefficient, inf of bonded surfaces, ``interference``
-    what the gaps lose when the load of this contact's name is at 1, ``closed_by`` what they have lost to
-    surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor ``master``; its
-    virtual nodes lie on the obstacle. With ``grid`` the candidates are the places of a contact grid, and gaps
-    and normals means over its functions.
+    candidates, continuing past the start of a closed surface, ``weight`` (w,) the length of slave surface
+    they stand for. ``partner`` (w, 2) are the virtual nodes on the master, ``normal`` (w, 2) the master's
+    outward normals there, ``gap`` (w,) the initial gaps, ``candidate`` (w,) marks the places that can touch;
+    the others are only watched. ``friction`` is Coulomb's coefficient, inf of bonded surfaces,
+    ``interference`` what the gaps lose when the load of this contact's name is at 1, ``closed_by`` what they
+    have lost to surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor
+    ``master``; its virtual nodes lie on the obstacle. With ``grid`` the candidates are the places of a
+    contact grid, and gaps and normals means over its functions.
     """
 
     name: str
@@ -285,7 +285,7 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     coarse master that only sampled a fine slave's pressures would take an oscillation from node to node for
     a smooth load, and the compliance would lose its positivity.
 
-    A pressure is handed on to the very place where its node's gap is measured, and by the slave's length
+    A pressure is transferred to the very place where its node's gap is measured, and by the slave's length
     there, so that forces and work are the same on both sides up to the fit. Taken from the closest point of
     the slave instead, a pressure is displaced and stretched by a part of the order of the square of contact
     width over radius, whatever the spacings: on clouds fine enough the compliance then loses its positivity.
@@ -293,12 +293,12 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     master = pairing.master
     assert master is not None, "an obstacle has no nodes"
     arc, _, spacing = _unrolled(pairing)
-    s, beside, stretch = feet(pairing, master, master.arc_length)
+    s, adjacent, stretch = feet(pairing, master, master.arc_length)
     slack = 1e-6 * float(pairing.spacing.min())
     facing = (slave_normals(pairing, s) * master.normal).sum(axis=1) < OPPOSED
     if pairing.slave.curve.closed:
         s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
-    rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (beside <= slack))
+    rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (adjacent <= slack))
     own = np.interp(s[rows], arc, spacing)
     # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
     reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[master.index[rows]])

@@ -133,7 +133,7 @@ def _violations(
     """Closed nodes in tension and open nodes that overlap, beyond the round-off of the pressures, and of
     ``least``, which counts where nothing is loaded."""
     typical = max(float(np.abs(pressure).max(initial=0.0)), least)
-    elastic = condensed.softest * typical
+    elastic = condensed.largest_compliance * typical
     tension = active & (pressure < -ROUND_OFF * typical)
     overlap = ~active & (gap < -ROUND_OFF * elastic)
     return np.asarray(tension | overlap, dtype=bool)

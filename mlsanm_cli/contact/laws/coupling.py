@@ -107,7 +107,7 @@ class DenseCoupling:
             np.asfortranarray(matrix / scale[:, None]),
         )
 
-    def softened(self) -> DenseCoupling:
+    def with_stick_compliance(self) -> DenseCoupling:
         """With what the law's asperities give way counted among the slips."""
         own = slip_places(self.condensed)
         matrix = self.matrix.copy(order="F")

@@ -1,7 +1,7 @@
 """The exact history of a contact with friction, from event to event.
 
 Between two changes of what is open, sticks and slips, the state is linear in the load. So the path is
-followed exactly: the rates of the state decide how the sets go on, and the next event is where, at these
+followed exactly: the rates of the state decide how the sets continue, and the next event is where, at these
 rates, a gap or a pressure comes to zero or a sticking node to its friction limit. Slipping nodes that the
 rates would move with friction come to rest. Nothing depends on the size of increments.
 """
@@ -48,7 +48,7 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class _Course:
-    """How a state goes on while the load moves along a stage: the sets, their system, the rates of all."""
+    """How a state continues while the load moves along a stage: the sets, their system, the rates of all."""
 
     sets: ContactStatus
     system: SetSystem
@@ -157,7 +157,8 @@ def _slack(condensed: Condensed, values: ContactState, side: float) -> FloatArra
 def _course(
     condensed: Condensed, state: CoulombState, change: FloatArray, last: _Course | None
 ) -> tuple[_Course, int]:
-    """How the state goes on when the load factors move along ``change`` (L,), and the systems that were made.
+    """How the state continues when the load factors move along ``change`` (L,), and the systems that were
+    made.
 
     The ``last`` course, along the same change, led to the state: its sets are tried first, and known.
     """

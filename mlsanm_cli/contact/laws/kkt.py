@@ -26,10 +26,12 @@ def kkt_residual(
     factors, motion, pressure, traction = unknowns
     gap_map, balance = condensed.gap, condensed.balance
     moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
-    softest = condensed.softest
-    least = NOTHING * moved / softest if softest > 0.0 else 0.0
+    largest_compliance = condensed.largest_compliance
+    least = NOTHING * moved / largest_compliance if largest_compliance > 0.0 else 0.0
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
-    elastic = max(float(np.abs(gap_map.pressure @ pressure).max(initial=0.0)), least * softest) or 1.0
+    elastic = (
+        max(float(np.abs(gap_map.pressure @ pressure).max(initial=0.0)), least * largest_compliance) or 1.0
+    )
     gap, slip, imbalance = (one(*unknowns) for one in (gap_map, condensed.slip, balance))
     limit = condensed.friction * pressure[condensed.friction_nodes]
     size = np.maximum(np.abs(pressure), least)

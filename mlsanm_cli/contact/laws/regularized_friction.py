@@ -74,7 +74,8 @@ class FrictionTangent:
         matrix = problem.reduced.copy(order="F")
         matrix[:m] *= self._stress[:, None]
         matrix[np.arange(m), np.arange(m)] += h / (law.pressure * law.gap)
-        # Pivots are chosen among the rows, which are dimensionless, and not among unknowns of unlike units.
+        # Pivots are chosen among the rows, which are dimensionless, and not among unknowns of different
+        # units.
         self._factor, self._pivots, info = dgetrf(matrix, overwrite_a=1)
         if info != 0:
             raise np.linalg.LinAlgError("singular tangent of the contact problem")
@@ -125,7 +126,7 @@ class FrictionTangent:
 
 
 @dataclass
-class Tally:
+class FactorisationCount:
     """How many tangents have been factorised since it was last asked."""
 
     count: int = 0
@@ -150,9 +151,9 @@ class RegularizedFriction:
         end: FloatArray,
         sets: ContactStatus,
         stick_reference: FloatArray,
-        tally: Tally | None = None,
+        tally: FactorisationCount | None = None,
     ) -> None:
-        self.tally = tally or Tally()
+        self.tally = tally or FactorisationCount()
         condensed, law = coupling.condensed, coupling.law
         self.coupling, self.condensed, self.law = coupling, condensed, law
         self.start, self.end, self.change = start, end, end - start
@@ -288,7 +289,8 @@ class RegularizedFriction:
 
     def within_cone(self, x: FloatArray) -> FloatArray:
         """The unknowns with sticking nodes' tractions within their limits, which round-off and residual of an
-        event may pass: by nothing beside the reference pressure, but perhaps not beside their own."""
+        event may pass: by nothing compared with the reference pressure, but perhaps not compared with their
+        own."""
         x = x.copy()
         p, _, _, t = self.split(x)
         limit = self.condensed.friction * np.maximum(self.pressed(p), 0.0)

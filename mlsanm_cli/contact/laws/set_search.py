@@ -222,7 +222,7 @@ def _violation(
 def moving(condensed: Condensed, motion: FloatArray) -> float:
     """A pressure that would move the surfaces as far as a ``motion`` (k,) of platens and bodies."""
     moved = float(np.abs(condensed.gap.motion @ motion).max(initial=0.0))
-    return moved / condensed.softest if moved else 0.0
+    return moved / condensed.largest_compliance if moved else 0.0
 
 
 def _only(

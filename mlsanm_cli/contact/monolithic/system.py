@@ -62,7 +62,7 @@ class SparseCoupling:
     scale: FloatArray
     elimination: Elimination
 
-    def softened(self) -> SparseCoupling:
+    def with_stick_compliance(self) -> SparseCoupling:
         """With what the law's asperities give way counted among the slips."""
         places, added = slip_places(self.condensed), self.law.stick_compliance / self.law.slip
         contact = self.contact + _entries(places, places, added, self.contact.shape)

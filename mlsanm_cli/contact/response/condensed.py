@@ -35,12 +35,12 @@ from mlsanm_cli.contact.response.balance import (
     reported_forces,
 )
 from mlsanm_cli.contact.response.bonds import Bonds, bind
+from mlsanm_cli.contact.response.contact_fields import fields_of
 from mlsanm_cli.contact.response.dense import scales
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.contact.response.load_vectors import body_load_vectors
-from mlsanm_cli.contact.response.near_answers import add_fields, add_singular, near_answers
-from mlsanm_cli.contact.response.near_fields import fields_of
+from mlsanm_cli.contact.response.near_field_response import add_fields, add_singular, near_field_response
 from mlsanm_cli.contact.response.observation import Observed, ResponseFunctionals, observe, used_columns
 from mlsanm_cli.contact.response.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.response.short_waves import resolved
@@ -117,7 +117,7 @@ class Condensed:
         return np.block([[part.pressure, part.traction, part.motion] for part in parts])
 
     @cached_property
-    def softest(self) -> float:
+    def largest_compliance(self) -> float:
         """The largest gap that a unit pressure makes anywhere, 0 without candidates."""
         return float(np.abs(self.gap.pressure).max(initial=0.0))
 
@@ -194,9 +194,9 @@ class Condensed:
         """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts included and last."""
         solution = self.solution(scene, body, unknowns)[0][:, 0]
         rest = (solution + scene.floating_patterns(body) @ unknowns[1]).reshape(-1, 2)
-        return np.asarray(rest + self.near_fields(scene, body, unknowns)[0])
+        return np.asarray(rest + self.contact_fields(scene, body, unknowns)[0])
 
-    def near_fields(
+    def contact_fields(
         self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2) and stresses (e, 3) of the fields in closed form at ``points`` (e, 2) of a
@@ -257,8 +257,8 @@ class Condensed:
 
 
 @dataclass(frozen=True)
-class Answers:
-    """How the bodies of a scene answer to their ``sources`` (r, drivers), seen by an ``observation`` (rows,
+class BodyResponses:
+    """How the bodies of a scene respond to their ``sources`` (r, drivers), seen by an ``observation`` (rows,
     drivers), and without contact the ``solutions`` (n, drivers) themselves. Contact grids have no part in it
     but by their samples."""
 
@@ -268,13 +268,13 @@ class Answers:
     solutions: Mapping[str, FloatArray]
 
     @classmethod
-    def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE) -> Answers:
+    def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE) -> BodyResponses:
         """Solve for them, with the fields in closed form added."""
         observation, drivers = ResponseFunctionals.of(scene, pairings), _drivers(scene, pairings)
         sources = {name: body_load_vectors(scene, name, pairings, drivers.columns) for name in scene.bodies}
         observed, solutions = observe(observation, sources, drivers.columns, memo)
         if any(pairing.grid is not None for pairing in pairings):
-            observed += near_answers(observation, drivers)
+            observed += near_field_response(observation, drivers)
         return cls(observation, sources, observed, solutions)
 
     def smooth(self, pairing: Pairing) -> FloatArray:
@@ -287,7 +287,7 @@ class Answers:
 
 
 def condense(
-    scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE, answers: Answers | None = None
+    scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE, responses: BodyResponses | None = None
 ) -> Condensed:
     """Condense the scene on the candidates of ``pairings``, with its bodies' ``answers`` if these are known.
 
@@ -296,7 +296,7 @@ def condense(
     content = digest(scene, _split_motions(pairings))
 
     def made() -> Condensed:
-        known = answers or Answers.of(scene, pairings, memo)
+        known = responses or BodyResponses.of(scene, pairings, memo)
         return _condensed(scene, pairings, content, known)
 
     kept = memo.value("condensed", content, made)
@@ -321,9 +321,11 @@ def _drivers(scene: Scene, pairings: tuple[Pairing, ...]) -> Drivers:
     return Drivers(len(scene.loads), len(scene.unknown_motions), pairings)
 
 
-def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answers: Answers) -> Condensed:
-    drivers, sources = _drivers(scene, pairings), answers.sources
-    seen = answers.observation.parted(answers.observed)
+def _condensed(
+    scene: Scene, pairings: tuple[Pairing, ...], content: str, responses: BodyResponses
+) -> Condensed:
+    drivers, sources = _drivers(scene, pairings), responses.sources
+    seen = responses.observation.parted(responses.observed)
 
     nodal = tuple(pairing for pairing in pairings if pairing.grid is None)
     candidate = _candidates(pairings)
@@ -339,7 +341,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
         {where: drivers.by_unknowns(rows) for where, rows in seen.held.items()},
         {where: drivers.by_unknowns(rows) for where, rows in seen.sprung.items()},
     )
-    modulus = 1.0 / np.concatenate([[], *(_softness(scene, p, p.normal) for p in pairings)])
+    modulus = 1.0 / np.concatenate([[], *(_contact_compliance(scene, p, p.normal) for p in pairings)])
     gap, watched = gap.take(candidate), gap.take(~candidate)
     slips = [_slips(scene, drivers, pairing, seen) for pairing in drivers.frictional]
     slip = stack(slips, drivers.unknowns) + of_obstacles(
@@ -347,7 +349,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
     )
     slip = slip.take(_candidates(drivers.frictional))
     frictional = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
-    along = {pairing.name: _softness(scene, pairing, pairing.tangent) for pairing in frictional}
+    along = {pairing.name: _contact_compliance(scene, pairing, pairing.tangent) for pairing in frictional}
     gap, slip, beyond = resolved(gap, slip, frictional, drivers.spans, drivers.tangential, along)
     bonds, loose = bind(scene, pairings, drivers, gap, slip), _drivers(scene, _loose(pairings))
     reduced, free, sliding = bonds.reduced, ~_tied(drivers.pairings), ~_tied(drivers.frictional)
@@ -375,7 +377,7 @@ def _condensed(scene: Scene, pairings: tuple[Pairing, ...], content: str, answer
         moments={name: reduced(one) for name, one in moments_of_plates(forces).items()},
         bonds=bonds,
         sources=sources,
-        solutions=answers.solutions,
+        solutions=responses.solutions,
         solves=sum(len(used_columns(source)) for source in sources.values()),
         content=content,
         probes={
@@ -429,7 +431,7 @@ def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> Lin
     return result
 
 
-def _softness(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:
+def _contact_compliance(scene: Scene, pairing: Pairing, direction: FloatArray) -> FloatArray:
     """1/E* (m,) of a contact's bodies at its candidates, along ``direction`` (w, 2); obstacles are rigid."""
     chosen = direction[pairing.candidate]
     parts = [scene.bodies[body].model.material.contact_compliance(chosen) for body in pairing.bodies]

@@ -1,4 +1,4 @@
-"""Small dense systems whose rows and columns have unlike units."""
+"""Small dense systems whose rows and columns have different units."""
 
 from __future__ import annotations
 

@@ -139,10 +139,10 @@ def observe(
         solved = np.zeros((rows.shape[1], 0 if quick else columns.total))
         # Loads by themselves: when their magnitudes change, the others' answers still hold.
         for some in (used[used < columns.loads], used[used >= columns.loads]):
-            answer = _answer(body, sources[name][:, some], rows, quick, memo)
-            observed[:, some] += answer["observed"]
+            response = _observed_response(body, sources[name][:, some], rows, quick, memo)
+            observed[:, some] += response["observed"]
             if not quick:
-                solved[:, some] = answer["solution"]
+                solved[:, some] = response["solution"]
         if not quick:
             solutions[name] = solved
         observed[:, columns.motion_places] += rows @ scene.floating_patterns(name)
@@ -166,10 +166,10 @@ def used_columns(source: sparse.csc_array) -> IntArray:
     return np.flatnonzero(np.diff(source.indptr))
 
 
-def _answer(
+def _observed_response(
     body: ElasticBody, sources: sparse.csc_array, rows: sparse.csr_array, quick: bool, memo: Memo
 ) -> Arrays:
-    """What ``rows`` (o, n) observe of the answers to ``sources`` (r, c), (o, c); unless ``quick``, which
+    """What ``rows`` (o, n) observe of the responses to ``sources`` (r, c), (o, c); unless ``quick``, which
     serves for functionals, also the answers (n, c) themselves."""
 
     def solve() -> Arrays:

@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts, opposed
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.near_fields import adjacent_traction
+from mlsanm_cli.contact.response.contact_fields import adjacent_traction
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
@@ -77,7 +77,7 @@ def _paths(
     latter strain the body.
 
     A rigid motion changes no work on a body in balance. That of what is held, as far as it has one, leaves no
-    work to reactions, which are known as stresses beside singular corners, or not at all: on clamped beams
+    work to reactions, which are known as stresses near singular corners, or not at all: on clamped beams
     the error of the work is then that of the deflection. With the mean motion of the body it was -1 % where
     the beam bent by 0.8 of what it should, and -10 % at 0.98. Where several surfaces are held and moved
     apart, a smooth field has their displacements, and the stress inside does the reactions' work on it.

@@ -26,7 +26,7 @@ IntArray = NDArray[np.int64]
 Window = tuple[float, float, float, float]
 
 # A Delaunay triangle is part of the body if its circumcircle, which holds no node, is no larger than this
-# many times the distance between neighbours; larger ones lie in a hole or beside a concave side.
+# many times the distance between neighbours; larger ones lie in a hole or next to a concave side.
 _LARGEST_CIRCLE = 2.5
 # Width of the dot at a node in node spacings.
 _DOT = 0.25

@@ -10,9 +10,9 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.contact_fields import fields_of
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
-from mlsanm_cli.contact.response.near_fields import fields_of
 from mlsanm_cli.contact.response.observation import ResponseFunctionals
 from mlsanm_cli.mechanics.corner import Forces
 from mlsanm_cli.mechanics.near_field import as_complex, by_component
@@ -21,7 +21,7 @@ from mlsanm_cli.mechanics.remainder import reaction_of, spring_pull_of
 from mlsanm_cli.mechanics.scene import Scene
 
 
-def near_answers(observation: ResponseFunctionals, drivers: Drivers) -> FloatArray:
+def near_field_response(observation: ResponseFunctionals, drivers: Drivers) -> FloatArray:
     """What is to be added to all that is observed (sum of counts, drivers), but for the singular part of what
     contacts do to themselves, and for probes."""
     scene = observation.scene

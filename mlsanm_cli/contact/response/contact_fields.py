@@ -23,7 +23,7 @@ FAR = 2.0
 """Intervals farther away than so many of their lengths are integrated by the points of the grid."""
 POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
 """Gauss's points over an interval nearby, from so many of its lengths away on."""
-BESIDE = 1e-3
+NEAR_SURFACE = 1e-3
 """Points nearer to the surface than this part of the interval beneath are moved so far inside: on it, fields
 jump."""
 BEYOND, CLOSE = 1.0 / 6.0, 48
@@ -185,7 +185,7 @@ def _inside(loads: _Loads, z: ComplexArray, ends: ComplexArray, foot: FloatArray
     step = loads.steps[interval]
     s = loads.ends[interval] + foot[every, interval] * step
     place, inward = loads.grid.facing.side(s, loads.slave)
-    deep, size = ((z - place) * np.conj(inward)).real, BESIDE * step
+    deep, size = ((z - place) * np.conj(inward)).real, NEAR_SURFACE * step
     on = np.abs(away[every, interval]) <= 2.0 * step
     return np.where(on & (deep < size), z + (size - deep) * inward, z)
 
@@ -252,7 +252,7 @@ def adjacent_traction(
     (m,) on the slave, less these themselves where they act."""
     pressure, traction = grid.uneven(pressure), grid.uneven(traction)
     if grid.corners_of(slave):
-        # What is left beside corners changes little along the contact.
+        # What is left near corners changes little along the contact.
         z = as_complex(surface.curve.points(surface.arc_length))
         on = _on_samples(grid, pressure, traction)
         curvature = surface.curve.curvature(surface.arc_length)
