@@ -26,9 +26,6 @@ NARROWER, FEWEST = 0.7, 2.0
 """Pieces are narrower than the distance to a hollow plus its radius by this factor, and of so many nodes at
 least: portal frames with fillets of two spacings lost 1 to 6 % with pieces of 8 to 24 nodes, depending on
 where they happened to be cut, and lose up to 1.4 % then."""
-SHARP = 2.0
-"""Distances to sharp corners count so many times: closed and open frames, and an eye with a shank, had errors
-of 4.2, 0.2 and 1.8 % with 1, 3.0, 0.4 and 2.0 % with 2, and 3.1, 0.7 and 4.4 % without."""
 APART = 3.5
 """Pairs are farther than so many spacings from supports and corners."""
 FEW = 0.25
@@ -44,7 +41,7 @@ def divide(cloud: Cloud, size: int) -> IntArray:
     mirror = cloud.mirror
     depth = nearest(cKDTree(cloud.points[cloud.boundary_nodes]), cloud.points)[0] / cloud.spacing
     wanted = np.clip((DEEPER * depth) ** 2, size, MOST)
-    wanted = np.minimum(wanted, np.maximum((NARROWER * _room(cloud) / cloud.spacing) ** 2, FEWEST))
+    wanted = np.minimum(wanted, np.maximum((NARROWER * cloud.room / cloud.spacing) ** 2, FEWEST))
     if mirror is None:
         return _divided(cloud.points, pairs, wanted)
     place = np.full(len(cloud.points), -1, dtype=np.int64)
@@ -60,14 +57,6 @@ def divide(cloud: Cloud, size: int) -> IntArray:
     beyond = (mirror.side < 0) & ~touching[labels]
     labels[beyond] += own.max() + 1
     return np.unique(labels, return_inverse=True)[1].astype(np.int64)
-
-
-def _room(cloud: Cloud) -> FloatArray:
-    """Distance (n,) to the nearest hollow plus its radius, or to a sharp corner."""
-    tips = cloud.tips
-    if tips is None:
-        return cloud.room
-    return np.minimum(cloud.room, SHARP * nearest(cKDTree(tips.place), cloud.points)[0])
 
 
 def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> IntArray:

@@ -8,7 +8,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Arc, Outline, Segment, annulus, disk, rectangle, sector
+from mlsanm_cli.cloud.curves import Arc, Outline, annulus, disk, rectangle, sector
 from mlsanm_cli.cloud.mirror import Line
 from mlsanm_cli.cloud.pieces import APART, FEW, MOST, divide, pair_up
 from mlsanm_cli.cloud.spacing import Spacing, Zone
@@ -66,20 +66,13 @@ def test_thin_bodies_are_cut_across() -> None:
         assert np.ptp(y) >= 0.9
 
 
-def test_pieces_beside_small_holes_and_sharp_inward_corners_are_small() -> None:
+def test_pieces_beside_small_holes_are_small() -> None:
     plate, hole = rectangle((-1.0, 1.0), (-1.0, 1.0)), Arc((0.0, 0.0), 0.1, 0.5 * np.pi, -2.0 * np.pi)
     outline = Outline((*plate.names, "hole"), (*plate.curves, hole), (0, 4))
     cloud = build_cloud(outline, Spacing(0.05), 0)
     labels = divide(cloud, 16)
     assert np.bincount(labels)[labels[cloud.surfaces["hole"].index]].max() <= 4
-    turns = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
-    sides = tuple(Segment(a, b) for a, b in zip(turns, turns[1:] + turns[:1], strict=True))
-    cloud = build_cloud(Outline(tuple("abcdef"), sides), Spacing(0.1), 0)
-    labels = divide(cloud, 16)
-    corner = int(np.hypot(*(cloud.points - 1.0).T).argmin())
-    count = np.bincount(labels)
-    assert count[labels[corner]] <= 4
-    assert np.median(count[labels]) >= 8
+    assert np.median(np.bincount(labels)[labels]) >= 8
 
 
 UPRIGHT, LEVEL = Line(0, 0.0), Line(1, 0.0)
