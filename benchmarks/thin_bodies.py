@@ -221,15 +221,15 @@ def energy(count: int) -> dict[str, Any]:
         found.append(
             {"kind": kind, "ratio": ratio, "across": across, "weak": wrong, "true": true, "told": told}
         )
-    errors, told = (np.abs([one[key] for one in found]) for key in ("true", "told"))
+    errors, shown = (np.abs([one[key] for one in found]) for key in ("true", "told"))
     large = errors > ENERGY_LIMIT
     figures = {
         "bodies": len(found),
         "wrong": int(large.sum()),
-        "caught by a warning": float((told[large] > ENERGY_WARNING).mean()),
-        "caught by a failure": float((told[large] > ENERGY_LIMIT).mean()),
-        "false warnings": float((told[errors <= ENERGY_WARNING] > ENERGY_WARNING).mean()),
-        "false failures": float((told[~large] > ENERGY_LIMIT).mean()),
+        "caught by a warning": float((shown[large] > ENERGY_WARNING).mean()),
+        "caught by a failure": float((shown[large] > ENERGY_LIMIT).mean()),
+        "false warnings": float((shown[errors <= ENERGY_WARNING] > ENERGY_WARNING).mean()),
+        "false failures": float((shown[~large] > ENERGY_LIMIT).mean()),
     }
     print(figures)
     return figures | {"each": found}
