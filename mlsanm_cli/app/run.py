@@ -223,6 +223,7 @@ def _follow(
         check_energy(recorder.energies),
         *check_points(recorder.energies),
         check_held(built),
+        *built.weak,
         check_polish(recorder.polished),
     ):
         if warning:

@@ -18,7 +18,7 @@ class CondensedScene:
     ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the
     exact contact states there (none without contact), with friction after one increment per stage: good
     enough for scales, reach and refinement. A stage whose end cannot be reached and those after it have none.
-    ``stability`` is the certificate.
+    ``stability`` is the certificate, ``weak`` warns of motions that are hardly resisted.
     """
 
     case: Case
@@ -27,6 +27,7 @@ class CondensedScene:
     stages: FloatArray
     ends: tuple[ExactState, ...]
     stability: float
+    weak: tuple[str, ...] = ()
 
     @property
     def is_holonomic(self) -> bool:

@@ -98,7 +98,7 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
             "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"
         )
     warnings += distance_warnings(prepared.pairings, clouds)
-    warnings += prepared.weak
+    warnings += [motion.warning for motion in prepared.weak if motion.idle is None]
     warnings += [text for name, model in prepared.models.items() for text in _corner_warnings(name, model)]
     return Quality(
         bodies,

@@ -14,7 +14,7 @@ import numpy as np
 from mlsanm_cli.app.scene.conflicts import refuse_conflicts
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
-from mlsanm_cli.app.scene.free_motions import constrain_free_rigid_modes
+from mlsanm_cli.app.scene.free_motions import WeakMotion, constrain_free_rigid_modes
 from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
@@ -62,7 +62,7 @@ class SceneModel:
     to observe,
     ``notes`` what a person should know, ``ranges`` the contacts that may have grids of their own,
     ``held_motions`` what of loose bodies is held although nothing resists it, as a scene has them, ``weak``
-    warnings of what is hardly resisted.
+    those that are hardly resisted.
     """
 
     models: Mapping[str, BodyModel]
@@ -75,7 +75,7 @@ class SceneModel:
     notes: tuple[str, ...]
     ranges: Mapping[str, ContactRange] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
-    weak: tuple[str, ...] = ()
+    weak: tuple[WeakMotion, ...] = ()
 
 
 def mls_settings(case: Case, low: bool = False) -> MlsSettings:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -15,7 +15,7 @@ from mlsanm_cli.app.scene.causes import pull_hint
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.direct_solver import direct_solver
-from mlsanm_cli.app.scene.free_motions import held_at_zero
+from mlsanm_cli.app.scene.free_motions import MOTIONS, held_at_zero
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.arrays import FloatArray
@@ -41,6 +41,9 @@ MOST_IDLE = 6
 """So many motions are tried one at a time."""
 CARRIED = 1e-3
 """What a hold may carry, as a part of all that presses: clouds that are not quite symmetric."""
+Idle = Mapping[tuple[str, int], Mapping[str, FloatArray]]
+"""Motions to be held, by the bodies and components that they are held by: the velocities (3,) of every body
+in one, as a scene has them."""
 MANY = 50_000
 """Scenes of more nodes are announced: they take a while, and may be a typing error."""
 WIDER = 1.5
@@ -115,27 +118,27 @@ def condense_scene(
 
     Bodies whose models are those of the scene ``before`` keep their systems.
     """
+    idle = {weak.idle: weak.motion for weak in prepared.weak if weak.idle is not None}
+    if idle:
+        driven = tuple(weak for weak in prepared.weak if weak.idle is None)
+        built = _held(case, replace(prepared, weak=driven), idle, context, before)
+        if built is not None:
+            return built
     try:
         return _completed(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
-        for group, held in _held_still(prepared):
-            with suppress(UnbalancedError, NoStateError):
-                built = _completed(case, held, context, before)
-                if _carry_nothing(built, group):
-                    motions_held = ", ".join(f"body {body}: u{'xy'[component]}" for body, component in group)
-                    context.console.note(
-                        f"{motions_held} is fixed at 0 (no load and no stiffness in this direction)"
-                    )
-                    return built
+        for group in _idle_translations(prepared):
+            built = _held(case, prepared, group, context, before)
+            if built is not None:
+                return built
         hint = pull_hint(case, prepared.pairings)
         if not hint:
             raise
         raise NumericalError(error.message, hint) from error
 
 
-def _held_still(prepared: SceneModel) -> Iterator[tuple[list[tuple[str, int]], SceneModel]]:
-    """The scene with translations of floating bodies held at zero that no load drives, one at a time, then
-    all in one direction, and which these are.
+def _idle_translations(prepared: SceneModel) -> Iterator[Idle]:
+    """Translations of floating bodies that no load drives, one at a time, then all in one direction.
 
     Surfaces may resist a motion where they curve, and yet touch where they are flat only: the motion is then
     undetermined, and zero by symmetry.
@@ -150,27 +153,44 @@ def _held_still(prepared: SceneModel) -> Iterator[tuple[list[tuple[str, int]], S
     groups = [[one] for one in idle[:MOST_IDLE]]
     groups += [[one for one in idle if one[1] == component] for component in range(ROTATION)]
     for group in filter(None, groups):
-        motions = tuple({body: np.eye(3)[component]} for body, component in group)
-        constraints = tuple(
-            held_at_zero(one, [component for body, component in group if body == one.body])
-            if isinstance(one, FloatingBody)
-            else one
-            for one in prepared.rigid_constraints
-        )
-        held = (*prepared.held_motions, *motions)
-        yield group, replace(prepared, rigid_constraints=constraints, held_motions=held)
+        yield {(body, component): {body: np.eye(3)[component]} for body, component in group}
 
 
-def _carry_nothing(built: CondensedScene, held: Sequence[tuple[str, int]]) -> bool:
+def _held(
+    case: Case, prepared: SceneModel, idle: Idle, context: RunContext, before: Scene | None
+) -> CondensedScene | None:
+    """The scene with ``idle`` motions held at zero, or None where it has no state, or what holds them would
+    carry something."""
+    constraints = tuple(
+        held_at_zero(one, [component for body, component in idle if body == one.body])
+        if isinstance(one, FloatingBody)
+        else one
+        for one in prepared.rigid_constraints
+    )
+    motions = (*prepared.held_motions, *idle.values())
+    held = replace(prepared, rigid_constraints=constraints, held_motions=motions)
+    with suppress(UnbalancedError, NoStateError):
+        built = _completed(case, held, context, before)
+        if _carry_nothing(built, idle):
+            names = ", ".join(f"body {body}: {MOTIONS[component]}" for body, component in idle)
+            context.console.note(f"{names} is fixed at 0 (no load and no stiffness in this direction)")
+            return built
+    return None
+
+
+def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> bool:
     """Whether what is ``held`` carries no force at the end of any stage: a body that its loads push out of
     its contacts is not at rest."""
-    order = list(built.scene.bodies)
     for state in built.ends:
-        rest = built.condensed.imbalance(state.factors, state.motion, state.pressure, state.traction)
         pressed = float(built.condensed.weight @ state.pressure)
-        lacking = [abs(rest[2 * order.index(body) + component]) for body, component in held]
-        if max(lacking) > CARRIED * pressed:
-            return False
+        for body, component in held:
+            carried = built.condensed.holding[body, component](
+                state.factors, state.motion, state.pressure, state.traction
+            )[0]
+            if component == ROTATION:
+                carried /= np.ptp(built.scene.bodies[body].model.cloud.points, axis=0).max()
+            if abs(carried) > CARRIED * pressed:
+                return False
     return len(built.ends) == len(built.stages) - 1
 
 
@@ -195,7 +215,8 @@ def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Sc
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     with context.phase("condensation"):
         stability = check_coercivity(case, scene, condensed, ends, context.memo)
-    return CondensedScene(case, scene, condensed, stages, ends, stability)
+    weak = tuple(motion.warning for motion in prepared.weak if motion.idle is not None)
+    return CondensedScene(case, scene, condensed, stages, ends, stability, weak)
 
 
 def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> SceneModel:

@@ -39,17 +39,29 @@ go along both surfaces of a contact at once."""
 NONE = 1e-5
 """Parts of a free motion below this part of the largest are round-off."""
 FIRST = 1e-6
+MOTIONS = ("ux", "uy", "rotation")
+
+
+@dataclass(frozen=True)
+class WeakMotion:
+    """A ``warning`` of a motion that is hardly resisted; ``idle`` is the body and component by which it can
+    be held as no load drives it, None where one does, or where what moves is no loose body; ``motion`` are
+    the velocities (3,) of all bodies in it."""
+
+    warning: str
+    idle: tuple[str, int] | None
+    motion: Mapping[str, FloatArray]
 
 
 @dataclass(frozen=True)
 class Restrained:
     """The movers, ``notes`` on what is held, and the motions held: of each the velocities (3,) of every body
-    in it, x, y and the rotation about the origin. ``weak`` warns of what is hardly resisted."""
+    in it, x, y and the rotation about the origin. ``weak`` are those that are hardly resisted."""
 
     rigid_constraints: tuple[RigidConstraint, ...]
     notes: tuple[str, ...]
     held: tuple[Mapping[str, FloatArray], ...]
-    weak: tuple[str, ...] = ()
+    weak: tuple[WeakMotion, ...] = ()
 
 
 def constrain_free_rigid_modes(
@@ -100,7 +112,7 @@ def constrain_free_rigid_modes(
         tuple(result),
         tuple(notes),
         tuple(one for one in unresisted if one),
-        tuple(_weakly_resisted(kept, pivot, direction) for pivot, direction in weak),
+        tuple(_weakly_resisted(case, kept, pivot, direction) for pivot, direction in weak),
     )
 
 
@@ -167,12 +179,18 @@ def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -
     return f"{_owner(one)}: {_way(one)} is fixed at 0 (no load and no stiffness in this direction)"
 
 
-def _weakly_resisted(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+def _weakly_resisted(
+    case: Case, unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray
+) -> WeakMotion:
     one, together = unknown[pivot], _together(unknown, pivot, direction)
-    return (
+    driven = case.model.strain == "finite" or any(_driven(case, unknown, pivot, direction))
+    body = one.constraint.body if isinstance(one.constraint, FloatingBody) else None
+    return WeakMotion(
         f"{_owner(one)}: {_way(one)}{f', which moves {together} with it,' if together else ''} is hardly "
         f"resisted, as it goes along the surfaces in contact: results depend on where exactly nodes are held "
-        f"and on the contact's width; hold it with a [[support]]{_prescribe_hint(one)}"
+        f"and on the contact's width; hold it with a [[support]]{_prescribe_hint(one)}",
+        None if body is None or driven else (body, one.motion.component),
+        _of_bodies(unknown, direction),
     )
 
 
@@ -202,7 +220,7 @@ def _owner(one: UnknownMotion) -> str:
 
 
 def _way(one: UnknownMotion) -> str:
-    return ("ux", "uy", "rotation")[one.motion.component]
+    return MOTIONS[one.motion.component]
 
 
 def _prescribe_hint(one: UnknownMotion) -> str:

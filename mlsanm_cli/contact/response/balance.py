@@ -168,6 +168,16 @@ def reported_forces(forces: Forces) -> dict[str, LinearMap]:
     return report
 
 
+def holding_forces(forces: Forces) -> dict[tuple[str, int], LinearMap]:
+    """The force or moment (1 row) that a loose body's held motions take, by body and component."""
+    return {
+        (body.body, motion.component): forces.constraint(body, motion)
+        for body in forces.scene.floating
+        for motion in body.motions
+        if motion.prescribed is not None
+    }
+
+
 def moments_of_plates(forces: Forces) -> dict[str, LinearMap]:
     """The moment (1 row) about its hinge that each plate that turns exerts on its bodies, by its name."""
     return {

@@ -31,6 +31,7 @@ from mlsanm_cli.contact.response.balance import (
     balance_of_constraints,
     body_imbalance,
     body_sums,
+    holding_forces,
     moments_of_plates,
     reported_forces,
 )
@@ -73,7 +74,8 @@ class Condensed:
     it; ``imbalance`` holds the sum of forces on each body (2 per body), where no single nodes hold it, and
     ``sums`` that of all. ``probes`` maps each probe to its
     displacement and stress (5,), ``moments`` each plate that turns to the moment on its bodies about its
-    hinge. ``solves`` counts columns. ``content`` is a digest of all but the coefficients of friction.
+    hinge, ``holding`` the body and component of each motion held at zero to the force or moment of what
+    holds it. ``solves`` counts columns. ``content`` is a digest of all but the coefficients of friction.
     """
 
     pairings: tuple[Pairing, ...]
@@ -98,6 +100,7 @@ class Condensed:
     bonds: Bonds = field(default_factory=Bonds.none)
     probes: Mapping[str, LinearMap] = field(default_factory=dict)
     moments: Mapping[str, LinearMap] = field(default_factory=dict)
+    holding: Mapping[tuple[str, int], LinearMap] = field(default_factory=dict)
     drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
     mismatches: Mapping[str, LinearMap] = field(default_factory=dict)
     sums: LinearMap | None = None
@@ -376,6 +379,7 @@ def _condensed(
         imbalance=reduced(body_imbalance(forces)),
         sums=reduced(body_sums(forces)),
         moments={name: reduced(one) for name, one in moments_of_plates(forces).items()},
+        holding={where: reduced(one) for where, one in holding_forces(forces).items()},
         bonds=bonds,
         sources=sources,
         solutions=responses.solutions,
