@@ -1,7 +1,7 @@
 """Random scenes of two to five bodies, judged by balance and by variants.
 
     python benchmarks/scenes/random_scenes.py [--count 40] [--first 0] [--keep DIR] [--only NUMBER ...]
-        [--features | --frames] [--no-variants]
+        [--features | --frames | --pairs] [--no-variants]
 
 Stacks of rectangles, polygons with rounded corners, disks and half-disks with all materials and laws, with
 friction or not, pressed from above. A run that is done must balance (forces reported of every body add up to
@@ -28,6 +28,7 @@ from benchmarks.scenes.compared import difference, peaks, vectors
 from benchmarks.scenes.judge import SIDES, imbalance, run_case
 from benchmarks.scenes.random_features import featured
 from benchmarks.scenes.random_frames import Frame, drawn_frame, framed
+from benchmarks.scenes.random_pairs import drawn_pair
 from benchmarks.scenes.scene import (
     FORCE,
     PEAK,
@@ -156,7 +157,12 @@ def _inside(one: Table) -> float:
     return shape["center"][1] + (0.0 if shape["kind"] == "disk" else -0.5 * shape["radius"])
 
 
-KINDS = {"stacks": ("seed", "turned"), "features": ("seed", "swapped"), "frames": ("seed", "upright")}
+KINDS = {
+    "stacks": ("seed", "turned"),
+    "features": ("seed", "swapped"),
+    "frames": ("seed", "upright"),
+    "pairs": ("seed", "swapped", "turned", "mirrored"),
+}
 """Which variants judge which scenes."""
 
 
@@ -167,6 +173,8 @@ def scene_of(number: int, kind: str) -> tuple[Table, list[str], list[str], list[
         return *drawn(number), [], others
     if kind == "features":
         return *featured(number), others
+    if kind == "pairs":
+        return *drawn_pair(number), [], others
     frame = drawn_frame(number)
     upright = Variant(
         "upright",
@@ -229,7 +237,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=int, nargs="+")
-    for name in ("features", "frames"):
+    for name in ("features", "frames", "pairs"):
         parser.add_argument(f"--{name}", dest="kind", action="store_const", const=name, default="stacks")
     parser.add_argument("--no-variants", action="store_true", help="run every scene once")
     parser.add_argument("--keep", type=Path)

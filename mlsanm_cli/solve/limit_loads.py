@@ -54,7 +54,7 @@ def _limit(
     part of it."""
     begin, end = stages[stage], stages[stage + 1]
     limit = limit_load(condensed, begin, end - begin)
-    if limit is None or (came is not None and not CLOSE * limit.part <= came):
+    if limit is None or limit.whole or (came is not None and not CLOSE * limit.part <= came):
         return None
     names, how = _mechanism(scene, limit)
     moved = [name for name, a, b in zip(scene.loads, begin, end, strict=True) if a != b]

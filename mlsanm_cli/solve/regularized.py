@@ -11,6 +11,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
+from mlsanm_cli.contact.laws.limit_load import limit_load
 from mlsanm_cli.contact.laws.regularized_friction import FactorisationCount, RegularizedFriction
 from mlsanm_cli.contact.laws.set_search import NoStateError
 from mlsanm_cli.contact.laws.sliding import SlidingError, slides_freely
@@ -232,7 +233,7 @@ class _StagePath:
 
     def _pieces(self) -> Iterator[PathStep]:
         while self.point.lam < 1.0:
-            if self._loosened() and self._held and slides_freely(self.point.problem.condensed, self._held):
+            if self._loosened() and self._slides():
                 raise _slides(self._stage, self.point.lam)
             self._began = self.point.lam
             yield from self._piece()
@@ -277,6 +278,14 @@ class _StagePath:
         if before is None:
             return True
         return bool((before.stuck & ~self._held.stuck).any() or (before.closed & ~self._held.closed).any())
+
+    def _slides(self) -> bool:
+        """Whether nothing but friction resists some motion, nor anything that it brings into contact."""
+        friction = self.point.friction
+        if friction is None or not slides_freely(friction.condensed, friction.sets):
+            return False
+        limit = limit_load(friction.condensed, friction.start, friction.change)
+        return limit is None or not limit.whole
 
     def _put_on(self, point: Point, problem: RegularizedFriction, hits: EventFlags) -> None:
         """Put the path on the sets that hold beyond a point."""

@@ -59,5 +59,19 @@ def test_the_limit_of_sliding_is_friction_times_force() -> None:
     assert limit.rubbed == pytest.approx(1.0)
     assert limit.pressed
     assert abs(limit.motion[1]) > 0.0
-    assert limit_load(c, pressed, 0.7 * change) is None
+    carried = limit_load(c, pressed, 0.7 * change)
+    assert carried is not None
+    assert carried.whole
     assert limit_load(c, np.array([-1.0, 0.0]), change) is None
+
+
+def test_a_body_slides_until_a_wall_stops_it(tmp_path: Path) -> None:
+    # All of the floor slips from the first load on, which was taken for a limit load.
+    wall = contact("wall", "brick.left", obstacle=plane([0.0, 0.0], [1.0, 0.0]))
+    settings = ["contact.floor.friction=0.2", "load.quake.body-force=[-0.5, 0.0]"]
+    once = BRICK.partition("[[stage]]")[0] + item("stage", weight=1.0, quake=1.0)
+    contacts = solve(once + wall, tmp_path / "run", *settings)["contacts"]
+    (along, down), (against, _) = (contacts[name]["force"] for name in ("floor", "wall"))
+    assert down == pytest.approx(6.0, rel=1e-6)
+    assert along + against == pytest.approx(3.0, rel=1e-6)
+    assert against >= 3.0 - 0.2 * 6.0 - 1e-6

@@ -29,10 +29,15 @@ class LimitLoad:
     rubbed: float
     pressed: bool
 
+    @property
+    def whole(self) -> bool:
+        """Whether all of the stage can be carried, by contacts that are closed or open as yet."""
+        return self.part >= ALL
+
 
 def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> LimitLoad | None:
-    """The limit of load factors ``begin`` (L,) + part ``change`` (L,); None where all of the stage can be
-    carried, or nothing of it."""
+    """The limit of load factors ``begin`` (L,) + part ``change`` (L,); None where nothing of the stage can be
+    carried, or no motion is unknown."""
     balance, nodes = condensed.balance, condensed.friction_nodes
     m, n, k = len(condensed.weight), len(nodes), len(balance.constant)
     if not k or not m:
@@ -51,7 +56,7 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
     for side, sign in enumerate((1.0, -1.0)):
         cone[side, each, m + each] = sign
         cone[side, each, nodes] = -condensed.friction
-    from scipy.optimize import linprog  # for runs that fail only
+    from scipy.optimize import linprog  # for few runs
 
     found = linprog(
         np.append(np.zeros(m + n + k), -1.0),
@@ -61,7 +66,7 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
         b_eq=-start / scale,
         bounds=[(0.0, None)] * m + [(None, None)] * (n + k) + [(0.0, 1.0)],
     )
-    if found.status != 0 or found.x is None or not found.x[-1] < ALL:
+    if found.status != 0 or found.x is None:
         return None
     forces, part, motion = found.x[: m + n], float(found.x[-1]), found.eqlin.marginals / scale
     work = abs(float(more @ motion)) * part
