@@ -143,7 +143,7 @@ class Corner:
         """Whether places (e,) with outward normals lie on the first face, and on another that the corner's
         forces take all tractions off."""
         found = []
-        for face in self.faces[:1] if self.wedge.sliding else self.faces:
+        for face in self.faces[:1] if self.wedge.sliding or self.wedge.clamped else self.faces:
             w = (z - self.tip) * np.conj(face.along)
             on = (np.abs(w.imag) <= ON * self.length) & (w.real >= -ON * self.length)
             on &= np.abs((normal * np.conj(face.along)).real) <= ON

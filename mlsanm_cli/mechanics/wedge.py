@@ -14,6 +14,13 @@ Where the second face slides along a straight wall without friction, the wall is
 have images on the mirrored first face, and the wedge is twice as wide. At a right angle there is nothing
 left to take off.
 
+Where the second face is clamped, the forces along it keep it from deforming instead. With C and D the
+derivatives by ln x of its displacements by forces on the first face, and on itself::
+
+    C * (delta + psi_1) + D * psi_2 = 0,    psi_1 + B * psi_2 = 0
+
+All forces together add up to nothing then, and the second face moves as one by a constant.
+
 Equation (9) of docs/method.md.
 """
 
@@ -34,13 +41,15 @@ STEP, COUNT = 0.02, 4096
 """The grid of ln(x / x')."""
 REACH = 38.0
 """Densities beyond are nothing."""
+DIFFERENCE = 0.01
+"""Differences of displacements are over this part of a step."""
 
 
 @dataclass(frozen=True)
 class Wedge:
     """A wedge of a body with the ``kernel`` of its material between two straight faces that run from the tip
     ``along`` the one that bears forces, which has the material on the side ``turn`` (1j or -1j) times that,
-    and along the ``other`` (unit vectors), free or ``sliding`` along a wall.
+    and along the ``other`` (unit vectors), free, ``sliding`` along a wall or ``clamped``.
 
     Interior angles may be up to 260 degrees, half of that of a ``sliding`` one: forces' fields are cut
     outwards.
@@ -51,6 +60,7 @@ class Wedge:
     other: complex
     turn: complex
     sliding: bool = False
+    clamped: bool = False
 
     @property
     def second(self) -> complex:
@@ -83,10 +93,15 @@ class Wedge:
             values = np.fft.ifftshift(found * place[:, None, None], axes=0)
             return np.asarray(STEP * np.fft.fft(values, axis=0))
 
-        a = transformed(self.second, self.along, normals[1])
         b = transformed(self.along, self.second, normals[0])
-        first = np.linalg.solve(np.eye(2) - b @ a, b @ a)
-        second = -a @ (np.eye(2) + first)
+        if self.clamped:
+            c, d = self._stretching()
+            second = -np.linalg.solve(d - c @ b, c)
+            first = -b @ second
+        else:
+            a = transformed(self.second, self.along, normals[1])
+            first = np.linalg.solve(np.eye(2) - b @ a, b @ a)
+            second = -a @ (np.eye(2) + first)
 
         def back(values: NDArray[Any]) -> FloatArray:
             found = np.fft.fftshift(np.fft.ifft(values, axis=0), axes=0).real / STEP
@@ -98,6 +113,32 @@ class Wedge:
             return own, beyond
         both = own + self.image @ beyond
         return both, np.asarray(self.image @ both)
+
+    def _stretching(self) -> tuple[ComplexArray, ComplexArray]:
+        """Transforms (n, 2, 2) of C and D times tan(pi z), z being the transforms' variable.
+
+        C grows to the logarithm's tensor L at infinity, as L / (1 + exp(-t)), of which -pi / sin(pi z) is the
+        transform; D is L / (1 - exp(-t)), whose is -pi cot(pi z), and the step under the force.
+        """
+        shift = DIFFERENCE * STEP
+        before, after = (
+            self.kernel.displacement(
+                np.asarray(np.exp(self.grid + sign * shift) * self.second - self.along),
+                np.full(COUNT, self.inward[0]),
+            )
+            for sign in (-1.0, 1.0)
+        )
+        growing = (1.0 / (1.0 + np.exp(-self.grid)))[:, None, None] * self.logarithm
+        rest = (after - before) / (2.0 * shift) - growing
+        frequency = 2.0 * np.pi * np.fft.fftfreq(COUNT, STEP)[:, None, None]
+        tangent = -1j * np.tanh(np.pi * frequency)
+        ahead, behind = (
+            self.kernel.displacement(np.array([sign * self.second]), np.array([self.inward[1]]))[0]
+            for sign in (1.0, -1.0)
+        )
+        seen = tangent * STEP * np.fft.fft(np.fft.ifftshift(rest, axes=0), axis=0)
+        seen -= np.pi / np.cosh(np.pi * frequency) * self.logarithm
+        return seen, tangent * (ahead - behind) - np.pi * self.logarithm
 
     @cached_property
     def logarithm(self) -> FloatArray:

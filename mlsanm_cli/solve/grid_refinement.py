@@ -22,6 +22,9 @@ logarithm. Its variation says nothing: rigid motions and bending make it a hundr
 MOST, SHORTEST = 2000, 1e-5
 """Grids of more intervals are not halved any more, nor intervals below this part of the range: pressures
 under corners of obstacles have no bound."""
+BY_CLAMPED = 0.25
+"""Beside clamped sides intervals are no shorter than this part of the reach of their corner: stresses are
+singular there but for the contact, and clouds resolve that no further."""
 PLENTY = 300
 """Grids of more intervals are refined to less, by the cube of how many more: obstacles of many corners, or
 of many patches, would cost minutes otherwise."""
@@ -69,7 +72,7 @@ def refined(
         aim = accuracy[name] * max(1.0, len(errors) / PLENTY) ** 3
         if float(np.sqrt((errors**2).sum())) > aim:
             chosen |= errors > max(SHARE * aim / np.sqrt(len(errors)), WORST * float(errors.max()))
-        chosen &= grid.hats.steps > SHORTEST * (grid.last - grid.first)
+        chosen &= grid.hats.steps > _shortest(grid)
         if chosen.any():
             result[name] = replace(grid, hats=grid.hats.halved(chosen))
     return result
@@ -91,5 +94,17 @@ def grid_errors(
             parts.append(hats.errors(state.traction[condensed.tangential[name]]) / pairing.friction)
         if size > 0.0:
             worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / size)
-    worst[hats.steps <= SHORTEST * (pairing.grid.last - pairing.grid.first)] = 0.0
+    worst[hats.steps <= _shortest(pairing.grid)] = 0.0
     return worst
+
+
+def _shortest(grid: ContactGrid) -> FloatArray:
+    """Lengths (e,) below which a grid's intervals are not halved any more."""
+    least = np.full(len(grid.hats.steps), SHORTEST * (grid.last - grid.first))
+    for slave in (True, False):
+        for corner in grid.corners_of(slave):
+            if corner.wedge.clamped:
+                away = corner.distance(grid.facing.side(grid.hats.nodes, slave)[0])
+                away = np.minimum(away[:-1], away[1:])
+                least = np.where(away < corner.reach, np.maximum(least, BY_CLAMPED * corner.reach), least)
+    return least

@@ -87,3 +87,20 @@ def test_a_block_pushed_until_it_slides(tmp_path: Path) -> None:
     found = solve(text, tmp_path / "run")
     assert found["stop_reason"].startswith("the contact slides as a whole")
     assert found["position"] == pytest.approx(1.5, abs=1e-3)
+
+
+def test_a_contact_reaches_a_clamped_side(tmp_path: Path) -> None:
+    beam = (
+        head("strain")
+        + material("steel", E=210e3, nu=0.3)
+        + body("beam", "steel", shape=box([0.0, 4.0], [0.0, 1.0]))
+        + support("beam.left", ux=0.0, uy=0.0)
+        + contact("floor", "beam.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]))
+        + load("press", "beam.top", "pressure", pressure=10.0)
+        + item("probe", name="tip", body="beam", point=[4.0, 1.0])
+    )
+    summary = solve(beam, tmp_path / "run")
+    # By finite elements, biquadratic ones graded towards the clamped side.
+    assert summary["probes"]["tip"]["displacement"][1] == pytest.approx(-4.3322e-5, rel=2e-3)
+    assert summary["contacts"]["floor"]["force"][1] == pytest.approx(36.4, rel=0.01)
+    assert summary["contacts"]["floor"]["peak_pressure"] == pytest.approx(10.2, rel=0.02)

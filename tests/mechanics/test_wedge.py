@@ -10,7 +10,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Segment
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Face
 from mlsanm_cli.mechanics.material import isotropic, orthotropic
 from mlsanm_cli.mechanics.near_field import Kernel, SurfaceForces, kernel_of, traction
-from mlsanm_cli.mechanics.wedge import Wedge
+from mlsanm_cli.mechanics.wedge import STEP, Wedge
 
 WOOD = kernel_of(orthotropic((12.0, 0.6, 0.6), (0.4, 0.4, 0.3), 0.7, 0.5, "strain"))
 STEEL = kernel_of(isotropic(1.0, 0.3, "strain"))
@@ -53,6 +53,26 @@ def test_both_faces_are_free(kernel: Kernel, angle: float) -> None:
     # Without the corner's forces the other face is anything but free.
     alone = traction(own_forces.stress(at.faces[1].along * x), np.full((4, 1), -at.wedge.inward[1]))
     assert np.abs(alone * x[:, None, None, None]).max() > 0.05
+
+
+@pytest.mark.parametrize("kernel", [STEEL, WOOD])
+@pytest.mark.parametrize("angle", [45.0, 90.0, 150.0, 180.0, 214.0])
+def test_a_clamped_face_moves_as_one(kernel: Kernel, angle: float) -> None:
+    """No deformation along it, nothing left of all forces together, and no traction on the other face."""
+    other, x = complex(np.exp(-1j * np.radians(angle))), np.array([1e-3, 0.02, 0.15, 0.7, 3.0])
+    at = Corner(Wedge(kernel, 1.0 + 0.0j, other, -1j, clamped=True), 0.0j, 1.0, 1.0)
+    moved, alone = forces(at).displacement(x * other), forces(at).own.displacement(x * other)
+    assert np.abs(moved - moved[0]).max() < 1e-3 * np.ptp(alone)
+    total = STEP * sum(at.wedge.densities).sum(axis=0)
+    assert total == pytest.approx(-np.eye(2), abs=1e-6)
+    z = x[1:] - 1e-6j * x[1:]
+    stress = forces(at).own.stress(z)
+    for line in at.lines(SOURCES, np.eye(6).reshape(3, 2, 6)):
+        stress = stress + np.moveaxis(line.stress(z).reshape(4, 3, 3, 2), 2, 1)
+    found = traction(stress, np.full((4, 1), 1j))
+    assert np.abs(found * x[1:, None, None, None]).max() < 2e-3
+    table = at.wedge.compliance(SOURCES, SOURCES, 1, 1)
+    assert table == pytest.approx(table.T, abs=1e-5 * np.abs(table).max())
 
 
 @pytest.mark.parametrize("kernel", [STEEL, WOOD])

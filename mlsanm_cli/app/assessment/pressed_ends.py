@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import SMOOTH
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
@@ -30,9 +30,10 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
             continue
         mean = float(weight @ pressure) / float(weight[closed].sum())
         for (body, slave, _), side in zip(pairing.sides, contact.sides, strict=True):
-            cloud = built.scene.bodies[body].model.cloud
+            elastic = built.scene.bodies[body]
+            cloud = elastic.model.cloud
             places = (pairing.points if slave else pairing.partner)[pairing.candidate]
-            for node, beyond in smooth_ends(cloud, pairing.surface_of(slave)):
+            for node, beyond in smooth_ends(elastic, pairing.surface_of(slave)):
                 end = cloud.points[node]
                 near = np.hypot(*(places - end).T) <= NEAR * cloud.spacing[node]
                 if (closed & near & (pressure > PRESSED * mean)).any():
@@ -45,16 +46,18 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
                     )
 
 
-def smooth_ends(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
-    """The nodes at the ends of a surface where others continue without a corner, and what a case calls
-    these."""
+def smooth_ends(body: ElasticBody, surface: Surface) -> Iterator[tuple[int, str]]:
+    """The nodes at the ends of a surface where others that are not clamped continue without a corner, and
+    what a case calls these."""
     if surface.curve.closed:
         return
     own = {part.name for part, _ in surface.members}
     for place in (0, -1):
         node, normal = surface.index[place], surface.normal[place]
-        for name, other in cloud.surfaces.items():
+        for name, other in body.model.cloud.surfaces.items():
+            if name in own or body.held.get(name) == (True, True):
+                continue
             for there in (0, -1):
-                is_translated_copy = float(other.normal[there] @ normal) > np.cos(SMOOTH)
-                if name not in own and other.index[there] == node and is_translated_copy:
+                smooth = float(other.normal[there] @ normal) > np.cos(SMOOTH)
+                if smooth and other.index[there] == node:
                     yield int(node), name.partition("/")[0]

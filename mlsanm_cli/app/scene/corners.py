@@ -49,8 +49,8 @@ def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> Ends:
 
 
 def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
-    """The corner at one end of a surface, if the face next to is free, or both are straight and that of an
-    isotropic body slides along a wall; and neither blunt nor very sharp."""
+    """The corner at one end of a surface, if the face next to is free or clamped, or both are straight and
+    that of an isotropic body slides along a wall; and neither blunt nor very sharp."""
     if surface.curve.closed:
         return None
     face, own = _face(surface.curve, at_end), {part.name for part, _ in surface.members}
@@ -61,11 +61,13 @@ def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) 
         other = min(ends, key=lambda one: abs(one.tip - face.tip))
         if abs(other.tip - face.tip) > ALIKE * surface.curve.length:
             continue
-        if name in held and not (_straight(adjacent.curve) and _slides(other.along, held[name])):
+        clamped = held.get(name) == (True, True)
+        sliding = name in held and not clamped
+        if sliding and not (_straight(adjacent.curve) and _slides(other.along, held[name])):
             return None
         # Outlines have the body on their left.
         turn = -1j if at_end else 1j
-        wedge = Wedge(model.kernel, face.along, other.along, turn, sliding=name in held)
+        wedge = Wedge(model.kernel, face.along, other.along, turn, sliding, clamped)
         if not _known(wedge):
             return None
         lengths = surface.curve.length, adjacent.curve.length
@@ -92,7 +94,7 @@ def _known(wedge: Wedge) -> bool:
     angle = inside * (2.0 if wedge.sliding else 1.0)
     # Where an outline continues straight on there is no corner; walls at right angles make one of that angle.
     straight = wedge.sliding and abs(angle - np.pi) <= ALIKE
-    blunt = BLUNTEST < angle < HOLLOW and not straight
+    blunt = BLUNTEST < angle < HOLLOW and not straight and not wedge.clamped
     isotropic = isinstance(wedge.kernel, Isotropic)
     sharpest = SHARPEST if isotropic else SHARPEST_OF_OTHERS
     return sharpest <= inside <= angle <= WIDEST and not blunt and (isotropic or not wedge.sliding)
