@@ -14,6 +14,7 @@ from mlsanm_cli.app.assessment.checks import (
     check_estimates,
     check_held,
     check_linear,
+    check_open,
     check_points,
     check_polish,
     check_spacing,
@@ -223,6 +224,7 @@ def _follow(
         check_energy(recorder.energies),
         *check_points(recorder.energies),
         check_held(built),
+        check_open(built),
         *built.weak,
         check_polish(recorder.polished),
     ):

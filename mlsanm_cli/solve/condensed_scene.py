@@ -30,6 +30,11 @@ class CondensedScene:
     weak: tuple[str, ...] = ()
 
     @property
+    def stays_open(self) -> bool:
+        """Whether no contact carries any pressure at the end of any stage: laws have nothing to smooth."""
+        return len(self.ends) == len(self.stages) - 1 and not any(state.pressure.any() for state in self.ends)
+
+    @property
     def is_holonomic(self) -> bool:
         """Whether friction is to depend on the total slip alone."""
         return any(

@@ -17,7 +17,7 @@ from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or what of it is left, polished where the case asks for it."""
-    if not built.case.polished:
+    if not built.case.polished or built.stays_open:
         return path_of(built, start)
     from mlsanm_cli.solve.polish import polished
 
@@ -29,7 +29,7 @@ def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[
     if not built.case.touching:
         return linear_path(built, start)
     # The methods of the other laws are imported where a case asks for them: each brings a package along.
-    if built.case.touching[0].regularization.law != "exact":
+    if built.case.touching[0].regularization.law != "exact" and not built.stays_open:
         from mlsanm_cli.solve.regularized import regularized_path
 
         return _limited(built, start, regularized_path(built, start))

@@ -10,7 +10,7 @@ import pytest
 
 from mlsanm_cli.contact.laws.limit_load import limit_load
 from tests.app.scenes import solve
-from tests.case_text import body, box, contact, head, item, material, plane
+from tests.case_text import body, box, contact, head, item, material, plane, support
 from tests.contact.friction import half_planes
 
 BRICK = (
@@ -75,3 +75,21 @@ def test_a_body_slides_until_a_wall_stops_it(tmp_path: Path) -> None:
     assert down == pytest.approx(6.0, rel=1e-6)
     assert along + against == pytest.approx(3.0, rel=1e-6)
     assert against >= 3.0 - 0.2 * 6.0 - 1e-6
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_contact_that_stays_open_limits_nothing(tmp_path: Path, friction: float) -> None:
+    # The smooth law has no scale then, and had refused to start.
+    bar = (
+        head("strain")
+        + material("stone", E=20e3, nu=0.0)
+        + body("bar", "stone", shape=box([0.0, 2.0], [0.0, 1.0]))
+        + support("bar.top", ux=0.0, uy=0.0)
+        + item("load", name="weight", kind="body-force", body="bar", body_force=[0.0, -1.0])
+        + contact("floor", "bar.bottom", obstacle=plane([0.0, -0.1], [0.0, 1.0]), friction=friction)
+        + item("probe", name="end", body="bar", point=[1.0, 0.0])
+    )
+    summary = solve(bar, tmp_path / "run")
+    assert summary["status"] == "done"
+    assert summary["probes"]["end"]["displacement"] == pytest.approx([0.0, -2.5e-5], abs=1e-9)
+    assert any("no contact carries any pressure" in warning for warning in summary["warnings"])

@@ -241,6 +241,15 @@ def check_held(built: CondensedScene) -> str:
     )
 
 
+def check_open(built: CondensedScene) -> str:
+    """A warning where no contact carries any pressure, "" elsewhere."""
+    if not built.case.touching or not built.stays_open:
+        return ""
+    return (
+        "no contact carries any pressure at the end of any stage; check the direction and size of the loads"
+    )
+
+
 def check_polish(levels: Sequence[Polish]) -> str:
     """A warning where the smooth law is far from the exact one, "" where it is not."""
     change = max((level.overall for level in levels), default=0.0)
