@@ -54,7 +54,7 @@ def first_grid(limits: ContactRange) -> ContactGrid:
             steps.append(min(GROWTH * steps[-1], widest))
         away = np.cumsum(steps)
         parts.append(limits.nearest + sign * away[:-1] * room / away[-1])
-    hats = limits.hats(np.unique(np.concatenate(parts)))
+    hats = limits.hats(spaced_apart(np.concatenate(parts), 0.5 * FINEST * widest))
     return ContactGrid(
         limits.facing,
         limits.first,
@@ -65,6 +65,16 @@ def first_grid(limits: ContactRange) -> ContactGrid:
         limits.corners,
         provisional=True,
     )
+
+
+def spaced_apart(nodes: FloatArray, least: float) -> FloatArray:
+    """The ``nodes``, sorted, without those inside that are nearer than ``least`` to the one before or to the
+    last: round-off would make intervals of no length, next to which halving would go on down to such."""
+    nodes = np.unique(nodes)
+    kept = np.diff(nodes, prepend=-np.inf) >= least
+    kept &= nodes <= nodes[-1] - least
+    kept[-1] = True
+    return np.asarray(nodes[kept])
 
 
 def ranged(
@@ -125,7 +135,9 @@ def ranged(
             # Not as fine as where something touches at last: it may have come a long way.
             steps = max(float(np.median(grid.hats.steps)), width / FIRST)
             more = [np.arange(grid.first - steps, first, -steps), np.arange(grid.last + steps, last, steps)]
-            wider = room.hats(np.unique(np.concatenate([[first], *more, inner, [last]])))
+            nodes = np.concatenate([[first], *more, inner, [last]])
+            finest = float(grid.hats.steps[grid.hats.steps > 0.0].min())
+            wider = room.hats(spaced_apart(nodes, 0.5 * finest))
             result[name] = replace(grid, first=first, last=last, hats=wider)
         elif len(places) < LEAST:
             middle = np.zeros(len(grid.hats.steps), dtype=bool)
