@@ -6,7 +6,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.limit_load import LimitLoad, limit_load
-from mlsanm_cli.contact.laws.set_search import UnbalancedError
+from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError
 from mlsanm_cli.contact.laws.sliding import SlidingError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
@@ -17,6 +17,8 @@ CLOSE = 0.85
 """A path that comes so far towards a limit load, and no further, ends there."""
 TAKES_PART = 1e-3
 """Bodies take part in a motion by at least this part of what moves most."""
+NOTHING = 1e-6
+"""Smaller parts of a stage are none."""
 RUBBED = 0.5
 """What slides takes up more than this part of the loads' work by friction."""
 
@@ -37,8 +39,8 @@ def at_limit(
 
 
 def beyond_limit(
-    scene: Scene, condensed: Condensed, stages: FloatArray, error: UnbalancedError
-) -> UnbalancedError:
+    scene: Scene, condensed: Condensed, stages: FloatArray, error: UnbalancedError | NoStateError
+) -> UnbalancedError | NoStateError:
     """The error that no state balances the loads at the end of some stage, in words of the limit load."""
     for stage in range(len(stages) - 1):
         named = _limit(scene, condensed, stages, stage, None)
@@ -57,6 +59,11 @@ def _limit(
     if limit is None or limit.whole or (came is not None and not CLOSE * limit.part <= came):
         return None
     names, how = _mechanism(scene, limit)
+    if limit.part <= NOTHING:
+        hint = f"hold {names} with a [[support]]"
+        if limit.rubbed > RUBBED:
+            hint += ", or raise friction"
+        return f"{names} {how}: contacts carry no part of what stage {stage + 1} adds to the loads", hint
     moved = [name for name, a, b in zip(scene.loads, begin, end, strict=True) if a != b]
     return (
         f"{names} {how} at position {stage + limit.part:.6g}: beyond it no pressures and tractions balance "

@@ -12,7 +12,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
-from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError
+from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
@@ -51,7 +51,13 @@ def searched_ends(
         factors = np.stack([factors_at(stages, position) for position in positions])
     if len(condensed.friction_nodes):
         # Where friction let go at a stage's end, it takes all guesses to find that out anew.
-        return _friction_ends(condensed, factors[: len(starts) + 1] if which == "known" else factors, starts)
+        known = factors[: len(starts) + 1] if which == "known" else factors
+        try:
+            return _friction_ends(condensed, known, starts)
+        except EndlessError:
+            raise
+        except NoStateError as error:
+            raise beyond_limit(scene, condensed, stages[:2], error) from error
     ends: list[ExactState] = []
     for number, wanted in enumerate(factors[1:]):
         start = next(iter(starts[number:]), None)

@@ -65,6 +65,15 @@ def test_the_limit_of_sliding_is_friction_times_force() -> None:
     assert limit_load(c, np.array([-1.0, 0.0]), change) is None
 
 
+@pytest.mark.parametrize(("loads", "rubbed"), [([1.0, 1.25], 1.0), ([-1.0, 0.0], 0.0)])
+def test_loads_of_which_nothing_is_carried(loads: list[float], rubbed: float) -> None:
+    """Such that push along more than friction holds slide, such that pull lose contact."""
+    limit = limit_load(half_planes(20).condensed, np.zeros(2), np.array(loads))
+    assert limit is not None
+    assert limit.part == pytest.approx(0.0, abs=1e-9)
+    assert limit.rubbed == rubbed
+
+
 def test_a_body_slides_until_a_wall_stops_it(tmp_path: Path) -> None:
     # All of the floor slips from the first load on, which was taken for a limit load.
     wall = contact("wall", "brick.left", obstacle=plane([0.0, 0.0], [1.0, 0.0]))

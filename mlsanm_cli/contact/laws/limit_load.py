@@ -70,9 +70,11 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
         return None
     forces, part, motion = found.x[: m + n], float(found.x[-1]), found.eqlin.marginals / scale
     work = abs(float(more @ motion)) * part
-    rubbed = float(np.abs(forces[m:] * unit[nodes] * (balance.traction.T @ motion)).sum())
-    moved = np.abs(balance.pressure.T @ motion) + np.abs(condensed.gap.motion @ motion)
-    touching = forces[:m][moved > 0.0]
-    return LimitLoad(
-        part, motion, min(rubbed / work, 1.0) if work else 1.0, bool(touching.max(initial=0.0) > 1e-9)
-    )
+    across, along = np.abs(condensed.gap.motion @ motion), np.abs(condensed.slip.motion @ motion)
+    if work:
+        rubbed = float(np.abs(forces[m:] * unit[nodes] * (balance.traction.T @ motion)).sum()) / work
+    else:
+        # Nothing is carried: what matters is the direction.
+        rubbed = float(along.max(initial=0.0) > across.max(initial=0.0))
+    touching = forces[:m][np.abs(balance.pressure.T @ motion) + across > 0.0]
+    return LimitLoad(part, motion, min(rubbed, 1.0), bool(touching.max(initial=0.0) > 1e-9))
