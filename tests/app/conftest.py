@@ -28,9 +28,10 @@ def _same_environment() -> Iterator[None]:
 
 @pytest.fixture(autouse=True, scope="session")
 def _coarse_pictures() -> Iterator[None]:
-    """Dots are most of what a picture costs, and nothing here depends on how many there are."""
+    """Dots and the layout are most of what a picture costs, and nothing here depends on them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(figures._STYLE, "savefig.dpi", 100)
+        patch.setitem(figures._STYLE, "savefig.dpi", 50)
+        patch.setitem(figures._STYLE, "figure.constrained_layout.use", False)
         yield
 
 
