@@ -6,9 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.joined import SMOOTH
-from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.cloud import continuations
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
 
@@ -32,29 +30,16 @@ def end_warnings(built: CondensedScene, state: State) -> Iterator[str]:
         for (body, slave, _), side in zip(pairing.sides, contact.sides, strict=True):
             cloud = built.scene.bodies[body].model.cloud
             places = (pairing.points if slave else pairing.partner)[pairing.candidate]
-            for node, beyond in smooth_ends(cloud, pairing.surface_of(slave)):
+            surface = pairing.surface_of(slave)
+            for place, name in continuations(cloud, surface):
+                node, beyond = surface.index[place], name.partition("/")[0]
                 end = cloud.points[node]
                 near = np.hypot(*(places - end).T) <= NEAR * cloud.spacing[node]
                 if (closed & near & (pressure > PRESSED * mean)).any():
-                    listed = ", ".join(f'"{name}"' for name in (*side.boundaries, f"{body}.{beyond}"))
+                    listed = ", ".join(f'"{one}"' for one in (*side.boundaries, f"{body}.{beyond}"))
                     yield (
                         f"contact {pairing.name} is pressed up to the end of {side.label} near "
                         f"({end[0]:.6g}, {end[1]:.6g}), where {body}.{beyond} continues without a corner, "
                         f"so that a single node carries the pressure there: add it to the contact, as in "
                         f"contact.{pairing.name}.{'slave' if slave else 'master'} = [{listed}]"
                     )
-
-
-def smooth_ends(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
-    """The nodes at the ends of a surface where others continue without a corner, and what a case calls
-    these."""
-    if surface.curve.closed:
-        return
-    own = {part.name for part, _ in surface.members}
-    for place in (0, -1):
-        node, normal = surface.index[place], surface.normal[place]
-        for name, other in cloud.surfaces.items():
-            for there in (0, -1):
-                is_translated_copy = float(other.normal[there] @ normal) > np.cos(SMOOTH)
-                if name not in own and other.index[there] == node and is_translated_copy:
-                    yield int(node), name.partition("/")[0]
