@@ -31,12 +31,15 @@ to the tip, or farther, act at one place."""
 FADING = 2.0
 """Forces along faces of a limited span fade out over so much of this logarithm."""
 ON = 1e-9
+"""Places off a straight face by less than this part of its length lie on it."""
 ON_FACE = 1e-6
 """Places and directions that differ by less are those of one curved face."""
 AT_TIP = 1e-3
 """Tractions on curved faces are looked at no nearer to the tip than this part of their span."""
 ON_NORMAL = 1e-2
+"""Places at the tip belong to the face whose normal differs from theirs by less, as 1 less the cosine."""
 NONE = 1e-12
+"""Distances from the tip are taken as at least this part of the length: fields at the tip have no value."""
 NEAR_SURFACE = 0.2
 """Seen under less than this angle forces along a face are no row of single ones any more, but integrated."""
 INNER, OUTER = 0.2, 1.6
