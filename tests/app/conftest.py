@@ -36,9 +36,11 @@ def _coarse_pictures() -> Iterator[None]:
 
 
 @pytest.fixture
-def by_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+def by_nodes() -> Iterator[None]:
     """No contact has a grid of its own, even off all corners."""
-    monkeypatch.setattr(scene, "contact_ranges", lambda *given: {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene, "contact_ranges", lambda *given: {})
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.energy import twice_strain_energy
 from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, WEIGHT, block, traction
-from tests.app.scenes import PATCH, hertz, solve
+from tests.app.scenes import FAST, PATCH, hertz, solve
 from tests.case_text import body, box, disk, head, item, load, material, pin
 
 FINER = "body.block.spacing=0.1"
@@ -78,9 +78,9 @@ def test_contacts(text: str, largest: float, tmp_path: Path) -> None:
 
 
 def test_fields_that_are_not_saved_are_solved_for(tmp_path: Path) -> None:
-    whole = solve(hertz(), tmp_path / "whole")
+    whole = solve(hertz(), tmp_path / "whole", FAST)
     for fields in ('["stress"]', "[]"):
-        other = solve(hertz(), tmp_path / "other", f"output.fields={fields}", "output.vtu=false")
+        other = solve(hertz(), tmp_path / "other", FAST, f"output.fields={fields}", "output.vtu=false")
         assert other["energy_error"] == pytest.approx(whole["energy_error"], rel=1e-6)
         shutil.rmtree(tmp_path / "other")
 
