@@ -32,7 +32,7 @@ def read_input(path: Path, most: int, *, what: str = "file", streams: bool = Fal
     except OSError as error:
         raise RunError(f"cannot read {path}: {error.strerror or error}") from error
     except ValueError as error:
-        raise RunError(f"{str(path)!r} is no name of a file") from error
+        raise RunError(f"{str(path)!r} is not a file name") from error
     if len(content) > most:
         raise _too_large(path, f"more than {most / MB:.3g} MB", most)
     return content

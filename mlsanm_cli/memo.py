@@ -58,7 +58,7 @@ def digest(*parts: object) -> str:
     """A digest of numbers, texts, arrays, sparse matrices, and sequences, mappings and dataclasses of them.
 
     Types and lengths count, so that no two different lists of parts are taken for one another. A dataclass
-    that tells its ``content`` itself is taken at its word. Raises TypeError for anything else.
+    that has a ``content`` is represented by that. Raises TypeError for anything else.
     """
     found = hashlib.blake2b(digest_size=20)
     for part in parts:

@@ -45,6 +45,15 @@ def annulus(center: Sequence[Any], radii: Sequence[Any]) -> dict[str, Any]:
     return {"kind": "annulus", "center": center, "radii": radii}
 
 
+def half_disk(center: Sequence[Any], radius: Any, side: str = "lower") -> dict[str, Any]:
+    return {"kind": "half-disk", "center": center, "radius": radius, "side": side}
+
+
+def polygon(points: Sequence[Any], names: str) -> dict[str, Any]:
+    """A polygon, its sides named by the words of ``names``."""
+    return {"kind": "polygon", "points": points, "names": names.split()}
+
+
 def plane(point: Sequence[Any], normal: Sequence[Any]) -> dict[str, Any]:
     """A flat obstacle."""
     return {"kind": "plane", "point": point, "normal": normal}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
@@ -16,19 +15,18 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # What is written need not outlive a loss of power, and waiting for the disk is a twentieth of all tests.
 os.fsync = lambda fd: None
 
+KEPT = 150
+"""So many results are kept for other tests."""
+
 settings.register_profile("mlsanm", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("mlsanm")
 
 
-@pytest.fixture(autouse=True)
-def _no_memo_of_faults(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Tests that change the program, as to put faults into it, share no results with others."""
-    if "monkeypatch" not in request.fixturenames:
-        yield
-        return
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Runs, comparisons and resumed runs of a process share clouds, operators and condensed scenes, but for
+    tests that change the program, as to put faults into it."""
     from mlsanm_cli.memo import NO_CACHE
-    from tests.app import scenes
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scenes, "SHARED", NO_CACHE)
-        yield
+    changed = "monkeypatch" in getattr(item, "fixturenames", ())
+    NO_CACHE._most = KEPT if item.path.parent.name in ("app", "cases") and not changed else 0

@@ -71,7 +71,7 @@ def stored_case(origin: RunOrigin, rundir: Path) -> LoadedCase:
     """The case of a run, with its files looked into again; RunError where it is not all there."""
     if not origin.case_resolved:
         raise RunError(
-            f"the run in {rundir} was killed before it had begun", "run the case again with --force"
+            f"the run in {rundir} was killed before its first step", "run the case again with --force"
         )
     loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), inspect_geometry_file)
     if loaded.case_hash != origin.attributes["case_hash"]:

@@ -244,12 +244,11 @@ def _nearest(schema: Node, key: str) -> str:
     known = list(dict.fromkeys(known))
     last = key.rpartition(".")[2]
     last = SYNONYMS.get(last.lower(), last)
-    near = [one for one in known if one.rpartition(".")[2] == last]
-    near = near or difflib.get_close_matches(key, known, n=3)
-    is_translated_copy = difflib.get_close_matches(last, [one.rpartition(".")[2] for one in known], n=1)
-    near = near or [
-        one for one in known if is_translated_copy and one.rpartition(".")[2] == is_translated_copy[0]
-    ]
-    if near:
-        return f"did you mean {' or '.join(near[:4])}?"
+    similar = [one for one in known if one.rpartition(".")[2] == last]
+    similar = similar or difflib.get_close_matches(key, known, n=3)
+    if not similar:
+        ends = difflib.get_close_matches(last, {one.rpartition(".")[2] for one in known}, n=1)
+        similar = [one for one in known if one.rpartition(".")[2] in ends]
+    if similar:
+        return f"did you mean {' or '.join(similar[:4])}?"
     return '"mlsanm explain" lists the tables'

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import filled
 from mlsanm_cli.cloud.halves import halved
+from mlsanm_cli.cloud.joined import SMOOTH
 from mlsanm_cli.cloud.membership import belongs
 from mlsanm_cli.cloud.mirror import Line, Mirror
 from mlsanm_cli.cloud.places import Places
@@ -185,6 +187,18 @@ def build_cloud(
 
     # The same nodes serve surfaces of other names.
     return memo.value("cloud", digest(key, list(surfaces)), made)
+
+
+def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
+    """The ends of an open surface, 0 or -1, at which another surface continues without a corner, and its
+    name."""
+    own = {part.name for part, _ in surface.members}
+    for place in () if surface.curve.closed else (0, -1):
+        node, normal = surface.index[place], surface.normal[place]
+        for name, other in cloud.surfaces.items():
+            smooth = other.normal[other.index == node] @ normal >= math.cos(SMOOTH)
+            if name not in own and smooth.any():
+                yield place, name
 
 
 def _bounded(

@@ -44,11 +44,10 @@ def cover(
             middle = np.where(np.arange(2) == line.axis, line.at, middle)
         distance = np.hypot(*(points - middle).T)
         near = np.argsort(distance)
-        is_translated_copy = np.cumsum(area[near] * (wanted[near] <= TOLERANCE * h)) >= 0.7 * np.cumsum(
-            area[near]
-        )
-        # As far as every circle up to there is mostly alike.
-        last = int(np.argmin(is_translated_copy)) - 1 if not is_translated_copy.all() else len(near) - 1
+        fine = area[near] * (wanted[near] <= TOLERANCE * h)
+        mostly = np.cumsum(fine) >= 0.7 * np.cumsum(area[near])
+        # As far as every circle up to there mostly needs this spacing.
+        last = int(np.argmin(mostly)) - 1 if not mostly.all() else len(near) - 1
         radius = max(float(distance[near[max(last, 0)]]), h)
         places = [middle] if line is None else np.unique([middle, *line.reflect(middle[None])], axis=0)
         added = tuple(Zone.around((float(x), float(y)), h, radius, growth) for x, y in places)

@@ -149,7 +149,7 @@ def _edge_names(points: FloatArray, edges: IntArray, boundary: IntArray, marks: 
     known = np.isin(_key(np.sort(marks.lines, axis=1), count), _key(np.sort(edges, axis=1), count))
     if not known.all():
         lost = marks.lines[int(np.argmin(known))]
-        raise GeometryError(f"the line element near {_at(points, lost)} is no edge of any element")
+        raise GeometryError(f"the line element near {_at(points, lost)} is not an edge of an element")
     for key, name in zip(_key(np.sort(marks.lines, axis=1), count), marks.names, strict=True):
         if name and int(key) in place:
             mark(place[int(key)], name)

@@ -192,10 +192,8 @@ def _merged(one: Curve, other: Curve) -> Curve | None:
         return Segment(one.start, other.end) if straight else None
     if isinstance(one, Arc) and isinstance(other, Arc):
         size = SAME * one.radius
-        is_translated_copy = (
-            math.dist(one.center, other.center) <= size and abs(one.radius - other.radius) <= size
-        )
-        if not is_translated_copy or one.sweep * other.sweep <= 0.0:
+        same = math.dist(one.center, other.center) <= size and abs(one.radius - other.radius) <= size
+        if not same or one.sweep * other.sweep <= 0.0:
             return None
         sweep = one.sweep + other.sweep
         if abs(abs(sweep) - 2.0 * math.pi) <= SAME:

@@ -56,7 +56,7 @@ def frozen_change(
 
 
 def _stiffness(condensed: Condensed) -> float:
-    """Pressure per gap, roughly: what a gap that does not matter is told by."""
+    """Pressure per gap, roughly: the scale below which gaps do not matter."""
     size = float(np.abs(np.diagonal(condensed.gap.pressure)).max(initial=0.0))
     return 1.0 / size if size > 0.0 else 1.0
 

@@ -138,7 +138,7 @@ class AnmFollower(Follower):
         if not self._problem.admissible(*branch.evaluate(2.0 * shortest)):
             raise Stopped(StopReason.NOT_ADMISSIBLE, f"the path leaves the admissible region {place}")
         raise Stopped(
-            StopReason.STEP_TOO_SMALL, f"the series is good for less than the shortest step {place}"
+            StopReason.STEP_TOO_SMALL, f"the series converges over less than the shortest step {place}"
         )
 
     def _arrive(

@@ -32,7 +32,7 @@ def follow(
     options : choose the method too: power series (also by default), or Newton-Raphson
     previous : the piece of path that led to the start point; the path continues in its direction with its
         length of step, as if it had not been interrupted
-    barrier : tells how far along a piece of path the problem holds; the path ends there with the reason EVENT
+    barrier : how far along a piece of path the problem is valid; the path ends there with the reason EVENT
     levels : load factors at which states are wanted. Steps of Newton's method end there; power series hold
         them anyway
     """

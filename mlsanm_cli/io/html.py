@@ -46,7 +46,7 @@ def page(title: str, body: str) -> str:
 def write_page(path: Path, text: str) -> None:
     """Write a page, in place of an earlier one of ours. RunError for foreign files and full disks."""
     if path.exists() and not is_ours(path):
-        raise RunError(f"{path} is no report of mlsanm", "no file was changed; use another -o, or move it")
+        raise RunError(f"{path} is not a report of mlsanm", "no file was changed; use another -o, or move it")
     write_text(path, text)
 
 

@@ -46,7 +46,9 @@ def read_points(path: Path) -> PointFile:
     tags = tuple(text.strip() for text in table["tag"])
     for tag, place in zip(tags, places, strict=True):
         if tag and not tag.replace("-", "_").isidentifier():
-            raise GeometryError(f'{place}: the tag "{tag}" is no name', "letters, digits, _ and - only")
+            raise GeometryError(
+                f'{place}: the tag "{tag}" is not a valid name', "letters, digits, _ and - only"
+            )
     points = np.stack([numbers["x"], numbers["y"]], axis=1)
     wrong = ~np.isfinite(points).all(axis=1)
     if wrong.any():
@@ -76,7 +78,7 @@ def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise GeometryError(f"it is no UTF-8 text (byte {error.start})") from error
+        raise GeometryError(f"it is not UTF-8 text (byte {error.start})") from error
     if text.count("\n") > MOST_NODES:
         raise _too_many(text.count("\n"))
     lines = csv.reader(text.splitlines())
@@ -121,9 +123,11 @@ def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
                     raise _too_many(size)
             table = {name: [_text(value) for value in np.ravel(file[name][()])] for name in found}
     except UnicodeDecodeError as error:
-        raise GeometryError(f"a text in it is no UTF-8 (byte {error.start})") from error
+        raise GeometryError(f"a text in it is not UTF-8 (byte {error.start})") from error
     except (OSError, RuntimeError, TypeError, KeyError) as error:
-        raise GeometryError(f"it is no HDF5 file ({error})", "a cloud is a .csv or an HDF5 file") from error
+        raise GeometryError(
+            f"it is not an HDF5 file ({error})", "a cloud is a .csv or an HDF5 file"
+        ) from error
     counts = {name: len(values) for name, values in table.items()}
     if len(set(counts.values())) != 1:
         lengths = ", ".join(f"{name} {count}" for name, count in counts.items())
@@ -164,5 +168,5 @@ def _numbers(name: str, values: Sequence[str], places: Sequence[str]) -> FloatAr
             try:
                 numbers[row] = float(text)
             except ValueError as error:
-                raise GeometryError(f"{places[row]}: {name} is no number: {text.strip()!r}") from error
+                raise GeometryError(f"{places[row]}: {name} is not a number: {text.strip()!r}") from error
     return numbers

@@ -113,7 +113,7 @@ def check_comparison(directory: Path, force: bool) -> None:
     for path in known:
         if not _is_comparison(path):
             raise RunError(
-                f"{path} is no file of mlsanm", hint="no file was changed; use another --out, or move it"
+                f"{path} was not written by mlsanm", hint="no file was changed; use another --out, or move it"
             )
     if known and not force:
         raise RunError(
@@ -218,7 +218,7 @@ def _is_ours(path: Path) -> bool:
     if name in _FIXED or _FIELDS.fullmatch(name):
         return True
     if _INTERFACE.fullmatch(name):
-        # A user's own table may be called interface_notes.csv: the header tells.
+        # A user's own table may be called interface_notes.csv: the header decides.
         with path.open("rb") as stream:
             return stream.readline().strip() == ",".join(INTERFACE_COLUMNS).encode()
     if name == REPORT_FILE:

@@ -79,6 +79,7 @@ class RunFile(Closing):
         self._path, self._file = path, file
         self._pending: list[Change] = []
         self._rows: dict[str, int] = {}
+        self._groups: dict[str, Any] = {"": file}
         self._saved, self._took = time.monotonic(), 0.0
         self._unsaved = self._broken = False
 
@@ -213,6 +214,7 @@ class RunFile(Closing):
         """Store what the path continues from, and nothing of what it continued from before."""
         if "checkpoint/path" in self._file:
             del self._file["checkpoint/path"]
+            self._groups = {"": self._file}
         for name, value in datasets.items():
             self._put(name, value)
 
@@ -253,10 +255,11 @@ class RunFile(Closing):
     def _group(self, name: str) -> Any:
         """A group, made with those above it where it is not there; members stay in the order of their
         making, which is that of the case."""
-        group = self._file
-        for part in name.split("/") if name else ():
-            group = group[part] if part in group else group.create_group(part, track_order=True)
-        return group
+        if name not in self._groups:
+            above, _, own = name.rpartition("/")
+            group = self._group(above)
+            self._groups[name] = group[own] if own in group else group.create_group(own, track_order=True)
+        return self._groups[name]
 
 
 def _array(value: Any) -> NDArray[Any]:

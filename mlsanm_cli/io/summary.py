@@ -59,7 +59,7 @@ def read_json(path: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise RunError(f"{path} cannot be read: {error}", hint="remove it; run.h5 holds the run") from error
     if not isinstance(content, dict):
-        raise RunError(f"{path} is no summary of a run", hint="remove it; run.h5 holds the run")
+        raise RunError(f"{path} is not the summary of a run", hint="remove it; run.h5 holds the run")
     return content
 
 

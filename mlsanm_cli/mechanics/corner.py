@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
@@ -21,7 +21,7 @@ from mlsanm_cli.mechanics.near_field import (
     as_real,
     traction,
 )
-from mlsanm_cli.mechanics.wedge import Wedge, cubic, cubic_shares, interpolated
+from mlsanm_cli.mechanics.wedge import Wedge, cubic, interpolated
 
 STEP = 0.1
 """Forces along the faces stand so far apart in the logarithm of their distance from the tip."""
@@ -31,12 +31,15 @@ to the tip, or farther, act at one place."""
 FADING = 2.0
 """Forces along faces of a limited span fade out over so much of this logarithm."""
 ON = 1e-9
+"""Places off a straight face by less than this part of its length lie on it."""
 ON_FACE = 1e-6
 """Places and directions that differ by less are those of one curved face."""
 AT_TIP = 1e-3
 """Tractions on curved faces are looked at no nearer to the tip than this part of their span."""
 ON_NORMAL = 1e-2
+"""Places at the tip belong to the face whose normal differs from theirs by less, as 1 less the cosine."""
 NONE = 1e-12
+"""Distances from the tip are taken as at least this part of the length: fields at the tip have no value."""
 NEAR_SURFACE = 0.2
 """Seen under less than this angle forces along a face are no row of single ones any more, but integrated."""
 INNER, OUTER = 0.2, 1.6
@@ -273,7 +276,7 @@ class Line:
         center = None if self.center is None else self.center - self.face.tip
         forces = SurfaceForces(self.kernel, *self.face.places((x[:, None] * np.exp(away)).ravel()), center)
         found = field_of_each(forces, seen) * size.ravel()[:, None, None]
-        first, shares = cubic_shares(row.ravel(), len(self.logarithm))
+        first, shares = _cubic_shares(row.ravel(), len(self.logarithm))
         count = len(self.logarithm)
         at = np.repeat(np.arange(len(x)), away.shape[1]) * count + first
         gathered = sparse.csr_array(
@@ -346,3 +349,14 @@ def _step(way: FloatArray) -> FloatArray:
     """A smooth step (...) from 1 to 0 on the ``way`` (...) from 0 to 1."""
     way = np.clip(way, 2e-2, 1.0 - 2e-2)
     return np.asarray(1.0 / (1.0 + np.exp(1.0 / (1.0 - way) - 1.0 / way)))
+
+
+def _cubic_shares(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
+    """The first (e,) of the four rows, out of ``count``, that values ``at`` numbers of rows (e,) come from,
+    and the shares (e, 4) of these."""
+    at = np.clip(at, 1.0, count - 3.0)
+    first = np.minimum(at.astype(np.int64), count - 4)
+    u = at - first
+    low, high = u * (u - 1.0) / 6.0, (u + 1.0) * (u - 2.0) / 2.0
+    shares = np.stack([-low * (u - 2.0), high * (u - 1.0), -high * u, low * (u + 1.0)], axis=1)
+    return first - 1, shares

@@ -117,7 +117,7 @@ def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArra
 
 def energy_at_tips(cloud: Cloud, material: PlaneMaterial, stress: FloatArray, tips: Tips) -> float:
     """What twice the strain energy is more than :func:`twice_strain_energy` for stresses that grow without
-    bound towards ``tips``, which no value at the tip tells.
+    bound towards ``tips``, which values at the tip do not represent.
 
     Energy per area goes with the distance to the power 2 power - 2: its mean over a triangle at the tip is
     1 / power of that along the opposite side.

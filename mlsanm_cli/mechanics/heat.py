@@ -1,8 +1,8 @@
 """Changes of temperature over a body, and what they do to its equations.
 
 With the strains e(u) of the displacements and the free strains a T, stresses are C e(u) - C a T. So the
-stresses C e(u), which rows tell, meet div(C a T) inside and the traction t + C a T n on free surfaces;
-through the faces of a piece flows C a T n beyond what acts on the piece from outside.
+stresses C e(u), which the rows represent, balance div(C a T) inside and the traction t + C a T n on free
+surfaces; through the faces of a piece flows C a T n beyond what acts on the piece from outside.
 """
 
 from __future__ import annotations

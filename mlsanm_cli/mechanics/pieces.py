@@ -43,7 +43,7 @@ SIZE = 16
 """Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose
 some per cent near supports and fillets."""
 STRENGTH = 3000.0
-"""How much more the strain that a piece's lack of force stands for counts than another strain.
+"""Weight of the strain that corresponds to the force imbalance of a piece, relative to other strains.
 
 A ring of radius over thickness 50 with five nodes across is 12 % too stiff with 100, 0.1 % with 1000; far
 beyond, the normal equations run out of digits. Pieces smaller than half a body's thickness are weaker in
@@ -51,16 +51,16 @@ proportion: all forces count alike, as in H^-1, and clouds refined a thousandfol
 """
 SOFTEST = 150.0
 """Modulus over shear modulus up to which that is so. Beyond, where materials hardly change their volume, rows
-that tell shear have so few digits left that pieces must be weaker in proportion."""
+of shear have so few digits left that pieces must be weaker in proportion."""
 PAIRED = 10.0
-"""The same for pairs of nodes at contact surfaces, which tell one node's pressure from its neighbours'."""
+"""The same for pairs of nodes at contacts, which separate one node's pressure from its neighbours'."""
 
 
 @dataclass(frozen=True)
 class Pieces:
     """The division of a ``cloud`` into k pieces, each ``strength`` (k,) times as strong as a node's rows.
 
-    ``levels`` tell the piece of every node (n,), those behind the first only of some, and -1 of the others:
+    ``levels`` are the pieces of all nodes (n,), those behind the first only of some, and -1 of the others:
     the first division is into connected pieces, the second has pairs of neighbours at contact surfaces.
     ``whole`` measures the pieces. Their loads and fluxes are 3k rows: forces x of all, forces y, and
     moments about the middles over the pieces' ``size`` (k,), the root of their areas.
@@ -288,8 +288,8 @@ class Pieces:
         return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(closed)])
 
     def rows_known(self, hidden: list[tuple[int, int]]) -> BoolArray:
-        """Which of the 3k rows can be told: those of closed pieces, but where single ``hidden`` (node,
-        component) pairs hold the body, whose forces no flux tells."""
+        """Which of the 3k rows are known: those of closed pieces, but where single ``hidden`` (node,
+        component) pairs hold the body, whose forces are in no flux."""
         known = np.tile(self.whole.closed, 3)
         for node, component in hidden:
             for level in self.levels:

@@ -67,7 +67,7 @@ def _on_pieces(
     """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface.
 
     On a free surface they are exact, by what the fields send through each cell's part of the outline; where
-    their tractions ``sent`` between the nodes (g, k, 2, 2) are told, they are integrals of these.
+    their tractions ``sent`` between the nodes (g, k, 2, 2) are given, they are integrals of these.
     """
     pieces, gripped = body.pieces, np.array(body.gripped.get(name, FREE))
     springs = np.array(body.soft_springs.get(name, NO_SPRING))

@@ -142,7 +142,7 @@ RigidConstraint = Platen | Obstacle | FloatingBody
 class Scene:
     """Factorised bodies with all that acts on them, contact apart.
 
-    ``supports`` maps a support's name to its body and surfaces; ``held_nodes`` tells for each body whether
+    ``supports`` maps a support's name to its body and surfaces; ``held_nodes`` is for each body whether
     single nodes hold it in x and y (their forces do not follow from the stress field). ``held_motions`` are
     those of loose bodies that are held as nothing resists them: velocities (3,) of each body in one, x, y and
     the rotation about the origin.

@@ -1,8 +1,8 @@
 """Springs along a body's surfaces: which of them hold like supports, and which give way.
 
 A spring is stiff where it gives way by less than the body itself, k size > C. Its force then comes from the
-stress inside the body, as that of a held surface does: k times displacements that hardly differ from nothing
-would tell of their errors only. That of a soft spring is k u; it says how far the body moves as a whole.
+stress inside the body, as that of a held surface does: k times displacements that are nearly zero
+would be their errors only. That of a soft spring is k u; it says how far the body moves as a whole.
 """
 
 from __future__ import annotations

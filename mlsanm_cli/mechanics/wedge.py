@@ -31,10 +31,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.kernels.cubic import cubic_rows
 from mlsanm_cli.mechanics.near_field import ComplexArray, Kernel, traction
 
 STEP, COUNT = 0.02, 4096
@@ -185,23 +185,9 @@ def interpolated(table: FloatArray, t: FloatArray) -> FloatArray:
 
 def cubic(table: FloatArray, at: FloatArray) -> FloatArray:
     """Cubic interpolation (..., rest) of the rows of a ``table`` (n, rest) ``at`` numbers of rows (...)."""
-    first, shares = cubic_shares(at.ravel(), len(table))
-    matrix = sparse.csr_array(
-        (shares.ravel(), (first[:, None] + np.arange(4)).ravel(), 4 * np.arange(at.size + 1)),
-        shape=(at.size, len(table)),
-    )
-    return np.asarray(matrix @ table.reshape(len(table), -1)).reshape(*at.shape, *table.shape[1:])
-
-
-def cubic_shares(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """The first (e,) of the four rows, out of ``count``, that values ``at`` numbers of rows (e,) come from,
-    and the shares (e, 4) of these."""
-    at = np.clip(at, 1.0, count - 3.0)
-    first = np.minimum(at.astype(np.int64), count - 4)
-    u = at - first
-    low, high = u * (u - 1.0) / 6.0, (u + 1.0) * (u - 2.0) / 2.0
-    shares = np.stack([-low * (u - 2.0), high * (u - 1.0), -high * u, low * (u + 1.0)], axis=1)
-    return first - 1, shares
+    rows = np.ascontiguousarray(table.reshape(len(table), -1))
+    found = cubic_rows(rows, np.ascontiguousarray(at, dtype=np.float64).ravel())
+    return np.asarray(found).reshape(*at.shape, *table.shape[1:])
 
 
 def _convolved(seen: FloatArray, density: FloatArray) -> FloatArray:

@@ -3,8 +3,9 @@
 Between free faces displacements are r^power times cosines and sines of power theta and (2 - power) theta,
 with powers below 1 (Williams 1952, doi:10.1115/1.4010553). No polynomial follows them: what fits leave out
 near a corner would make a whole frame too stiff. So these functions take part in the fits around it as
-polynomials do, as far as a stencil's nodes tell them from polynomials (as those of a crack's tip in Fleming,
-Chu, Moran and Belytschko 1997, doi:10.1002/(SICI)1097-0207(19970430)40:8<1483::AID-NME123>3.0.CO;2-6).
+polynomials do, as far as a stencil's nodes distinguish them from polynomials (as those of a crack's tip in
+Fleming, Chu, Moran and Belytschko 1997,
+doi:10.1002/(SICI)1097-0207(19970430)40:8<1483::AID-NME123>3.0.CO;2-6).
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ def refine(
     """``solution`` (n, c) after as many updates as it takes: at least one, as the factor is inexact.
 
     ``update`` gives what the factor thinks is missing (Higham 2002, doi:10.1137/1.9780898718027). Where the
-    updates do not shrink, they end too; the last one's size tells that.
+    updates do not shrink, they end too, as the size of the last one then shows.
     """
     for _ in range(MOST):
         step = update(solution)

@@ -210,7 +210,7 @@ def sound_fits(
     asked for do not carry the degree.
 
     ``fit(some, size)`` makes fits with ``size`` neighbours at some of them, by number, arrays with one row
-    for each, and tells their ratios. Yields the numbers, the arrays and the ratios of those that are sound;
+    for each, and their ratios. Yields the numbers, the arrays and the ratios of those that are sound;
     NumericalError where no size is enough.
     """
     if nodes < settings.coefficients:

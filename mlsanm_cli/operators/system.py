@@ -85,5 +85,5 @@ class LinearSystem(Protocol):
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """What ``solution`` (n,) has too much in each equation (n,) for a right-hand side ``source`` (r,),
-        to more digits than the matrix of :meth:`equations` would tell."""
+        to more digits than the matrix of :meth:`equations` would give."""
         ...

@@ -35,10 +35,10 @@ COARSER = "larger spacings where it touches, as bodies that bend easily do not b
 def check_coercivity(
     case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo
 ) -> float:
-    """The smallest certificate; UnstableError where one fails, for the results would mean nothing.
+    """The smallest coercivity estimate; UnstableError where one fails, as results would be invalid.
 
-    Contacts are judged on the nodes that touch in one of the states ``ends``. Bodies that no such contact
-    speaks for are judged by themselves, and all bodies where the scheme is square.
+    Contacts are judged on the nodes that touch in one of the states ``ends``. Bodies without such a
+    contact are judged by themselves, and all bodies where the scheme is square.
     """
     closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
     estimates = _estimates(case, scene, condensed, closed, memo)

@@ -44,7 +44,7 @@ are solved for together."""
 
 Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
 """States at the ends of the stages, of those that had one to start from, all that count, or some on the way
-that tell where surfaces touch."""
+that show where surfaces touch."""
 Search = Callable[[Condensed, Sequence[ContactStatus], Wanted], tuple[ExactState, ...]]
 """The exact states of a condensed scene, searched from sets if there are any."""
 

@@ -23,7 +23,7 @@ roll on each other, a few places alone cannot balance their loads."""
 SAMPLES = 12
 """Samples of a range at first."""
 LEAST = 8
-"""Intervals in contact that tell where it is."""
+"""Intervals in contact that are enough to locate it."""
 ENDING = 2e-3
 """Intervals at the end of a range that something touches are halved down to this part of the range."""
 MARGIN = 0.3
@@ -151,8 +151,8 @@ def ranged(
 
 
 def _coarse_ends(grid: ContactGrid, places: IntArray) -> BoolArray:
-    """Which intervals (m + 1,) at an end of the range that closed ``places`` come to are too long to tell
-    whether they do."""
+    """Which intervals (m + 1,) at an end of the range that closed ``places`` reach are too long to
+    show whether they do."""
     steps = grid.hats.steps
     ends = np.zeros(len(steps), dtype=bool)
     ends[:2] |= places[0] == 0

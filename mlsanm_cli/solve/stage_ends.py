@@ -21,7 +21,7 @@ from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.load_factors import factors_at
 
 MOST_LEVELS = 40
-"""Of more levels with fields some tell how fine contact grids have to be."""
+"""Of more levels with fields some decide how fine contact grids have to be."""
 
 
 FIRST_PARTS = (0.5, 0.1, 0.01)

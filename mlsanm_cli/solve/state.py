@@ -69,7 +69,7 @@ class Checkpoint:
     ``heading`` (size + 1,), of power series and Newton's method, is the way in unknowns and load parameter
     that the last step set out on, per its parameter, which went as far as ``pace``. ``steps`` rows of the
     path are behind it, and saved levels up to ``told`` have rows of their own. Of the case's stops ``armed``
-    (k,) tells which have been out of reach before; the one numbered ``ended_by`` has ended the path.
+    (k,) are those that have been out of reach before; the one numbered ``ended_by`` has ended the path.
     The path continues to the same states within the solver's tolerance.
     """
 

@@ -28,16 +28,19 @@ def _same_environment() -> Iterator[None]:
 
 @pytest.fixture(autouse=True, scope="session")
 def _coarse_pictures() -> Iterator[None]:
-    """Dots are most of what a picture costs, and nothing here depends on how many there are."""
+    """Dots and the layout are most of what a picture costs, and nothing here depends on them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(figures._STYLE, "savefig.dpi", 100)
+        patch.setitem(figures._STYLE, "savefig.dpi", 50)
+        patch.setitem(figures._STYLE, "figure.constrained_layout.use", False)
         yield
 
 
 @pytest.fixture
-def by_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+def by_nodes() -> Iterator[None]:
     """No contact has a grid of its own, even off all corners."""
-    monkeypatch.setattr(scene, "contact_ranges", lambda *given: {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene, "contact_ranges", lambda *given: {})
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,6 @@ import h5py
 import numpy as np
 
 from mlsanm_cli.app.run import run
-from mlsanm_cli.memo import Memo
 from tests.case_text import EXACT, body, box, contact, head, item, load, material, pin, support, table
 
 NODAL = (
@@ -147,15 +146,11 @@ class Quiet:
         """Tables are not looked at."""
 
 
-SHARED = Memo(60)
-"""Clouds, operators and condensed scenes that several tests need; none in tests that change the program."""
-
-
 def solve(text: str, directory: Path, *overrides: str, console: Quiet | None = None) -> Mapping[str, Any]:
     """Write the case next to ``directory``, run it into it, return the summary."""
     case = directory.with_suffix(".toml")
     case.write_text(text)
-    return run(case, overrides=overrides, out=directory, console=console or Quiet(), memo=SHARED)
+    return run(case, overrides=overrides, out=directory, console=console or Quiet())
 
 
 def stored(directory: Path) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from mlsanm_cli.kernels.aot.jit import Loaded
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import BodyModel, ElasticBody
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from tests.app.scenes import BAR, NODAL, PATCH, Quiet, assert_same_results, solve
+from tests.app.scenes import BAR, COARSE, NODAL, PATCH, Quiet, assert_same_results, solve
 from tests.case_text import body, box, head, load, material, support
 
 pytestmark = pytest.mark.usefixtures("by_nodes")
@@ -201,7 +201,7 @@ def test_an_overlap_is_judged_by_the_spacing_of_the_case(tmp_path: Path) -> None
 def test_kernels_are_announced_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build, "load", lambda: Loaded(None, None, "compiled kernels cannot be kept"))
     console = Quiet()
-    solve(NODAL, tmp_path / "run", "adapt.passes=1", console=console)
+    solve(RING, tmp_path / "run", "adapt.passes=1", console=console)
     assert console.warnings.count("compiled kernels cannot be kept") == 1
 
 
@@ -216,7 +216,7 @@ def test_a_body_that_no_pass_changes_keeps_its_operators(
 
     monkeypatch.setattr(scene, "assemble", counted)
     text = NODAL + FAR
-    passes = len(solve(text, tmp_path / "kept", "adapt.passes=1")["adapt"])
+    passes = len(solve(text, tmp_path / "kept", *COARSE, "adapt.passes=1")["adapt"])
     assert passes > 1
     assert (made.count("block"), made.count("far")) == (passes, 1)
 
@@ -229,6 +229,6 @@ def test_a_body_that_no_pass_changes_keeps_its_operators(
     made.clear()
     monkeypatch.setattr(adapt, "place", placed)
     monkeypatch.setattr(adapt, "condense_scene", completed)
-    solve(text, tmp_path / "anew", "adapt.passes=1")
+    solve(text, tmp_path / "anew", *COARSE, "adapt.passes=1")
     assert made.count("far") == passes
     assert_same_results(tmp_path / "kept", tmp_path / "anew")

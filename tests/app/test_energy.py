@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.body import BodyModel
 from mlsanm_cli.mechanics.energy import twice_strain_energy
 from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, WEIGHT, block, traction
-from tests.app.scenes import PATCH, hertz, solve
+from tests.app.scenes import FAST, PATCH, hertz, solve
 from tests.case_text import body, box, disk, head, item, load, material, pin
 
 FINER = "body.block.spacing=0.1"
@@ -78,9 +78,9 @@ def test_contacts(text: str, largest: float, tmp_path: Path) -> None:
 
 
 def test_fields_that_are_not_saved_are_solved_for(tmp_path: Path) -> None:
-    whole = solve(hertz(), tmp_path / "whole")
+    whole = solve(hertz(), tmp_path / "whole", FAST)
     for fields in ('["stress"]', "[]"):
-        other = solve(hertz(), tmp_path / "other", f"output.fields={fields}", "output.vtu=false")
+        other = solve(hertz(), tmp_path / "other", FAST, f"output.fields={fields}", "output.vtu=false")
         assert other["energy_error"] == pytest.approx(whole["energy_error"], rel=1e-6)
         shutil.rmtree(tmp_path / "other")
 
@@ -143,7 +143,7 @@ def test_frames_with_three_nodes_across_have_degree_2_and_say_how_many_they_want
     assert summary["status"] == "done", summary
     assert summary["quality"]["bodies"]["frame"]["degree"] == 2
     (warning,) = [text for text in summary["warnings"] if "strain energy" in text]
-    assert "3 nodes across: parts that bend want 5 or more, which is a spacing of 0.25" in warning
+    assert "3 nodes across: parts in bending need 5 or more, a spacing of 0.25" in warning
     finer = solve(frame + feet + push, tmp_path / "finer", "body.frame.spacing=0.25")
     assert finer["quality"]["bodies"]["frame"]["degree"] == 4
     assert not any("nodes across" in text for text in finer["warnings"])
@@ -278,4 +278,4 @@ def test_a_disk_on_a_single_node_is_told_to_sink_in_without_end(
     summary = solve(text, tmp_path / "run")
     assert summary["status"] == "done"
     assert abs(summary["energy_error"]) < 0.03
-    assert sum("single nodes carry what holds body disk" in text for text in summary["warnings"]) == 1
+    assert sum("body disk is held at single nodes" in text for text in summary["warnings"]) == 1

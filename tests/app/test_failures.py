@@ -129,7 +129,7 @@ def test_a_force_balance(bad: float, tmp_path: Path, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(LinearMap, "__call__", call)
     summary = solve(PATCH, tmp_path / "run")
-    assert (summary["status"], "forces on body lower" in summary["stop_reason"]) == ("failed", True)
+    assert (summary["status"], "force imbalance on body lower" in summary["stop_reason"]) == ("failed", True)
 
 
 @pytest.mark.usefixtures("by_nodes")

@@ -124,7 +124,7 @@ ROLLER = (
         refine=[{"along": "arc", "spacing": 0.09, "radius": 0.05, "growth": 0.3}],
     )
     + pushed("press", "plate", uy=-0.1)
-    + pushed("roll", "plate", ux=2.0)
+    + pushed("roll", "plate", ux=1.0)
     + contact("floor", "roller.arc", friction=0.5, obstacle=plane([0.0, 0.0], [0.0, 1.0]))
     + table("contact.regularization", law="exact")
     + contact("plate", "roller.arc", friction=0.5, obstacle=plane([0.0, 2.0], [0.0, -1.0]))
@@ -139,57 +139,38 @@ def test_a_roller_rolls(tmp_path: Path) -> None:
     """A disk that only a floor and a plate hold: its middle moves half as far as the plate."""
     summary = solve(ROLLER, tmp_path / "run")
     assert summary["status"] == "done"
-    assert summary["probes"]["middle"]["displacement"][0] == pytest.approx(1.0, rel=3e-3)
+    assert summary["probes"]["middle"]["displacement"][0] == pytest.approx(0.5, rel=3e-3)
     floor, plate = summary["contacts"]["floor"], summary["contacts"]["plate"]
     np.testing.assert_allclose(floor["force"], -np.array(plate["force"]), atol=1e-9)
     # Rolling takes next to nothing.
     assert abs(floor["force"][0]) <= 0.02 * floor["force"][1]
-    assert floor["dissipated_work"] <= 2e-3 * 2.0 * floor["force"][1]
+    assert floor["dissipated_work"] <= 2e-3 * floor["force"][1]
 
 
 def test_blocks_that_only_just_touch_have_a_start(tmp_path: Path) -> None:
     """Gaps of round-off decide nothing before loading; all that is pressed arrives."""
+    along = {"radius": 0.2, "growth": 0.3}
     text = (
         HEAD
-        + """
-[material.steel]
-E = 52.0
-nu = 0.3
-law = "neo-hookean"
-[[body]]
-name = "low"
-material = "rubber"
-spacing = 0.3
-shape = { kind = "rectangle", x = [-3.0, 3.0], y = [0.0, 2.0] }
-refine = [{along = "top", spacing = 0.15, radius = 0.2, growth = 0.3}]
-[[body]]
-name = "high"
-material = "steel"
-spacing = 0.25
-shape = { kind = "rectangle", x = [-1.0, 1.0], y = [2.0, 3.0] }
-refine = [{along = "bottom", spacing = 0.12, radius = 0.2, growth = 0.3}]
-[[support]]
-boundary = "low.bottom"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "press"
-kind = "displacement"
-boundary = "high.top"
-uy = -0.05
-[[load]]
-name = "drag"
-kind = "displacement"
-boundary = "high.top"
-ux = 0.0
-[[contact]]
-name = "touch"
-slave = "low.top"
-master = "high.bottom"
-friction = 0.3
-[contact.regularization]
-law = "exact"
-"""
+        + material("steel", E=52.0, nu=0.3, law="neo-hookean")
+        + body(
+            "low",
+            "rubber",
+            0.3,
+            box([-3.0, 3.0], [0.0, 2.0]),
+            refine=[{"along": "top", "spacing": 0.15, **along}],
+        )
+        + body(
+            "high",
+            "steel",
+            0.25,
+            box([-1.0, 1.0], [2.0, 3.0]),
+            refine=[{"along": "bottom", "spacing": 0.12, **along}],
+        )
+        + support("low.bottom", ux=0.0, uy=0.0)
+        + load("press", "high.top", "displacement", uy=-0.05)
+        + load("drag", "high.top", "displacement", ux=0.0)
+        + contact("touch", "low.top", "high.bottom", friction=0.3, regularization={"law": "exact"})
     )
     summary = solve(text, tmp_path / "run")
     assert summary["status"] == "done"
@@ -243,7 +224,7 @@ DIE = (
     + body("base", "soft", 0.25, box([-3.0, 3.0], [0.0, 2.0]))
     + body("die", "hard", 0.1, {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"})
     + support("base.bottom", ux=0.0, uy=0.0)
-    + load("press", "die.flat", "displacement", displacement=[0.0, -0.3])
+    + load("press", "die.flat", "displacement", displacement=[0.0, -0.15])
 )
 
 
@@ -260,7 +241,7 @@ def test_slave_and_master_are_names_only_where_one_is_softer(tmp_path: Path) -> 
     (one, stored), (other, same) = found.values()
     np.testing.assert_allclose(one["force"], -np.array(other["force"]), atol=1e-9)
     np.testing.assert_allclose(one["force"], other["force_master"], atol=1e-9)
-    assert one["force"][1] > 0.25
+    assert one["force"][1] > 0.08
     np.testing.assert_allclose(stored.normal, -same.normal)
     np.testing.assert_allclose(stored.pressure, same.pressure, atol=1e-9)
 
@@ -319,14 +300,14 @@ def test_a_side_of_several_pieces(tmp_path: Path) -> None:
         parts = HEAD + body("block", "rubber", 0.3, shape, refine=fine)
         parts += support("block.bottom", ux=0.0, uy=0.0)
         cylinder = {"kind": "disk", "center": [0.0, 3.0], "radius": 1.0}
-        rigid = parts + contact("c", side, obstacle=cylinder, friction=0.3) + pushed("press", "c", uy=-0.2)
+        rigid = parts + contact("c", side, obstacle=cylinder, friction=0.3) + pushed("press", "c", uy=-0.1)
         summary = solve(rigid, tmp_path / f"rigid{pieces}")
         assert summary["status"] == "done"
         forces.append([summary["contacts"]["c"]["force"][1]])
         disk = {"kind": "half-disk", "center": [0.0, 3.0], "radius": 1.0, "side": "lower"}
         soft = parts + material("softer", E=1.0, nu=0.3, law="neo-hookean")
         soft += body("disk", "softer", 0.1, disk)
-        soft += load("press", "disk.flat", "displacement", displacement=[0.0, -0.2])
+        soft += load("press", "disk.flat", "displacement", displacement=[0.0, -0.1])
         summary = solve(soft + contact("c", "disk.arc", side), tmp_path / f"soft{pieces}")
         assert summary["status"] == "done"
         forces[-1].append(summary["contacts"]["c"]["force"][1])

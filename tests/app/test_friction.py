@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.plot_choice import Choice
 from mlsanm_cli.contact.laws.regularized_friction import FrictionTangent
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
 from tests.app.scenes import FAST, PUNCHES, Quiet, hertz, solve
-from tests.case_text import item, load, table
+from tests.case_text import body, contact, disk, half_disk, head, item, load, material, plane, table
 
 SHEARED = (
     hertz()
@@ -68,15 +69,18 @@ def test_histories_are_stored(sheared: Path) -> None:
     assert figures["max_cone_ratio"] <= 1.0 + 1e-9
     with h5py.File(sheared / "run.h5", "r") as file:
         assert file["fields/position"][...].tolist() == [1.0, 1.5, 2.25, 3.0]
+        if sheared.name == "hyperbolic":
+            step, before = file[f"series/{path.rows // 2}"], contact.traction[path.rows // 2 - 1]
+            assert step["traction"][0] == pytest.approx(before, abs=1e-6 * np.abs(before).max())
     table = np.genfromtxt(sheared / "interface.csv", delimiter=",", names=True)
     assert table["slip"] == pytest.approx(contact.slip[-1])
     assert table["traction"] == pytest.approx(contact.traction[-1])
 
 
 def test_pictures_of_friction(sheared: Path) -> None:
-    names = {file.name for file in plot(sheared)}
+    names = {file.name for file in plot(sheared, choice=Choice(what=("traction", "loop")))}
     assert {"plot_traction_interface.png", "plot_loop_interface.png"} <= names
-    assert all((sheared / name).stat().st_size > 10_000 for name in names)
+    assert all((sheared / name).stat().st_size > 3_000 for name in names)
 
 
 @pytest.mark.parametrize("method", ["anm", "newton"])
@@ -88,18 +92,8 @@ def test_factorizations_are_those_made(method: str, tmp_path: Path, monkeypatch:
         init(*args)
 
     monkeypatch.setattr(FrictionTangent, "__init__", counted)
-    summary = solve(SHEARED, tmp_path / "run", f'solver.method="{method}"')
+    summary = solve(SHEARED, tmp_path / "run", f'solver.method="{method}"', FAST, "output.at=[1.0]")
     assert summary["factorizations"] == len(made) > 0
-
-
-def test_series_hold_tractions(tmp_path: Path) -> None:
-    directory = tmp_path / "smooth"
-    solve(SHEARED, directory)
-    with h5py.File(directory / "run.h5", "r") as file:
-        rows = len(file["path/position"])
-        step = file[f"series/{rows // 2}"]
-        before = file["contacts/interface/traction"][rows // 2 - 1]
-        assert step["traction"][0] == pytest.approx(before, abs=1e-6 * np.abs(before).max())
 
 
 def test_loads_of_zero_move_nothing(tmp_path: Path) -> None:
@@ -111,7 +105,7 @@ def test_loads_of_zero_move_nothing(tmp_path: Path) -> None:
     assert not data.path.displacements["press"].any()
 
 
-@pytest.mark.parametrize("depth", [0.0, 1e-5, 1e-3])
+@pytest.mark.parametrize("depth", [0.0, 1e-3])
 @pytest.mark.parametrize("swapped", [False, True])
 def test_overlaps_as_drawn_give_way_straight(tmp_path: Path, depth: float, swapped: bool) -> None:
     text = SHEARED.replace("center = [0.0, 1.0]", f"center = [0.0, {1.0 - depth!r}]")
@@ -129,34 +123,14 @@ def test_overlaps_as_drawn_give_way_straight(tmp_path: Path, depth: float, swapp
     assert up == pytest.approx(depth, abs=1e-5)
 
 
-GROOVE = """
-format = 1
-[model]
-plane = "strain"
-[material.steel]
-E = 200.0
-nu = 0.3
-[[body]]
-name = "disk"
-material = "steel"
-spacing = 0.2
-shape = { kind = "disk", center = [0.0, 0.0], radius = 1.0 }
-[[load]]
-name = "weight"
-body = "disk"
-kind = "body-force"
-body-force = [0.1, -0.3]
-[[contact]]
-name = "left"
-slave = "disk.arc"
-obstacle = { kind = "plane", point = [-0.6, -0.8], normal = [0.6, 0.8] }
-friction = 0.3
-[[contact]]
-name = "right"
-slave = "disk.arc"
-obstacle = { kind = "plane", point = [0.8, -0.6], normal = [-0.8, 0.6] }
-friction = 0.3
-"""
+GROOVE = (
+    head("strain")
+    + material("steel", E=200.0, nu=0.3)
+    + body("disk", "steel", 0.2, disk([0.0, 0.0], 1.0))
+    + item("load", name="weight", body="disk", kind="body-force", body_force=[0.1, -0.3])
+    + contact("left", "disk.arc", obstacle=plane([-0.6, -0.8], [0.6, 0.8]), friction=0.3)
+    + contact("right", "disk.arc", obstacle=plane([0.8, -0.6], [-0.8, 0.6]), friction=0.3)
+)
 
 
 def test_nothing_turns_before_the_first_load(tmp_path: Path) -> None:
@@ -220,36 +194,21 @@ def test_frictionless_contacts_have_no_tangential_unknowns(tmp_path: Path) -> No
     assert summary["contacts"]["interface"]["dissipated_work"] == 0.0
 
 
-ALONG_THE_GRAIN = """
-format = 1
-[model]
-plane = "stress"
-[material.wood]
-E1 = 11.0
-E2 = 1.0
-E3 = 1.0
-G12 = 1.3
-nu12 = 0.3
-nu13 = 0.3
-nu23 = 0.3
-angle = 10.0
-[[body]]
-name = "disk"
-material = "wood"
-shape = { kind = "half-disk", center = [0.0, 1.0], radius = 1.0, side = "lower" }
-[[load]]
-name = "press"
-boundary = "disk.flat"
-kind = "platen"
-fy = -0.01
-[[contact]]
-name = "joint"
-slave = "disk.arc"
-obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
-friction = 0.5
-accuracy = 0.1
-regularization = { law = "exact" }
-"""
+WOOD = {"E1": 11.0, "E2": 1.0, "E3": 1.0, "G12": 1.3, "nu12": 0.3, "nu13": 0.3, "nu23": 0.3}
+ALONG_THE_GRAIN = (
+    head("stress")
+    + material("wood", angle=10.0, **WOOD)
+    + body("disk", "wood", shape=half_disk([0.0, 1.0], 1.0))
+    + load("press", "disk.flat", "platen", fy=-0.01)
+    + contact(
+        "joint",
+        "disk.arc",
+        obstacle=plane([0.0, 0.0], [0.0, 1.0]),
+        friction=0.5,
+        accuracy=0.1,
+        regularization={"law": "exact"},
+    )
+)
 
 
 def test_a_grain_along_the_surface_is_no_instability(tmp_path: Path) -> None:

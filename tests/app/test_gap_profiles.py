@@ -53,7 +53,7 @@ def contact_of(text: str, directory: Path, *overrides: str) -> ContactData:
     return read_run(directory).contacts["c"]
 
 
-@pytest.mark.parametrize(("below", "waves"), [("plane", 2), ("body", 1), ("swapped", 1)])
+@pytest.mark.parametrize(("below", "waves"), [("plane", 2), ("swapped", 1)])
 def test_a_wavy_gap_on_flat_faces(below: str, waves: int, tmp_path: Path) -> None:
     length, height = 1.0 / waves, 1e-4
     modulus = E / (1.0 - NU**2) / (1.0 if below == "plane" else 2.0)
@@ -66,8 +66,7 @@ def test_a_wavy_gap_on_flat_faces(below: str, waves: int, tmp_path: Path) -> Non
         text += on_plane(gap)
     else:
         text += LOWER
-        pair = ("upper.bottom", "lower.top") if below == "body" else ("lower.top", "upper.bottom")
-        text += CLAMP + contact("c", *pair, gap=gap)
+        text += CLAMP + contact("c", "lower.top", "upper.bottom", gap=gap)
     found = contact_of(text, tmp_path / "run", "contact.c.regularization.law=exact")
     pressure, x = found.pressure[-1], found.points[:, 0]
     expected = westergaard(x - 0.5 * length, length, mean, full)
@@ -82,7 +81,7 @@ def test_nodes_know_the_gap_as_grids_do(tmp_path: Path) -> None:
     full = np.pi * modulus * height
     text = HEAD + CLAMP + press(-0.5 * full)
     for part, edge in ((UPPER, "bottom"), (LOWER, "top")):
-        fine = f"refine = [{{ along = '{edge}', spacing = 0.04, radius = 0.0 }}]\nshape"
+        fine = f"refine = [{{ along = '{edge}', spacing = 0.06, radius = 0.0 }}]\nshape"
         text += part.replace("shape", fine)
     text += contact("c", "upper.bottom", "lower.top", gap=f"{height}*(1 - cos(2*pi*x - pi))")
     found = contact_of(text, tmp_path / "run", "solver.formulation=monolithic")

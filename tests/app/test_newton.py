@@ -49,7 +49,7 @@ COARSE = "contact.interface.accuracy=0.03"
     ("case", "at", "settings"),
     [
         ("hertz", [0.3, 0.7, 1.0], [COARSE]),
-        ("block_slide", [0.5, 1.0, 1.5, 2.0, 2.5, 3.0], []),
+        ("block_slide", [0.5, 1.0, 1.5, 2.0, 2.5, 3.0], ["contact.*.accuracy=0.1"]),
         ("cattaneo_mindlin", [0.5, 1.0, 1.5, 2.0, 3.0, 4.0], [COARSE]),
     ],
 )

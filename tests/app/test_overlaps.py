@@ -49,9 +49,11 @@ CURVED = PAD.partition('kind = "polygon"')[0] + 'kind = "outline"\n' + SIDES + P
 BLOCK = (
     body("block", "solid", 0.3, box([-5.0, 5.0], [-4.0, 0.0]))
     + support("block.bottom", ux=0.0, uy=0.0)
-    + contact("face", "pad.face", "block.top", regularization=EXACT)
+    + contact("face", "pad.face", "block.top", regularization=EXACT, accuracy=0.1)
 )
-PLANE = contact("face", "pad.face", obstacle=plane([0.0, 0.0], [0.0, 1.0]), regularization=EXACT)
+PLANE = contact(
+    "face", "pad.face", obstacle=plane([0.0, 0.0], [0.0, 1.0]), regularization=EXACT, accuracy=0.1
+)
 WHOLE = 'contact.face.slave=["pad.face", "pad.corner1", "pad.corner2"]'
 BARS = (
     SOLID

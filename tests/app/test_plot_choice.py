@@ -47,8 +47,8 @@ def test_kinds_contacts_and_files_are_chosen(punches_run: Path, tmp_path: Path) 
     ("choice", "message"),
     [
         (Choice(contact="midle"), "no contact"),
-        (Choice(out=Path("a.png")), "-o is of one picture"),
-        (Choice(what=("force",), out=Path("a.jpg")), "pictures end in"),
+        (Choice(out=Path("a.png")), "-o names one picture"),
+        (Choice(what=("force",), out=Path("a.jpg")), "picture formats are"),
         (Choice(what=("traction",)), "nothing for traction"),
         (Choice(what=("line",)), "a line is missing"),
         (Choice(along="block.tp"), "no boundary"),
@@ -200,7 +200,7 @@ def test_the_model_is_drawn_before_it_is_solved(tmp_path: Path, capsys: Any) -> 
     assert main(["check", str(case), "--picture", str(tmp_path / "model.png"), "--quiet"]) == 0
     with Image.open(tmp_path / "model.png") as picture:
         assert picture.size[0] > 500
-    with pytest.raises(RunError, match="pictures end in"):
+    with pytest.raises(RunError, match="picture formats are"):
         check(case, picture=tmp_path / "model.doc", console=Quiet())
 
 

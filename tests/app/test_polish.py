@@ -30,8 +30,8 @@ def test_polished_levels_are_exact(text: str, levels: str, tmp_path: Path) -> No
     solve(text, tmp_path / "smooth", levels, COARSE, SMOOTH, *rough)
     polished = solve(text, tmp_path / "polished", levels, COARSE, POLISH, *rough)
     # The exact law of friction is given grids five times as fine.
-    is_translated_copy = ["contact.interface.accuracy=0.1"] if "friction" in text else []
-    exact_law = solve(text, tmp_path / "exact", levels, EXACT, *is_translated_copy)
+    coarse = ["contact.interface.accuracy=0.1"] if "friction" in text else []
+    exact_law = solve(text, tmp_path / "exact", levels, EXACT, *coarse)
     if "friction" in text:
         assert polished["polish"]["factorizations"] == exact_law["factorizations"]
     runs = {name: read_run(tmp_path / name) for name in ("smooth", "polished", "exact")}

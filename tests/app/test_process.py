@@ -21,6 +21,8 @@ ROOT = Path(__file__).parents[2]
 PATIENCE = 120.0
 
 
+QUICK = hertz().replace("accuracy = 0.01", "accuracy = 0.1")
+SHEARED = SHEARED.replace("accuracy = 0.03", "accuracy = 0.1")
 RUN = ("run", "case.toml", "--out", "run")
 
 
@@ -54,7 +56,7 @@ def wait_for_steps(directory: Path, steps: int, process: subprocess.Popen[str]) 
 def test_a_signal_leaves_a_readable_run(tmp_path: Path) -> None:
     # Thousands of saved states: the run would continue for a minute.
     positions = ", ".join(str(0.2 + 0.0002 * k) for k in range(4001))
-    process = start(tmp_path, hertz() + f"\n[output]\nvtu = false\nat = [{positions}]\n")
+    process = start(tmp_path, QUICK + f"\n[output]\nvtu = false\nat = [{positions}]\n")
     wait_for_steps(tmp_path, 5, process)
     process.send_signal(signal.SIGTERM)
     _, err = process.communicate(timeout=PATIENCE)
@@ -96,7 +98,7 @@ def test_a_killed_process_is_resumed(tmp_path: Path) -> None:
 
 def test_two_runs_in_one_directory(tmp_path: Path) -> None:
     positions = ", ".join(str(0.2 + 0.0002 * k) for k in range(4001))
-    text = hertz() + f"\n[output]\nvtu = false\nat = [{positions}]\n"
+    text = QUICK + f"\n[output]\nvtu = false\nat = [{positions}]\n"
     process = start(tmp_path, text)
     wait_for_steps(tmp_path, 2, process)
     told = info(tmp_path / "run")

@@ -136,7 +136,7 @@ def test_a_failed_run_says_so(tmp_path: Path) -> None:
 def test_foreign_files_are_left_alone(bar_run: Path, tmp_path: Path) -> None:
     mine = tmp_path / "mine.html"
     mine.write_text("<p>my own</p>")
-    with pytest.raises(RunError, match="no report of mlsanm"):
+    with pytest.raises(RunError, match="not a report of mlsanm"):
         report([bar_run], mine)
     assert mine.read_text() == "<p>my own</p>"
     with pytest.raises(RunError, match=r"ends in \.html"):

@@ -15,6 +15,7 @@ import pytest
 
 from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
+from mlsanm_cli.memo import Memo
 from tests.app.scenes import BAR, NODAL, Quiet, assert_same_results, hertz, solve
 
 SUMMARY_KEYS = {
@@ -186,7 +187,7 @@ def test_vtu_files_hold_the_stored_fields(hertz_run: Path) -> None:
 
 def test_resolved_case_gives_the_same_results(hertz_run: Path, tmp_path: Path) -> None:
     again = tmp_path / "again"
-    run(hertz_run / "resolved.toml", out=again, console=Quiet())
+    run(hertz_run / "resolved.toml", out=again, console=Quiet(), memo=Memo())
     assert_same_results(hertz_run, again)
     assert (again / "resolved.toml").read_text() == (hertz_run / "resolved.toml").read_text()
     # Nodes of one body are drawn by its own seed.

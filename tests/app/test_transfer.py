@@ -28,7 +28,7 @@ def test_a_contact_that_loses_force_is_told(
     monkeypatch.setattr(judge, "force_mismatch", lambda built, state: {"interface": lost})
     summary = solve(hertz(), tmp_path / "run", LAW)
     told = [*summary["warnings"], summary["stop_reason"]]
-    message = f"slave and master feel forces that differ by {100.0 * lost:.2g} %"
+    message = f"the forces on slave and master differ by {100.0 * lost:.2g} %"
     assert summary["status"] == status
     assert sum(message in text for text in summary["warnings"]) == warned
     assert any(message in text for text in told) == (lost > 0.03)

@@ -114,7 +114,7 @@ def test_remainders_of_half_the_forces(monkeypatch: pytest.MonkeyPatch, tmp_path
     proper = remainder_sources
     monkeypatch.setattr(sources, "remainder_sources", lambda *rest: 0.5 * proper(*rest))
     (warning,) = outcome("hertz", tmp_path / "run", EXACT)["warnings"]
-    assert warning.startswith("the forces on body cylinder balance to 9")
+    assert warning.startswith("force imbalance on body cylinder: 9")
 
 
 def test_half_of_a_contact_s_singular_field(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -45,10 +45,10 @@ def test_hdf5_holds_the_columns_as_datasets(tmp_path: Path) -> None:
         ("x, y, tag", "x, y, name", 'line 1: unknown column "name"'),
         ("x, y, tag, nx, ny", "x, y, x, nx, ny", "line 1: the column .x. is there twice"),
         (", nx, ny", ", nx", "line 1: nx and ny go together"),
-        ("1.0, 0.0, floor, ,", "1.0, zero, floor, ,", "line 4: y is no number: 'zero'"),
+        ("1.0, 0.0, floor, ,", "1.0, zero, floor, ,", "line 4: y is not a number: 'zero'"),
         ("1.0, 0.0, floor, ,", "1.0, nan, floor, ,", "line 4: the node has no place"),
         ("1.0, 0.0, floor, ,", "1.0, 0.0, floor", "line 4: 3 values for 5 columns"),
-        ("1.0, 0.0, floor, ,", "1.0, 0.0, the floor, ,", "line 4: the tag .the floor. is no name"),
+        ("1.0, 0.0, floor, ,", "1.0, 0.0, the floor, ,", "line 4: the tag .the floor. is not a valid name"),
         ("0.0, -1.0\n", "0.0, -2.0\n", "line 2: the normal has length 2, not 1"),
         ("0.0, -1.0\n", "0.0,\n", "line 2: a normal needs both"),
         (TABLE[TABLE.index("0.0") :], "", "there are no nodes"),
@@ -66,7 +66,7 @@ def test_files_that_are_no_cloud_are_refused(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_bytes(b"x,y,tag\n\xff")
     with h5py.File(tmp_path / "c.h5", "w") as file:
         file["x"], file["y"], file["tag"] = np.zeros(2), np.zeros(3), np.array([b"", b""])
-    for name, words in (("a.h5", "no HDF5 file"), ("b.csv", "no UTF-8"), ("c.h5", "x 2, y 3, tag 2")):
+    for name, words in (("a.h5", "not an HDF5 file"), ("b.csv", "not UTF-8"), ("c.h5", "x 2, y 3, tag 2")):
         with pytest.raises(GeometryError, match=words):
             read_points(tmp_path / name)
 
@@ -98,7 +98,7 @@ def test_files_made_to_mislead_are_refused(tmp_path: Path) -> None:
         "loop.h5": "/x is a link",
         "out.h5": "/x is a link",
         "null.h5": "the dataset x has no data",
-        "text.h5": "no UTF-8",
+        "text.h5": "not UTF-8",
         "raw.h5": "the data of /x are in another file",
         "round.h5": "/group is there twice",
     }.items():

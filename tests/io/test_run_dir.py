@@ -165,7 +165,7 @@ def test_a_comparison_touches_no_foreign_file(tmp_path: Path) -> None:
     run_dir.check_comparison(directory, force=True)
     for name in ("comparison.json", "plot_comparison.png"):
         (directory / name).write_text("mine")
-        with pytest.raises(RunError, match="no file of mlsanm"):
+        with pytest.raises(RunError, match="not written by mlsanm"):
             run_dir.prepare_comparison(directory, force=True)
         assert (directory / name).read_text() == "mine"
         (directory / name).unlink()

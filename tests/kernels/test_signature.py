@@ -103,7 +103,7 @@ def test_types_that_kernels_do_not_know_are_refused() -> None:
         raise NotImplementedError
 
     for function in (one, other):
-        with pytest.raises(TypeError, match="is no type that a kernel can take or return"):
+        with pytest.raises(TypeError, match="is not a type that a kernel can take or return"):
             Signature.of("f", function)
 
     def third(x: float) -> None:

@@ -53,7 +53,7 @@ class Accuracy:
 
         Nearly incompressible bodies have none: the defect of their mean pressure is that of their change of
         volume times a modulus without bound, 5 times the error at a Poisson ratio of 0.45, 3000 at 0.4999.
-        It still tells where the clouds are coarse, and refinement goes by it.
+        It still shows where the clouds are coarse, and refinement goes by it.
         """
         bodies = built.scene.bodies.values()
         if any(body.model.material.nearly_incompressible for body in bodies):
@@ -61,7 +61,7 @@ class Accuracy:
         pressure, exact = {}, self.state
         blind = len(built.condensed.friction_nodes) > 0
         if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
-            # A stop has ended the path before the state that the other parts are told of.
+            # A stop has ended the path before the state at which the other parts are estimated.
             try:
                 exact = solve_exact(built.condensed, state.factors)
             except NumericalError:  # the exact laws have no state where the path has come to its end
@@ -119,7 +119,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
 
 
 def _corrected_bodies(built: CondensedScene, state: ExactState) -> dict[str, Corrected]:
-    """All bodies in the exact state, and what they lack there."""
+    """All bodies in the exact state, with the corrections of their displacements."""
     condensed, scene = built.condensed, built.scene
     unknowns = _unknowns(state)
     return {

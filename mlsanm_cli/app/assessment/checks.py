@@ -124,7 +124,7 @@ def check_state(built: CondensedScene, state: State) -> None:
     if not state.residual <= tolerance:
         raise NumericalError(
             f"the residual {state.residual:.3g} at position {state.position:.6g} is above the tolerance",
-            "raise solver.tolerance only if that residual is good enough for you",
+            "raise solver.tolerance only if that residual is small enough for your purpose",
         )
     if not state.is_finite:
         raise NumericalError(f"the state at position {state.position:.6g} is not finite")
@@ -156,7 +156,7 @@ def _judge_cone(built: CondensedScene, state: State) -> None:
 def check_balance(verdict: Verdict) -> str:
     """A warning where the forces balance poorly, "" where they do; NumericalError past the limit."""
     worst = max(verdict.bodies, key=lambda name: np.nan_to_num(verdict.bodies[name], nan=np.inf))
-    message = f"the forces on body {worst} balance to {100 * verdict.force_balance:.2g} % only"
+    message = f"force imbalance on body {worst}: {100 * verdict.force_balance:.2g} % of the largest force"
     hint = f"make body.{worst}.spacing smaller where it is held and around its notches, or use mls.degree = 4"
     if not verdict.force_balance <= BALANCE_LIMIT:
         raise NumericalError(message, hint)
@@ -180,7 +180,7 @@ def check_transfer(built: CondensedScene, state: State) -> list[str]:
     for pairing in built.condensed.pairings:
         lost = mismatches[pairing.name]
         keys = " and ".join(f"body.{body}.spacing" for body in pairing.bodies)
-        message = f"contact {pairing.name}: slave and master feel forces that differ by {100.0 * lost:.2g} %"
+        message = f"contact {pairing.name}: the forces on slave and master differ by {100.0 * lost:.2g} %"
         hint = f"bring {keys} closer together where they touch, or make both smaller"
         if not lost <= TRANSFER_LIMIT:
             raise NumericalError(message, hint)
@@ -204,15 +204,15 @@ def check_energy(verdict: EnergyVerdict) -> str:
 
 
 def check_points(verdict: EnergyVerdict) -> Iterator[str]:
-    """Warnings of bodies that single nodes hold against so much force that displacements hang on the
+    """Warnings of bodies held at single nodes against so large a force that displacements depend on the
     spacing."""
     for name, part in verdict.pointed.items():
         if part > ENERGY_WARNING:
             where = f"body.{name}.spacing"
             yield (
-                f"single nodes carry what holds body {name}: under a point force displacements have no "
-                f"bound, and grow by about {100 * part:.2g} % with half of {where}; hold a part of a "
-                f"boundary, with from and to, or count displacements from another point than the held one"
+                f"body {name} is held at single nodes: displacements next to a point force are unbounded, "
+                f"and grow by about {100 * part:.2g} % when {where} is halved; support a part of a boundary, "
+                f"with from and to, or measure displacements relative to another point than the held one"
             )
 
 
@@ -292,7 +292,7 @@ def check_linear(residual: float) -> None:
     """NumericalError where the elastic systems were not solved to enough digits."""
     if not residual <= LINEAR_LIMIT:
         raise NumericalError(
-            f"the elastic systems are solved to {residual:.2g} of their solution only",
+            f"linear-solver error {residual:.2g} exceeds {LINEAR_LIMIT:g}",
             "make the spacings more equal, use a lower mls.degree, or a Poisson's ratio less close to 0.5",
         )
 
@@ -309,6 +309,7 @@ def check_spacing(built: CondensedScene, state: State) -> None:
         ratio = spacing_ratio(pressed, clouds)
         if not ratio <= SPACING_LIMIT:
             raise NumericalError(
-                f"contact {pairing.name}: spacings pressed on each other differ by a factor of {ratio:.3g}",
+                f"contact {pairing.name}: spacings of the surfaces in contact differ by a factor of "
+                f"{ratio:.3g}",
                 f"bring the spacings of {' and '.join(pairing.names)} closer together where they touch",
             )

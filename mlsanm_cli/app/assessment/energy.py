@@ -89,8 +89,8 @@ def _thin(cloud: Cloud) -> str:
     x, y = cloud.points[thinnest.node]
     size = thinnest.width / (BENT - 1)
     return (
-        f"near ({x:.6g}, {y:.6g}), where it has {round(thinnest.spacings) + 1} nodes across: parts that bend "
-        f"want {BENT} or more, which is a spacing of {size:.3g}"
+        f"near ({x:.6g}, {y:.6g}), where it has {round(thinnest.spacings) + 1} nodes across: parts in "
+        f"bending need {BENT} or more, a spacing of {size:.3g}"
     )
 
 

@@ -95,7 +95,7 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     warnings += nodal_warnings(prepared, [p for p in prepared.pairings if p.name not in prepared.ranges])
     if any(model.settings.degree == 1 for model in prepared.models.values()):
         warnings.append(
-            "mls.degree = 1 is for comparisons only, its error hardly falls with the spacing; use 2"
+            "mls.degree = 1 is for comparisons only, its error hardly decreases with the spacing; use 2"
         )
     warnings += distance_warnings(prepared.pairings, clouds)
     warnings += [motion.warning for motion in prepared.weak if motion.idle is None]

@@ -88,7 +88,7 @@ def _check_end(scene: FiniteScene, recorder: FiniteRecorder) -> None:
     single = any(body.elastic.held_nodes for body in scene.bodies.values())
     if recorder.balance > BALANCE_LIMIT and not single:
         raise NumericalError(
-            f"the forces on a body balance to {100 * recorder.balance:.2g} % only",
+            f"force imbalance on a body: {100 * recorder.balance:.2g} % of the largest force",
             "make the spacing smaller",
         )
 

@@ -63,7 +63,7 @@ def obstacles(case: Case, low: FloatArray, high: FloatArray) -> dict[str, tuple[
 
 
 def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) -> FloatArray:
-    """How far (2,) an obstacle has moved, from what its loads have ``moved`` it; all tell the same."""
+    """How far (2,) an obstacle has moved, from what its loads have ``moved`` it; all agree."""
     names = [load.name for load in case.load if isinstance(load, ObstacleMotion) and load.obstacle == contact]
     return next((moved[name] for name in names if name in moved), np.zeros(2))
 

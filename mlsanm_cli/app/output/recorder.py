@@ -233,7 +233,7 @@ class Recorder(RunWriter):
             if not any(one.startswith(text) for one in self._reported):
                 message = (
                     f"{text} near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: contact of a "
-                    f"body with itself is not there yet, and results beyond that mean nothing"
+                    f"body with itself is not supported, and results beyond that are invalid"
                 )
                 self._reported.append(message)
                 self.warn(message)

@@ -29,7 +29,7 @@ def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
         return [_bodies(run, case, choice)]
     names = [choice.contact] if choice.contact is not None else list(run.contacts)
     if choice.out is not None and len(names) > 1:
-        raise RunError("-o is of one picture, and there are several contacts", "add --contact")
+        raise RunError("-o names one picture, and there are several contacts", "add --contact")
     return [_pressure(run, case, name, choice) for name in names]
 
 

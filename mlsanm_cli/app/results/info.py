@@ -31,8 +31,9 @@ PROVENANCE = (
 def info(rundir: Path) -> Mapping[str, Any]:
     """The summary of a run and its provenance.
 
-    A run without summary.json is still running or was killed; the finished steps in run.h5 tell, and whether
-    a process holds the directory. Raises RunError for a directory that holds no readable run.
+    A run without summary.json is still running or was killed; which of both follows from the lock of the
+    directory. Its figures are those of the finished steps in run.h5. Raises RunError for a directory that
+    holds no readable run.
     """
     run = read_run(rundir)
     summary_file = run.directory / run_dir.SUMMARY_FILE

@@ -19,10 +19,10 @@ from mlsanm_cli.io.run_reader import BodyData
 def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
     """Draw the bodies coloured by their spacing, with what acts on them.
 
-    Raises RunError for endings that are none of a picture's, and if the file cannot be written.
+    Raises RunError for suffixes that are not those of a picture, and if the file cannot be written.
     """
     if path.suffix.lower() not in SUFFIXES:
-        raise RunError(f"{path}: pictures end in {', '.join(SUFFIXES)}", "the ending decides the format")
+        raise RunError(f"{path}: picture formats are {', '.join(SUFFIXES)}", "the suffix selects the format")
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     bodies = [
         CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)

@@ -82,7 +82,7 @@ def plot(
     if len(pictures) > 1:
         names = ", ".join(" ".join(filter(None, (kind, subject))) for kind, subject, _ in pictures)
         raise RunError(
-            f"-o is of one picture, and there are {len(pictures)}: {names}", "add --what or --contact"
+            f"-o names one picture, and there are {len(pictures)}: {names}", "add --what or --contact"
         )
     pictures[0][2](choice.out)
     return [choice.out]
@@ -102,7 +102,7 @@ def _written(
 
 def _refuse_suffix(file: Path, suffixes: Sequence[str]) -> None:
     if file.suffix.lower() not in suffixes:
-        raise RunError(f"{file}: pictures end in {', '.join(suffixes)}", "the ending decides the format")
+        raise RunError(f"{file}: picture formats are {', '.join(suffixes)}", "the suffix selects the format")
 
 
 def _pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, _Draw]]:

@@ -58,14 +58,15 @@ def refuse_nonsense(choice: Choice, runs: int) -> None:
     """RunError for choices that do not go together."""
     if choice.contact is not None and choice.what and not set(choice.what) & OF_CONTACT:
         raise RunError(
-            f"--contact is not of {', '.join(choice.what)}", f"it is of {', '.join(sorted(OF_CONTACT))}"
+            f"--contact does not apply to {', '.join(choice.what)}",
+            f"it applies to {', '.join(sorted(OF_CONTACT))}",
         )
     if "line" in choice.what and choice.along is None:
         raise RunError("a line is missing", "as in --along block.top or --along 0,0:0,-1")
     if choice.along is not None and choice.what and "line" not in choice.what:
-        raise RunError("--along is of a line", "leave --what away, or write --what line")
+        raise RunError("--along applies to --what line only", "omit --what, or write --what line")
     if choice.animate and (runs > 1 or choice.along is not None):
-        raise RunError("--animate shows pressures or bodies of one run", "leave the rest away")
+        raise RunError("--animate shows pressures or bodies of one run", "omit the other options")
     if runs > 1 and choice.out is None:
         raise RunError("several runs are drawn into one picture", "name its file, as in -o both.png")
 

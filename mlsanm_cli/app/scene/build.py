@@ -205,7 +205,7 @@ def _completed(case: Case, prepared: SceneModel, context: RunContext, before: Sc
         scene = assemble_bodies(case, prepared, direct_solver(case), factorising, context.memo, bodies)
     stages = stage_factors(case)
     if prepared.ranges:
-        with context.phase("condensation", "finding the contacts' grids"):
+        with context.phase("condensation", "refining contact grids"):
             search = partial(searched_ends, case, scene, stages)
             found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo)
         if found is None:

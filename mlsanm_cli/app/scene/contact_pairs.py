@@ -99,8 +99,8 @@ def _facing(case: Case, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairin
 
 
 def _stiff_slave(case: Case, places: Sequence[Place]) -> bool:
-    """Whether the slave is the stiffer body of a contact at finite strain: pressures live at the nodes of the
-    softer one, as those between its nodes would be a matter of nobody."""
+    """Whether the slave is the stiffer body of a contact at finite strain: pressures are nodal values of the
+    softer one, which would not resist pressures of shorter waves than its spacing."""
     stiffness = materials(case)
     names = [next(one.material for one in case.body if one.name == place.body) for place in places]
     slave, *masters = (float(stiffness[name].contact_compliance(np.array([[0.0, 1.0]]))[0]) for name in names)

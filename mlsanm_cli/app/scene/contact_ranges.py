@@ -13,7 +13,7 @@ from mlsanm_cli.app.scene.default_spacing import valleys
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.cloud import Cloud, continuations
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import corners_of, points_of
 from mlsanm_cli.cloud.surface import Surface
@@ -30,8 +30,6 @@ TOUCHING = 1e-6
 """Gaps that differ by less than this part of the range are the same: such surfaces touch all along."""
 SHALLOW = 1e-3
 """The same as a part of what profiles differ by, which may be shallower."""
-SMOOTH = float(np.cos(np.radians(1.0)))
-"""Outlines continue smoothly where they turn by no more than this angle's cosine tells."""
 SNAP = 1.5
 """Ends of a range are ends of a surface that are no more looks away."""
 LOOKED_AT, PROFILED, LOOKS_PER_POINT = 800, 4000, 2
@@ -84,9 +82,9 @@ def _clear(
     points, partner, normal = ahead.opposite(s)
     away, outward = points - partner, as_real(-ahead.side(s, True)[1])
     gap = ahead.gap(s)
-    adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+    offset = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
     across = (outward * normal).sum(axis=1)
-    faces = (across < OPPOSED) & (adjacent <= TOUCHING * base.length)
+    faces = (across < OPPOSED) & (offset <= TOUCHING * base.length)
     if not faces.any():
         return None
     ends = [ends_of(models[body], pairing.surface_of(slave), held[body]) for body, slave, _ in pairing.sides]
@@ -147,7 +145,7 @@ def _snapped(s: float, ends: list[float], step: float) -> float | None:
 
 
 def _facing(case: Case, pairing: Pairing) -> Facing:
-    """The surfaces of a contact; the more curved one is the base, so that the flatter one tells the direction
+    """The surfaces of a contact; the more curved one is the base, so that the flatter one gives the direction
     of pressures."""
     contact = next(one for one in case.contact if one.name == pairing.name)
     slave, master = pairing.slave, pairing.master
@@ -199,19 +197,14 @@ def _continues(cloud: Cloud, surface: Surface) -> tuple[bool, bool]:
     """Whether the outline continues smoothly where an open surface begins, and where it ends, as it does
     where a part of a boundary is in contact, or, under any name, behind a rounded edge, which faces away
     there."""
-    own = {part.name for part, _ in surface.members}
-    stems = {name.partition("/")[0] for name in own}
+    stems = {part.name.partition("/")[0] for part, _ in surface.members}
     rounded = surface.curve.curvature(np.array([0.0, surface.curve.length])) > 0.0
-    found = []
-    for place in (0, -1):
-        node, normal = surface.index[place], surface.normal[place]
-        adjacent = [
-            other.normal[other.index == node]
-            for name, other in cloud.surfaces.items()
-            if name not in own and (rounded[place] or name.partition("/")[0] in stems)
-        ]
-        found.append(any(bool((one @ normal >= SMOOTH).any()) for one in adjacent))
-    return found[0], found[1]
+    found = {
+        place
+        for place, name in continuations(cloud, surface)
+        if rounded[place] or name.partition("/")[0] in stems
+    }
+    return 0 in found, -1 in found
 
 
 def _minimum(facing: Facing, first: float, last: float) -> float:

@@ -1,7 +1,7 @@
 """CPU time of a run before it is made: a model fitted to runs of Hertz scenes of 1300 to 17500 nodes.
 
-It holds to about a factor of two on one core of a current machine with compiled kernels; its use is to tell
-seconds from hours.
+It holds to about a factor of two on one core of a current machine with compiled kernels; it is meant to
+distinguish seconds from hours.
 """
 
 from __future__ import annotations

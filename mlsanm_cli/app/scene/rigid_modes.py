@@ -19,8 +19,8 @@ from mlsanm_cli.mechanics.scene import Obstacle, RigidConstraint, RigidMotion
 TILT = 0.2
 """A contact resists a direction where its normals' root mean square component along it is above this.
 
-Below, the resistance comes from the surface's slight curvature alone: too little to tell the true motion from
-the discretisation's asymmetry.
+Below, the resistance comes from the surface's slight curvature alone: too little to distinguish the
+true motion from the discretisation's asymmetry.
 """
 SLIDES = 1e-6
 """Resistance below this is round-off."""

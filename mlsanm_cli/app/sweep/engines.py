@@ -163,7 +163,7 @@ class DaskEngine(Engine):
 
 
 def dask_engine(scheduler: str) -> Engine:
-    """The cluster of the scheduler at this address; RunError without dask, and where nobody answers."""
+    """The cluster of the scheduler at this address; RunError without dask, and where no scheduler answers."""
     try:
         from distributed import Client, as_completed
     except ImportError as error:

@@ -95,7 +95,7 @@ def _check_pivots(sound: Sound, report: Report) -> None:
 
 
 def pivot_of(obstacle: AnyObstacle, load: ObstacleMotion) -> tuple[float, float] | None:
-    """The point about which a load turns an obstacle, None where the case tells none."""
+    """The point about which a load turns an obstacle, None where the case gives none."""
     center = obstacle.center if isinstance(obstacle, DiskObstacle) else None
     return load.pivot or center
 

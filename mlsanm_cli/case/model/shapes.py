@@ -168,7 +168,7 @@ def shape_faults(shape: AnyShape) -> Iterator[Fault]:
     if isinstance(shape, Rectangle):
         for axis, (low, high) in (("x", shape.x), ("y", shape.y)):
             if not low < high:
-                yield Fault((axis,), f"[{low:g}, {high:g}] is no range", "the smaller number first")
+                yield Fault((axis,), f"[{low:g}, {high:g}] is not a range", "the smaller number first")
     if isinstance(shape, Sector | Annulus) and not 0.0 < shape.radii[0] < shape.radii[1]:
         yield Fault(("radii",), "must be the inner and the outer radius, both above 0")
     if isinstance(shape, Sector) and not 0.0 < shape.angles[1] - shape.angles[0] < 360.0:

@@ -77,8 +77,8 @@ class Chain:
     """A chain of straight sides through ``points`` (c, 2), with the obstacle on the left of the way along it.
 
     Around a corner that points outward the normal turns with the direction from the corner. Where the points
-    are samples of a smooth curve, that is the obstacle: a spline through them. Under a corner, be it ever so
-    blunt, the pressure has no bound, which nobody means who gives a table of a profile.
+    are samples of a smooth curve, that is the obstacle: a spline through them. Under a corner, however blunt,
+    the pressure is unbounded, which a tabulated profile is not meant to have.
     """
 
     points: FloatArray

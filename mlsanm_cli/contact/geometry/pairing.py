@@ -32,7 +32,7 @@ WINDOW_SHARPNESS = 4.0
 class Pairing:
     """The places of one contact on the slave that have a partner on the master (w of them).
 
-    ``position`` (w,) tells which of the slave surface's nodes they are, -1 for places between nodes;
+    ``position`` (w,) numbers them among the slave surface's nodes, -1 for places between nodes;
     ``points`` (w, 2) where they lie, ``arc`` (w,) their arc lengths along the slave, increasing over the
     candidates, continuing past the start of a closed surface, ``weight`` (w,) the length of slave surface
     they stand for. ``partner`` (w, 2) are the virtual nodes on the master, ``normal`` (w, 2) the master's
@@ -41,8 +41,8 @@ class Pairing:
     ``interference`` what the gaps lose when the load of this contact's name is at 1, ``closed_by`` what they
     have lost to surfaces drawn touching. A contact with a rigid obstacle has neither ``master_body`` nor
     ``master``; its virtual nodes lie on the obstacle. With ``grid`` the candidates are the places of a
-    contact grid, and gaps and normals means over its functions. ``exchanged`` tells that the case has slave
-    and master the other way round.
+    contact grid, and gaps and normals means over its functions. ``exchanged`` is set where the case has
+    slave and master the other way round.
     """
 
     name: str
@@ -295,12 +295,12 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     master = pairing.master
     assert master is not None, "an obstacle has no nodes"
     arc, _, spacing = _unrolled(pairing)
-    s, adjacent, stretch = feet(pairing, master, master.arc_length)
+    s, offset, stretch = feet(pairing, master, master.arc_length)
     slack = 1e-6 * float(pairing.spacing.min())
     facing = (slave_normals(pairing, s) * master.normal).sum(axis=1) < OPPOSED
     if pairing.slave.curve.closed:
         s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
-    rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (adjacent <= slack))
+    rows = np.flatnonzero(facing & (s >= arc[0] - slack) & (s <= arc[-1] + slack) & (offset <= slack))
     own = np.interp(s[rows], arc, spacing)
     # The slack keeps nodes at the window's very edge inside, whatever round-off and the unit of length say.
     reach = (1.0 + SLACK) * WINDOW * np.maximum(own, master_cloud.spacing[master.index[rows]])

@@ -35,7 +35,7 @@ def regularize(
 
     Nodes drawn farther apart than WIDEST elastic gaps have the longer length and the smaller eta: the law
     pulls with up to eta beyond its length, and hundreds of candidates all around a body would together pull
-    by some percent of the load. The product of both, which tells the gap under a pressure, is the same.
+    by some percent of the load. The product of both, which determines the gap under a pressure, is the same.
 
     ``stick``, of all or of each node with friction (n,), is the slip of an asperity at its friction limit,
     relative to the largest slip in its contact that friction at its limit everywhere would cause in those

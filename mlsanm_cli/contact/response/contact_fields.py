@@ -114,18 +114,10 @@ def fields_of(
             grid, kernel, slave, z[adjacent], pressure, traction
         )
     for corner in grid.corners_of(slave):
-        # The other ends of what a corner adds lie off the body, beyond the tip.
-        beyond = np.abs(z - corner.tip) > BEYOND * (grid.last - grid.first)
-        for some, afar in ((beyond, True), (~beyond, False)):
-            if not some.any():
-                continue
-            if afar:
-                place, force = close.samples, _on_samples(close, pressure, traction)
-            else:
-                place, force = grid.hats.points, _on_points(grid, pressure, traction)
-            for line in corner.lines(corner.distance(grid.facing.side(place, slave)[0]), force):
-                displacement[some] += line.displacement(z[some])
-                stress[some] += line.stress(z[some])
+        place, force = grid.facing.side(grid.hats.points, slave)[0], _on_points(grid, pressure, traction)
+        for line in corner.lines(corner.distance(place), force):
+            displacement += line.displacement(z)
+            stress += line.stress(z)
     return displacement, stress
 
 

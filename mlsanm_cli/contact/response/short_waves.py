@@ -17,7 +17,7 @@ SHORTEST = 3.0 / np.pi
 """Compliance for a traction that changes its sign from node to node, times E*/h.
 
 A traction cos(k x) moves the surface of a half-plane by 2/(E* k) cos(k x), and k = pi/h gives 2/pi; half as
-much more, measured, makes up for what waves a little longer lack."""
+much again, measured, compensates for slightly longer waves."""
 
 
 def resolved(

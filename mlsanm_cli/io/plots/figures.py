@@ -27,6 +27,7 @@ _STYLE: Any = {
     "axes.spines.top": False,
     "axes.titlesize": 10,
     "axes.labelsize": 9.5,
+    "figure.constrained_layout.use": True,
     "figure.dpi": 200,
     "font.family": "DejaVu Sans",
     "font.size": 9,
@@ -81,7 +82,7 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
     from matplotlib.figure import Figure
 
     with style():
-        figure = Figure(figsize=(width, height), layout="constrained")
+        figure = Figure(figsize=(width, height))
         yield figure
         with replacing(path) as temporary:
             figure.savefig(temporary, format=suffix[1:], metadata=_METADATA[suffix])

@@ -63,7 +63,7 @@ class Value:
             return cls(name, DTYPES[annotation.capitalize()])
         found = ARRAY.fullmatch(annotation)
         if found is None:
-            raise TypeError(f"{name}: {annotation!r} is no type that a kernel can take or return")
+            raise TypeError(f"{name}: {annotation!r} is not a type that a kernel can take or return")
         return cls(name, DTYPES[found[1]], int(found[3]), found[2] is not None)
 
     def words(self, value: Any) -> tuple[Any, ...]:

@@ -97,7 +97,7 @@ def _leading(graph: sparse.bsr_array, count: int) -> sparse.bsr_array:
 
 @dataclass(frozen=True)
 class CholeskyFactor:
-    """``panels`` of the factor; ``order`` (2n,) tells which unknown is eliminated when; ``links``
+    """``panels`` of the factor; ``order`` (2n,) is the order of elimination; ``links``
     join domains to their borders."""
 
     fronts: Fronts
