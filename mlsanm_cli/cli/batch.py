@@ -57,11 +57,10 @@ def sweep(
 
     Completed points are skipped, so the same command continues an interrupted sweep.
     """
-    with numerics(threads):
-        from mlsanm_cli.app.sweep.run_sweep import SweepOptions
-        from mlsanm_cli.app.sweep.run_sweep import sweep as run_sweep
-
     with console_for(settings) as console:
+        with numerics(threads):
+            from mlsanm_cli.app.sweep.run_sweep import SweepOptions
+            from mlsanm_cli.app.sweep.run_sweep import sweep as run_sweep
         result = run_sweep(
             case,
             varied,

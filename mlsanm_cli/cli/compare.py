@@ -66,13 +66,12 @@ def compare(
 
     The method of CASE is always included. Exit code 1 if methods disagree.
     """
-    with numerics(threads):
-        from mlsanm_cli.app.comparison.compare import CompareOptions
-        from mlsanm_cli.app.comparison.compare import compare as compare_methods
-
     asked = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
     methods = tuple(name for name, wanted in asked.items() if wanted)
     with console_for(settings) as console:
+        with numerics(threads):
+            from mlsanm_cli.app.comparison.compare import CompareOptions
+            from mlsanm_cli.app.comparison.compare import compare as compare_methods
         result = compare_methods(
             case,
             CompareOptions(methods, analytic, levels, tolerance, repeat, picture),

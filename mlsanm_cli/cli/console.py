@@ -56,6 +56,12 @@ class TerminalConsole(Closing):
         self._lock = threading.RLock()
         self._heart = Heartbeat(self._still, interval)
 
+    def begin(self, text: str) -> None:
+        """Shows on a terminal what is done before the first phase; in a log nobody waits for it."""
+        with self._lock:
+            if self._live:
+                self._rewrite(f"{text} ...")
+
     def phase(self, text: str) -> None:
         """Starts a phase."""
         with self._lock:

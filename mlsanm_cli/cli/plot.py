@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from mlsanm_cli.cli import completion
-from mlsanm_cli.cli.options import FILE, common, print_result
+from mlsanm_cli.cli.options import FILE, common, console_for, print_result
 from mlsanm_cli.cli.settings import Settings, numerics
 
 KINDS = ("pressure", "traction", "loop", "hysteresis", "force", "peak", "bodies", "line")
@@ -67,11 +67,11 @@ def plot(
 
     Contact pressures, load path, deformed bodies with von Mises stress. No display is needed.
     """
-    with numerics(1):
-        from mlsanm_cli.app.results.plot import plot as plot_run
-        from mlsanm_cli.app.results.plot_choice import Choice
-
-    choice = Choice(what, contact, field, at, along, out, animate)
-    files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=choice)
+    with console_for(settings, "drawing"):
+        with numerics(1):
+            from mlsanm_cli.app.results.plot import plot as plot_run
+            from mlsanm_cli.app.results.plot_choice import Choice
+        choice = Choice(what, contact, field, at, along, out, animate)
+        files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=choice)
     print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
     return 0
