@@ -38,7 +38,9 @@ FIELDS = ("von_mises", "xx", "yy", "xy", "ux", "uy", "displacement")
     "-o", "--output", "out", type=FILE, help="Output file of a single picture; the suffix selects the format."
 )
 @click.option(
-    "--animate", is_flag=True, help="Write an animated GIF along the path: pressures, or --what bodies."
+    "--animate",
+    is_flag=True,
+    help="Animate the path: pressures, or --what bodies; a GIF, or with -o NAME.mp4 an MP4 file.",
 )
 @click.option(
     "--format",

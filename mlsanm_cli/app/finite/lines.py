@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.app.finite.fields import FiniteFields, contact_records, exchanged, stretch_along
 from mlsanm_cli.app.finite.path import FiniteState
@@ -25,7 +27,7 @@ def contact_lines(
         record, side = records[contact.name], contact.slave
         here = slice(first, first + 2 * side.count)
         first += 2 * sum(one.count for one in contact.sides)
-        scalars = {
+        scalars: dict[str, NDArray[Any]] = {
             "pressure": record.pressure,
             "traction": record.traction,
             "gap": record.gap,

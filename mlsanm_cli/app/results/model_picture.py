@@ -32,7 +32,9 @@ def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
     marks = marks_of(case, {name: stored(cloud) for name, cloud in clouds.items()}, touching, {})
     nodes = sum(len(cloud.points) for cloud in clouds.values())
     title = f"{case.title}, {nodes} nodes" if case.title else f"{nodes} nodes"
-    plot_cloud(path, bodies, case.units.label("spacing", "length"), title, marks=marks)
+    plot_cloud(
+        path, bodies, case.units.label("spacing", "length"), title, marks=marks, unit=case.units.length
+    )
 
 
 def stored(cloud: Cloud) -> BodyData:

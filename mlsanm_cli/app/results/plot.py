@@ -10,18 +10,18 @@ from typing import Protocol
 import numpy as np
 
 from mlsanm_cli.app.assessment.references import ReferenceProfile, profile_on
-from mlsanm_cli.app.results.drawn import marks_of
+from mlsanm_cli.app.results.drawn import marks_at
 from mlsanm_cli.app.results.history import pressures_at
 from mlsanm_cli.app.results.overlay import draw_line, draw_together, slips
 from mlsanm_cli.app.results.path_lookup import level_at
 from mlsanm_cli.app.results.plot_choice import KINDS, OF_CONTACT, Choice, load_words, refuse_nonsense
 from mlsanm_cli.app.results.probe import probe_contact
-from mlsanm_cli.app.results.views import automatic_scale, chosen_state, contact_window, field_of, triangles_of
+from mlsanm_cli.app.results.views import automatic_scale, chosen_state, contact_window, shown_bodies
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.plots.cloud import CloudBody, plot_cloud
+from mlsanm_cli.io.plots.cloud import plot_cloud
 from mlsanm_cli.io.plots.figures import SUFFIXES
 from mlsanm_cli.io.plots.friction import plot_loop, plot_traction
 from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
@@ -70,7 +70,7 @@ def plot(
         from mlsanm_cli.app.results.animate import animate
 
         if choice.out is not None:
-            _refuse_suffix(choice.out, (".gif",))
+            _refuse_suffix(choice.out, (".gif", ".mp4"))
         return animate(run, case, choice)
     pictures = list(_pictures(run, case, choice))
     if not pictures:
@@ -261,18 +261,9 @@ def _draw_curves(path: Path, run: RunData, curves: Mapping[str, FloatArray], y: 
 
 def _draw_bodies(path: Path, run: RunData, case: Case, choice: Choice) -> None:
     state = chosen_state(run, choice.at[-1] if choice.at else None)
-    bodies, label = [], ""
-    for name, body in run.bodies.items():
-        fields = state.bodies[name]
-        displacement = fields.get("displacement", np.zeros_like(body.points))
-        scalar, label = field_of(case, name, fields, displacement, choice.field)
-        bodies.append(CloudBody(body.points, displacement, scalar, triangles_of(body)))
+    bodies, label = shown_bodies(run, case, state, choice.field)
     scale = automatic_scale(run, bodies)
     title = ", ".join(filter(None, (f"position {state.position:.4g}", load_words(run, case, state.position))))
-    row = int(np.abs(run.path.position - state.position).argmin())
-    moved = {load: np.asarray(history[row]) for load, history in run.path.displacements.items()}
-    touching = {name: contact.points for name, contact in run.contacts.items()}
-    factors = {load: float(history[row]) for load, history in run.path.factors.items()}
-    marks = marks_of(case, run.bodies, touching, moved, scale, factors)
+    marks = marks_at(run, case, state, scale)
     window = contact_window(run, state.position, bodies)
-    plot_cloud(path, bodies, label, title, scale, window, marks=marks)
+    plot_cloud(path, bodies, label, title, scale, window, marks=marks, unit=case.units.length)

@@ -77,6 +77,19 @@ def field_of(
     raise RunError(f"{label} was not saved", "name what it comes from in output.fields and run again")
 
 
+def shown_bodies(
+    run: RunData, case: Case, state: SavedState, field: str | None
+) -> tuple[list[CloudBody], str]:
+    """All bodies in a saved state, coloured by a field, and its name with its unit. Raises as `field_of`."""
+    bodies, label = [], ""
+    for name, body in run.bodies.items():
+        fields = state.bodies[name]
+        displacement = fields.get("displacement", np.zeros_like(body.points))
+        scalar, label = field_of(case, name, fields, displacement, field)
+        bodies.append(CloudBody(body.points, displacement, scalar, triangles_of(body)))
+    return bodies, label
+
+
 def chosen_state(run: RunData, position: float | None) -> SavedState:
     """The state saved at a position, by default the last one. RunError where none is."""
     if position is None:
