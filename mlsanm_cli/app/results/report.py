@@ -142,11 +142,10 @@ def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, lis
     Loads that displace one boundary have its force together.
     """
     places = {load.name: load.place for load in case.load if isinstance(load, Displacement)}
-    contacts = {f"contact {contact.name}" for contact in case.contact}
     zero = ROUND_OFF * max((abs(part) for force in forces.values() for part in force), default=0.0)
     joined: dict[Any, tuple[list[str], list[str]]] = {}
     for name, force in forces.items():
-        if name not in contacts:
+        if not name.startswith("contact "):
             shown = [_number(part if abs(part) > zero else 0.0) for part in force]
             joined.setdefault(places.get(name, name), ([], shown))[0].append(name)
     return [(", ".join(names), shown) for names, shown in joined.values()]
