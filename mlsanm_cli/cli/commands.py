@@ -20,6 +20,7 @@ from mlsanm_cli.cli.options import (
     set_option,
     threads_option,
 )
+from mlsanm_cli.cli.results import FRICTION, is_rubbed
 from mlsanm_cli.cli.resume import show_run
 from mlsanm_cli.cli.settings import Settings, numerics
 
@@ -194,7 +195,11 @@ def info(settings: Settings, rundir: Path) -> int:
         from mlsanm_cli.app.results.info import info as run_info
 
     result = run_info(rundir)
-    print_result(settings, result, pretty_result(settings, result))
+    contacts = {
+        name: {key: value for key, value in one.items() if key not in FRICTION or is_rubbed(one)}
+        for name, one in result.get("contacts", {}).items()
+    }
+    print_result(settings, result, pretty_result(settings, {**result, "contacts": contacts}))
     return 0
 
 

@@ -62,8 +62,9 @@ def compare(
     force: bool,
     threads: int,
 ) -> int:
-    """Solve CASE with ANM and the selected methods, on the same operators.
+    """Solve CASE by several methods and compare.
 
+    By ANM and the selected methods, on the same operators.
     The method of CASE is always included. Exit code 1 if methods disagree.
     """
     asked = {"newton": newton, "active-set": active_set, "monolithic": monolithic}

@@ -16,6 +16,7 @@ from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, printable, table
 from mlsanm_cli.closing import Closing
 
 _COLUMNS = 80
+_SOLVING = "solving ..."
 _CLEAR = "\r\x1b[K"
 _INTERVAL = 1.0  # seconds between two lines of the step table in a log
 _FRAME = 0.05  # seconds between two changes of the line on a terminal
@@ -50,6 +51,7 @@ class TerminalConsole(Closing):
         self._style = DIM
         self._shown = ""  # the line on the terminal that the next one replaces
         self._row: list[str] = []  # its columns, if it is a step
+        self._doing = ""  # what is shown again after a message
         self._waiting: list[str] = []  # the latest step that was not shown yet
         self._last: float | None = None
         # Two threads write: this one, and the one that shows the elapsed time.
@@ -60,7 +62,8 @@ class TerminalConsole(Closing):
         """Shows on a terminal what is done before the first phase; in a log nobody waits for it."""
         with self._lock:
             if self._live:
-                self._rewrite(f"{text} ...")
+                self._doing = f"{text} ..."
+                self._rewrite(self._doing)
 
     def phase(self, text: str) -> None:
         """Starts a phase."""
@@ -69,7 +72,8 @@ class TerminalConsole(Closing):
             if self._quiet:
                 return
             if self._live:
-                self._rewrite(f"{text} ...")
+                self._doing = f"{text} ..."
+                self._rewrite(self._doing)
             else:
                 self._line(f"{text} ...")
 
@@ -85,6 +89,7 @@ class TerminalConsole(Closing):
             if self._last is not None and now - self._last < pause:
                 self._waiting = row
                 return
+            self._doing = _SOLVING
             self._show_step(row)
             self._last = now
 
@@ -112,6 +117,7 @@ class TerminalConsole(Closing):
         """Cleans up the terminal: the last step remains, the phase is erased."""
         self._heart.stop()
         with self._lock:
+            self._doing = ""
             self._finish_steps()
             self._erase()
 
@@ -167,6 +173,8 @@ class TerminalConsole(Closing):
     def _line(self, text: str) -> None:
         self._erase()
         self._put(f"{text}\n")
+        if self._live and self._doing:
+            self._rewrite(self._doing)
 
     def _put(self, text: str) -> None:
         """Writes; after the reader has closed the stream, as in `| head`, output is discarded."""

@@ -65,7 +65,7 @@ def plot(
     animate: bool,
     formats: tuple[str, ...],
 ) -> int:
-    """Draw pictures of the run in RUNDIR, or of several runs in common plots.
+    """Draw pictures of a run, or of several runs together.
 
     Contact pressures, load path, deformed bodies with von Mises stress. No display is needed.
     """

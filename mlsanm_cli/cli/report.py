@@ -18,7 +18,7 @@ from mlsanm_cli.cli.settings import Settings, numerics
 @common
 @click.pass_obj
 def report(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
-    """Write an HTML report on the run in RUNDIR, or on several runs.
+    """Write an HTML report on one run or several.
 
     A single self-contained file with case, pictures, tables, checks and provenance. For several runs it is
     written to the current directory unless -o is given.

@@ -245,7 +245,7 @@ def test_views(hertz_run: Path, patch_run: Path) -> None:
 
     run = read_run(hertz_run)
     assert views.automatic_scale(run, bodies(hertz_run)) == 1.0
-    window = views.contact_window(run, 1.0, bodies(hertz_run))
+    window = views.contact_window(run, 1.0, bodies(hertz_run), 1.0)
     assert window is not None
     x0, x1, y0, y1 = window
     assert x0 == pytest.approx(-x1, abs=0.02)
@@ -256,7 +256,7 @@ def test_views(hertz_run: Path, patch_run: Path) -> None:
     scale = views.automatic_scale(read_run(patch_run), patch)
     largest = max(np.hypot(*body.displacement.T).max() for body in patch)
     assert 0.02 <= scale * largest / 2.0 <= 0.05
-    assert views.contact_window(read_run(patch_run), 1.0, patch) is None
+    assert views.contact_window(read_run(patch_run), 1.0, patch, scale) is None
 
 
 @pytest.mark.parametrize("fields", ['["stress"]', '["displacement"]', "[]"])

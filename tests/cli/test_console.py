@@ -79,7 +79,8 @@ def test_a_phase_that_ended_leaves_nothing() -> None:
     console.phase("fields")
     assert [line.split()[0] for line in stream.screen()] == ["step", "fields"]
     console.table("clouds", [("block", "100 nodes")])
-    assert stream.screen()[1:] == ["clouds", "  block  100 nodes", ""]
+    # What is done goes on below a message.
+    assert stream.screen()[1:] == ["clouds", "  block  100 nodes", "fields ..."]
     console.phase("files")
     console.close()
     assert stream.screen()[3:] == [""]
@@ -111,6 +112,7 @@ def test_a_warning_between_steps_stands_on_its_own_line() -> None:
     console.phase("path")
     console.step(1, 0.5, 1e-9)
     console.warning("gap closed")
+    assert stream.screen()[-1] == "solving ..."
     console.step(2, 1.0, 1e-9)
     console.close()
     assert [line.split()[0] for line in stream.screen() if line] == ["step", "warning:", "step"]

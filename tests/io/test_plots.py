@@ -216,3 +216,15 @@ def test_wrong_shapes_names_and_places_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="cannot write"):
         plot_path(tmp_path / "none" / "a.png", ARC, {"a": ARC}, "x", "y")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_singular_ends_leave_room_for_the_rest(kept: list[Figure]) -> None:
+    """A flat punch has no largest pressure; Hertz' is shown whole, however fine its ends are."""
+    x = 1.0 - np.concatenate([np.geomspace(1e-9, 0.5, 60), np.linspace(0.52, 1.0, 40)])
+    place = np.concatenate([-x, x[::-1]])
+    for pressure, highest in ((1.0 / np.sqrt(1.0 - place**2), 12.0), (np.sqrt(1.0 - place**2), 1.05)):
+        plot_pressure(Path("a.png"), "nose", place, pressure[None, :], ["position 1"])
+        axes = kept[-1].axes[0]
+        assert axes.get_ylim()[1] <= highest
+        told = [text.get_text() for text in axes.texts]
+        assert told == ([f"ends up to {pressure.max():.4g} are cut off"] if pressure.max() > 2.0 else [])

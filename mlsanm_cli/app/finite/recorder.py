@@ -173,6 +173,7 @@ class FiniteRecorder(RunWriter):
 
     def failure(self, error: NumericalError, scene: FiniteScene) -> None:
         """Record a failure, and write the last good state as failure.vtu."""
+        self._console.phase("writing the failed state")
         with self._clock.phase("output"):
             if self.last is not None:
                 shown = _shown(scene, fields_of(scene, self.last))

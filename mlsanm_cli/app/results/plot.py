@@ -265,5 +265,5 @@ def _draw_bodies(path: Path, run: RunData, case: Case, choice: Choice) -> None:
     scale = automatic_scale(run, bodies)
     title = ", ".join(filter(None, (f"position {state.position:.4g}", load_words(run, case, state.position))))
     marks = marks_at(run, case, state, scale)
-    window = contact_window(run, state.position, bodies)
+    window = contact_window(run, state.position, bodies, scale)
     plot_cloud(path, bodies, label, title, scale, window, marks=marks, unit=case.units.length)

@@ -129,9 +129,12 @@ def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
 
 
 def contact_window(
-    run: RunData, position: float, bodies: Sequence[CloudBody]
+    run: RunData, position: float, bodies: Sequence[CloudBody], scale: float
 ) -> tuple[float, float, float, float] | None:
-    """The square (x0, x1, y0, y1) around the highest contact pressure; None if it is most of the scene."""
+    """The square (x0, x1, y0, y1) around the highest contact pressure; None if it is most of the scene.
+
+    Its middle has moved as the node nearest to it is drawn, with displacements ``scale`` times as large.
+    """
     if not run.contacts:
         return None
     pressures = pressures_at(run, position)
@@ -144,7 +147,10 @@ def contact_window(
     half = DETAIL * 0.5 * float((high - low).max())
     if not 0.0 < 2.0 * half <= WHOLE * _size(bodies):
         return None
-    x, y = (0.5 * (low + high)).tolist()
+    middle = 0.5 * (low + high)
+    away = [np.hypot(*(body.points - middle).T) for body in bodies]
+    nearest = int(np.argmin([one.min() for one in away]))
+    x, y = (middle + scale * bodies[nearest].displacement[away[nearest].argmin()]).tolist()
     return x - half, x + half, y - half, y + half
 
 

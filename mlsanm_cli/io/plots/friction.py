@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_COLOUR, picture
-from mlsanm_cli.io.plots.plots import visible_range
+from mlsanm_cli.io.plots.plots import shown_up_to, visible_range
 
 FloatArray = NDArray[np.float64]
 OPEN, STICK, SLIP = 0, 1, 2
@@ -53,6 +53,8 @@ def plot_traction(
         axes.set_xlabel(arc_label)
         axes.set_ylabel(traction_label)
         axes.set_xlim(left, right)
+        highest = shown_up_to(axes, arc, np.maximum(limit, np.abs(traction))[None, :])
+        axes.set_ylim(-1.05 * highest or None, 1.05 * highest or None)
         figure.legend(loc="outside right upper")
 
 

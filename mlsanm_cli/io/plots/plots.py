@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 # Pressures below this part of the peak do not widen the range shown.
 _VISIBLE = 1e-3
+# Singular ends: this part of the loaded length has more than so many times what the rest has, which is shown
+# with some room above.
+_SPIKE, _HIGHER, _ROOM = 0.02, 3.0, 1.5
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ def plot_pressure(
         parts = [contact, *([level_labels[0]] if alone else []), *([suffix] if suffix else [])]
         upper.set_title(f"Contact pressure, {', '.join(parts)}")
         upper.set_ylabel(pressure_label)
-        low, high = float(pressure[:, inside].min(initial=0.0)), float(pressure[:, inside].max(initial=0.0))
+        low, high = float(pressure[:, inside].min(initial=0.0)), shown_up_to(upper, arc, pressure)
         upper.set_ylim(min(0.0, 1.05 * low), 1.05 * high if high > 0.0 else None)
         if not alone:
             figure.legend(loc="outside right upper")
@@ -141,6 +144,27 @@ def visible_range(
     left, right = float(loaded.min()), float(loaded.max())
     margin = 0.25 * (right - left) or 0.25 * (last - first)
     return max(left - margin, first), min(right + margin, last)
+
+
+def shown_up_to(axes: Axes, arc: FloatArray, values: FloatArray) -> float:
+    """Up to where values (levels, m) at places ``arc`` (m,) are shown: all, or without singular ends, which
+    the picture then tells.
+
+    Singular is what little of the loaded length carries several times what the rest does.
+    """
+    peak, lengths = float(values.max(initial=0.0)), np.gradient(arc) if len(arc) > 1 else np.ones(len(arc))
+    highest = 0.0
+    for one in values:
+        order = np.argsort(one)
+        order = order[one[order] > 0.0]
+        if len(order):
+            share = np.cumsum(lengths[order])
+            highest = max(highest, float(one[order][np.searchsorted(share, (1.0 - _SPIKE) * share[-1])]))
+    if peak <= _HIGHER * highest:
+        return peak
+    words = f"ends up to {peak:.4g} are cut off"
+    axes.text(0.5, 0.98, words, transform=axes.transAxes, ha="center", va="top", fontsize=8, color="#555555")
+    return _ROOM * highest
 
 
 def _shades(count: int) -> list[Any]:
