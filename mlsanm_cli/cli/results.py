@@ -40,6 +40,8 @@ def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
 def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The main results of a contact with their error estimate."""
     rows = [(label(key), number(contact[key])) for key in _CONTACT if key in contact]
+    if contact.get("singular_ends"):
+        rows[0] = ("peak pressure", f"{rows[0][1]} at a singular end: it depends on the grid")
     nodes = ("stick_nodes", "slip_nodes") if is_rubbed(contact) else ("closed_nodes",)
     rows += [(label(key), number(contact[key])) for key in nodes if key in contact]
     pressures = (summary.get("error_estimate") or {}).get("pressure", {})

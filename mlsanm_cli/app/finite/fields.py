@@ -17,7 +17,7 @@ from mlsanm_cli.contact.finite.meeting import NOWHERE
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import Side
-from mlsanm_cli.contact.geometry.profile import half_width
+from mlsanm_cli.contact.geometry.profile import half_width, is_singular
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
@@ -191,6 +191,7 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
         found[contact.name] = {
             "peak_pressure": float(record.pressure.max(initial=0.0)),
             "half_width": half_width(contact.slave.arc, record.pressure),
+            "singular_ends": is_singular(contact.slave.arc, record.pressure),
             "force": pressed[0].tolist(),
             "closed_nodes": int((record.status != OPEN).sum()),
             "stick_nodes": int((record.status == STICK).sum()),

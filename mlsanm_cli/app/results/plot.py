@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from mlsanm_cli.app.results.probe import probe_contact
 from mlsanm_cli.app.results.views import automatic_scale, chosen_state, contact_window, shown_bodies
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
+from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.plots.cloud import plot_cloud
@@ -152,9 +153,10 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
         profile = None
     labels = [f"position {level:.4g}" for level in levels]
     words = load_words(run, case, levels[-1]) if len(levels) == 1 or len(case.stage) == 1 else ""
-    shared = {
+    shared: dict[str, Any] = {
         "pressure_label": case.units.label("pressure", "stress"),
         "suffix": words if len(levels) == 1 else "",
+        "highest": max(regular_peak(contact.arc_length, one) for one in pressure),
     }
     along = case.units.label("arc length", "length")
     if profile is None:
@@ -178,16 +180,19 @@ def _draw_traction(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
     (found,) = probe_contact(run, [position], name, ("pressure", "traction"))
     # What places do is stored step by step: within one it is that of its end.
     row = level_at(run, position).row
+    limit = coefficient * np.maximum(found["pressure"], 0.0)
+    most = np.maximum(limit, np.abs(found["traction"]))
     plot_traction(
         path,
         name,
         ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position)))),
         contact.arc_length,
         found["traction"],
-        coefficient * np.maximum(found["pressure"], 0.0),
+        limit,
         contact.status[row],
         arc_label=case.units.label("arc length", "length"),
         traction_label=case.units.label("traction on the slave", "stress"),
+        highest=regular_peak(contact.arc_length, most),
     )
 
 

@@ -157,8 +157,10 @@ def _contact(figures: Mapping[str, Any]) -> list[str]:
     reference = figures.get("reference")
     if reference and reference.get("pressure_error_l2") is not None:
         known = f"{reference['solution']}: error {100.0 * float(reference['pressure_error_l2']):.2g} %"
-    values = (figures.get("peak_pressure"), figures.get("half_width"), *force, figures.get("closed_nodes"))
-    return [*map(_number, values), known]
+    peak = _number(figures.get("peak_pressure"))
+    peak += " (singular end)" if figures.get("singular_ends") else ""
+    values = (figures.get("half_width"), *force, figures.get("closed_nodes"))
+    return [peak, *map(_number, values), known]
 
 
 def _checks(summary: Mapping[str, Any]) -> str:

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 # Pressures below this part of the peak do not widen the range shown.
 _VISIBLE = 1e-3
-# Singular ends: this part of the loaded length has more than so many times what the rest has, which is shown
-# with some room above.
-_SPIKE, _HIGHER, _ROOM = 0.02, 3.0, 1.5
+# Above the largest value that matters.
+_ROOM = 1.5
 
 
 @dataclass(frozen=True)
@@ -43,13 +42,14 @@ def plot_pressure(
     *,
     pressure_label: str = "pressure",
     suffix: str = "",
+    highest: float | None = None,
 ) -> None:
     """Draw the pressure at every node of one contact for several load levels.
 
     ``arc`` (m,), ``pressure`` (levels, m), one label per level. Nodes are drawn as markers, so that an
     oscillation from node to node shows. With ``reference``, which belongs to the last level, the difference
     to it is drawn below in percent of its peak. Raises ValueError for wrong shapes, RunError if ``path``
-    cannot be written. ``suffix`` follows the contact in the title.
+    cannot be written. ``suffix`` follows the contact in the title. What is far above ``highest`` is cut off.
     """
     if pressure.shape != (len(level_labels), len(arc)) or not level_labels:
         raise ValueError(f"pressure has shape {pressure.shape}, expected {(len(level_labels), len(arc))}")
@@ -77,7 +77,8 @@ def plot_pressure(
         parts = [contact, *([level_labels[0]] if alone else []), *([suffix] if suffix else [])]
         upper.set_title(f"Contact pressure, {', '.join(parts)}")
         upper.set_ylabel(pressure_label)
-        low, high = float(pressure[:, inside].min(initial=0.0)), shown_up_to(upper, arc, pressure)
+        low = float(pressure[:, inside].min(initial=0.0))
+        high = shown_up_to(upper, float(pressure.max(initial=0.0)), highest)
         upper.set_ylim(min(0.0, 1.05 * low), 1.05 * high if high > 0.0 else None)
         if not alone:
             figure.legend(loc="outside right upper")
@@ -146,23 +147,12 @@ def visible_range(
     return max(left - margin, first), min(right + margin, last)
 
 
-def shown_up_to(axes: Axes, arc: FloatArray, values: FloatArray) -> float:
-    """Up to where values (levels, m) at places ``arc`` (m,) are shown: all, or without singular ends, which
-    the picture then tells.
-
-    Singular is what little of the loaded length carries several times what the rest does.
-    """
-    peak, lengths = float(values.max(initial=0.0)), np.gradient(arc) if len(arc) > 1 else np.ones(len(arc))
-    highest = 0.0
-    for one in values:
-        order = np.argsort(one)
-        order = order[one[order] > 0.0]
-        if len(order):
-            share = np.cumsum(lengths[order])
-            highest = max(highest, float(one[order][np.searchsorted(share, (1.0 - _SPIKE) * share[-1])]))
-    if peak <= _HIGHER * highest:
+def shown_up_to(axes: Axes, peak: float, highest: float | None) -> float:
+    """Up to where values with a ``peak`` are shown, if those below ``highest`` matter; the picture tells what
+    is cut off."""
+    if highest is None or highest >= peak:
         return peak
-    words = f"ends up to {peak:.4g} are cut off"
+    words = f"singular ends up to {peak:.4g} are cut off"
     axes.text(0.5, 0.98, words, transform=axes.transAxes, ha="center", va="top", fontsize=8, color="#555555")
     return _ROOM * highest
 
