@@ -11,6 +11,7 @@ import pytest
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
+from mlsanm_cli.app.results.views import along_surface
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
@@ -49,6 +50,36 @@ slave = "block.top"
 obstacle = {{ {obstacle} }}
 [contact.regularization]
 law = "exact"
+"""
+SQUEEZED = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.rubber]
+E = 2.6
+nu = 0.3
+law = "neo-hookean"
+[[body]]
+name = "ring"
+material = "rubber"
+spacing = 0.2
+shape = { kind = "disk", center = [0.0, 1.0], radius = 1.0 }
+[[load]]
+name = "close"
+kind = "obstacle"
+obstacle = "lid"
+uy = -0.2
+[[contact]]
+name = "floor"
+slave = "ring.arc"
+friction = 0.1
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+[[contact]]
+name = "lid"
+slave = "ring.arc"
+friction = 0.1
+obstacle = { kind = "plane", point = [0.0, 2.0], normal = [0.0, -1.0] }
 """
 SIDE = '[[support]]\nboundary = "block.left"\nux = 0.0\n'
 DISK = 'kind = "disk", center = [0.0, 3.0], radius = 1.0'
@@ -290,3 +321,17 @@ def test_a_plate_that_has_turned_is_one_drawn_so(tmp_path: Path) -> None:
         forces.append(solve(text, tmp_path / f"run{len(forces)}")["contacts"]["under"]["force"])
     assert abs(forces[0][1]) > 0.1
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-6)
+
+
+def test_a_disk_pressed_where_its_arc_begins(tmp_path: Path) -> None:
+    """At its top: half-width and picture are of one stretch, not of all that is between its halves."""
+    text = SQUEEZED + "[output]\nat = [1.0]\n"
+    summary = solve(text, tmp_path / "run")
+    widths = [summary["contacts"][name]["half_width"] for name in ("floor", "lid")]
+    assert widths[1] == pytest.approx(widths[0], rel=0.3)
+    assert 0.2 < widths[0] < 0.6
+    contact = read_run(tmp_path / "run").contacts["lid"]
+    order, arc = along_surface(contact, contact.pressure[-1])
+    assert sorted(order.tolist()) == list(range(len(arc)))
+    assert (np.diff(arc) > 0.0).all()
+    assert np.ptp(arc[contact.pressure[-1][order] > 0.0]) < 1.5

@@ -17,7 +17,7 @@ from mlsanm_cli.contact.finite.meeting import NOWHERE
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import Side
-from mlsanm_cli.contact.geometry.profile import half_width, is_singular
+from mlsanm_cli.contact.geometry.profile import half_width, is_singular, unrolled
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
@@ -188,10 +188,14 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
     first = 0
     for contact in scene.contacts:
         record, pressed = records[contact.name], forces.contacts[contact.name]
+        arc, pressure = contact.slave.arc, record.pressure
+        if contact.slave.around is not None:
+            order, arc = unrolled(arc, contact.slave.around, pressure)
+            pressure = pressure[order]
         found[contact.name] = {
-            "peak_pressure": float(record.pressure.max(initial=0.0)),
-            "half_width": half_width(contact.slave.arc, record.pressure),
-            "singular_ends": is_singular(contact.slave.arc, record.pressure),
+            "peak_pressure": float(pressure.max(initial=0.0)),
+            "half_width": half_width(arc, pressure),
+            "singular_ends": is_singular(arc, pressure),
             "force": pressed[0].tolist(),
             "closed_nodes": int((record.status != OPEN).sum()),
             "stick_nodes": int((record.status == STICK).sum()),

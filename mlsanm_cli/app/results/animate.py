@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.app.results.drawn import marks_at
 from mlsanm_cli.app.results.history import pressures_at
 from mlsanm_cli.app.results.plot_choice import Choice, load_words
-from mlsanm_cli.app.results.views import automatic_scale, shown_bodies
+from mlsanm_cli.app.results.views import along_surface, automatic_scale, shown_bodies
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
@@ -42,12 +42,13 @@ def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
         raise RunError("the run has one state only", "there is nothing that moves")
     levels = [float(place) for place in places]
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
+    order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
     file = choice.out or run.directory / run_dir.picture_name("pressure", "gif", name)
     animate_pressure(
         file,
         name,
-        run.contacts[name].arc_length,
-        pressure,
+        arc,
+        pressure[:, order],
         [load_words(run, case, level) or f"position {level:.3f}" for level in levels],
         case.units.label("arc length", "length"),
         case.units.label("pressure", "stress"),

@@ -12,12 +12,14 @@ from mlsanm_cli.case import (
     BodyForce,
     Case,
     Displacement,
+    ExpressionError,
     ObstacleMotion,
     Place,
     Platen,
     Pressure,
     Temperature,
     Traction,
+    value_at,
 )
 from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.io.plots.marks import Marks
@@ -82,7 +84,7 @@ def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> Marks
     touching = {}
     for name, contact in run.contacts.items():
         pressed = contact.pressure[row] > 0.0
-        touching[name] = contact.points[pressed] if pressed.any() else contact.points
+        touching[name] = contact.points[pressed if pressed.any() else [int(contact.gap[0].argmin())]]
     factors = {load: float(history[row]) for load, history in run.path.factors.items()}
     displaced = {
         name: fields["displacement"] for name, fields in state.bodies.items() if "displacement" in fields
@@ -136,7 +138,7 @@ def _arrows(
             continue
         if isinstance(load, BodyForce):
             middle = shown[load.owner].mean(axis=0)
-            yield from _one(middle, _numbers(load.body_force), np.zeros(2), load.name)
+            yield from _one(middle, _numbers(load.body_force, middle), np.zeros(2), load.name)
             continue
         if isinstance(load, ObstacleMotion):
             if load.obstacle in touching:
@@ -151,8 +153,8 @@ def _arrows(
             yield from _one(places[index[half]], _control(load), normals[half], load.name)
             continue
         index, normals = _along(body, load.place, ARROWS)
-        for point, normal in zip(places[index], normals, strict=True):
-            yield from _one(point, _vector(load, normal), normal, load.name)
+        for point, normal, place in zip(places[index], normals, body.points[index], strict=True):
+            yield from _one(point, _vector(load, normal, place), normal, load.name)
 
 
 def _one(point: FloatArray, vector: FloatArray, normal: FloatArray, name: str) -> Iterator[Arrow]:
@@ -165,18 +167,25 @@ def _control(load: Platen | ObstacleMotion) -> FloatArray:
     return np.array([load.control[axis][1] if axis in load.control else 0.0 for axis in ("x", "y")])
 
 
-def _vector(load: Traction | Pressure | Displacement, normal: FloatArray) -> FloatArray:
-    """The direction of a load along a boundary, at a place with an outward ``normal`` (2,)."""
+def _vector(load: Traction | Pressure | Displacement, normal: FloatArray, place: FloatArray) -> FloatArray:
+    """The direction of a load along a boundary, at a ``place`` (2,) with an outward ``normal`` (2,)."""
     if isinstance(load, Pressure):
-        pulls = isinstance(load.pressure, float) and load.pressure < 0.0
-        return normal if pulls else -normal
+        # A table is drawn as if it were positive.
+        return -normal if load.pressure is None else -np.sign(_at(load.pressure, place)) * normal
     if isinstance(load, Displacement):
-        return _numbers(load.components)
+        return _numbers(load.components, place)
     if load.traction is not None:
-        return _numbers(load.traction)
+        return _numbers(load.traction, place)
     return np.asarray(np.array(load.table)[:, 1:].mean(axis=0), dtype=np.float64)
 
 
-def _numbers(given: tuple[float | str | None, float | str | None]) -> FloatArray:
-    """Two numbers; expressions are drawn as if they were 1."""
-    return np.array([1.0 if isinstance(part, str) else part or 0.0 for part in given])
+def _numbers(given: tuple[float | str | None, float | str | None], place: FloatArray) -> FloatArray:
+    return np.array([0.0 if part is None else _at(part, place) for part in given])
+
+
+def _at(given: float | str, place: FloatArray) -> float:
+    try:
+        return value_at(given, *place.tolist()) if isinstance(given, str) else given
+    except ExpressionError:
+        # Of a point between the nodes, for which alone expressions must have values: an arrow like others.
+        return 1.0

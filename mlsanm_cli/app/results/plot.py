@@ -16,7 +16,13 @@ from mlsanm_cli.app.results.overlay import draw_line, draw_together, slips
 from mlsanm_cli.app.results.path_lookup import level_at
 from mlsanm_cli.app.results.plot_choice import KINDS, OF_CONTACT, Choice, load_words, refuse_nonsense
 from mlsanm_cli.app.results.probe import probe_contact
-from mlsanm_cli.app.results.views import automatic_scale, chosen_state, contact_window, shown_bodies
+from mlsanm_cli.app.results.views import (
+    along_surface,
+    automatic_scale,
+    chosen_state,
+    contact_window,
+    shown_bodies,
+)
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.contact.geometry.profile import regular_peak
@@ -31,6 +37,8 @@ from mlsanm_cli.io.run_reader import ContactData, RunData, read_run
 MOST_LEVELS = 6
 """More load levels in one picture cannot be distinguished."""
 CURVE_POINTS = 801
+AT_REST = 1e-3
+"""What moves along a contact by less than this part of its slip is not what it slips by."""
 REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
 
 
@@ -160,7 +168,8 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
     }
     along = case.units.label("arc length", "length")
     if profile is None:
-        plot_pressure(path, name, contact.arc_length, pressure, labels, None, along, **shared)
+        order, arc = along_surface(contact, pressure.max(axis=0))
+        plot_pressure(path, name, arc, pressure[:, order], labels, None, along, **shared)
         return
     x = np.linspace(profile.coordinate[0], profile.coordinate[-1], CURVE_POINTS)
     # The ends of the loaded part belong to the curve, however wide the candidates reach.
@@ -182,14 +191,15 @@ def _draw_traction(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
     row = level_at(run, position).row
     limit = coefficient * np.maximum(found["pressure"], 0.0)
     most = np.maximum(limit, np.abs(found["traction"]))
+    order, arc = along_surface(contact, np.maximum(found["pressure"], 0.0))
     plot_traction(
         path,
         name,
         ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position)))),
-        contact.arc_length,
-        found["traction"],
-        limit,
-        contact.status[row],
+        arc,
+        found["traction"][order],
+        limit[order],
+        contact.status[row][order],
         arc_label=case.units.label("arc length", "length"),
         traction_label=case.units.label("traction on the slave", "stress"),
         highest=regular_peak(contact.arc_length, most),
@@ -206,9 +216,9 @@ def _draw_loop(path: Path, run: RunData, case: Case, name: str, over_slip: bool 
     n_x, n_y = contact.weight @ contact.normal / contact.weight.sum()
     along = {load: moved @ np.array([n_y, -n_x]) for load, moved in run.path.displacements.items()}
     moved, label = slips(contact), "mean slip of the surfaces"
-    if along and not over_slip:
-        load = max(along, key=lambda one: float(np.ptp(along[one])))
-        moved, label = along[load], f"displacement of the platen of {load} along the contact"
+    load = max(along, key=lambda one: float(np.ptp(along[one])), default="")
+    if load and not over_slip and float(np.ptp(along[load])) > AT_REST * float(np.ptp(moved)):
+        moved, label = along[load], f"displacement along the contact, by {load}"
     plot_loop(
         path,
         moved,

@@ -15,10 +15,10 @@ from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.cloud.membership import boundary_chords
 from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.triangles import triangulate
-from mlsanm_cli.contact.geometry.profile import THRESHOLD
+from mlsanm_cli.contact.geometry.profile import THRESHOLD, unrolled
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.cloud import CloudBody
-from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
+from mlsanm_cli.io.run_reader import BodyData, ContactData, RunData, SavedState
 from mlsanm_cli.mechanics.elasticity import von_mises
 
 COMPONENTS = ("xx", "yy", "xy")
@@ -28,6 +28,8 @@ OVERLAP = 0.003
 """Enlarged displacements may make touching surfaces overlap by this part of the detail shown, at most."""
 DETAIL = 2.5
 """Half-widths of the contact that the detail shows on either side of its middle."""
+CLOSES, CLOSED = 6, 1.5
+"""A surface of at least so many nodes is closed where its last one is so many spacings from the first."""
 WHOLE = 0.5
 """A contact that takes up more than this part of the scene needs no detail."""
 
@@ -152,6 +154,15 @@ def contact_window(
     nearest = int(np.argmin([one.min() for one in away]))
     x, y = (middle + scale * bodies[nearest].displacement[away[nearest].argmin()]).tolist()
     return x - half, x + half, y - half, y + half
+
+
+def along_surface(contact: ContactData, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
+    surface that closes around a body begin where pressures (m,) are furthest away."""
+    arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
+    if len(arc) < CLOSES or step > CLOSED * float(np.diff(arc).max()) or CLOSES * step > arc[-1] - arc[0]:
+        return np.arange(len(arc)), arc
+    return unrolled(arc, float(arc[-1] - arc[0]) + step, pressure)
 
 
 def boundary_edges(body: BodyData) -> IntArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 
 THRESHOLD = 0.01
 SHARE, TIMES = 0.02, 3.0
@@ -25,6 +25,23 @@ def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
         _crossing(arc_length, pressure, level, above[-1], 1)
         - _crossing(arc_length, pressure, level, above[0], -1)
     )
+
+
+def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The nodes (m,) of a closed surface of length ``around`` in the order that begins in the middle of the
+    longest stretch without pressures (m,), and their arc lengths, increasing past its start.
+
+    >>> unrolled(np.arange(6.0), 6.0, np.array([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+    (array([3, 4, 5, 0, 1, 2]), array([3., 4., 5., 6., 7., 8.]))
+    """
+    count, pressed = len(pressure), np.flatnonzero(pressure > 0.0)
+    if not 0 < len(pressed) < count:
+        return np.arange(count), arc_length
+    apart = np.diff(np.append(pressed, pressed[0] + count))
+    widest = int(apart.argmax())
+    first = int(pressed[widest] + apart[widest] // 2) % count
+    order = np.roll(np.arange(count), -first)
+    return order, arc_length[order] + around * (order < first)
 
 
 def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
