@@ -13,7 +13,7 @@ from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.app.results.views import along_surface
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
 from tests.app.scenes import Quiet, solve
 from tests.app.vtk_files import area, listed, read
@@ -330,6 +330,9 @@ def test_a_disk_pressed_where_its_arc_begins(tmp_path: Path) -> None:
     widths = [summary["contacts"][name]["half_width"] for name in ("floor", "lid")]
     assert widths[1] == pytest.approx(widths[0], rel=0.3)
     assert 0.2 < widths[0] < 0.6
+    path = read_path(tmp_path / "run")
+    for axis, name in enumerate(("contact.lid.force_x", "contact.lid.force_y")):
+        assert path[name][-1] == pytest.approx(summary["contacts"]["lid"]["force"][axis], rel=1e-9, abs=1e-9)
     contact = read_run(tmp_path / "run").contacts["lid"]
     order, arc = along_surface(contact, contact.pressure[-1])
     assert sorted(order.tolist()) == list(range(len(arc)))

@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.app.assessment.references import ReferenceProfile, profile_on
 from mlsanm_cli.app.results.drawn import marks_at
-from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.results.history import mean_normal, pressing_force, pressures_at, tangential_force
 from mlsanm_cli.app.results.overlay import draw_line, draw_together, slips
 from mlsanm_cli.app.results.path_lookup import level_at
 from mlsanm_cli.app.results.plot_choice import KINDS, OF_CONTACT, Choice, load_words, refuse_nonsense
@@ -32,7 +32,7 @@ from mlsanm_cli.io.plots.cloud import plot_cloud
 from mlsanm_cli.io.plots.figures import SUFFIXES
 from mlsanm_cli.io.plots.friction import plot_loop, plot_traction
 from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
-from mlsanm_cli.io.run_reader import ContactData, RunData, read_run
+from mlsanm_cli.io.run_reader import RunData, read_run
 
 MOST_LEVELS = 6
 """More load levels in one picture cannot be distinguished."""
@@ -155,7 +155,7 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
     contact = run.contacts[name]
     levels = list(at) or _levels(run)
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
-    profile = _reference(case, name, contact)
+    profile = _reference(run, case, name)
     if at and at[-1] != float(run.path.position[-1]):
         # The formula is known for the end of the path.
         profile = None
@@ -212,8 +212,7 @@ def _draw_loop(path: Path, run: RunData, case: Case, name: str, over_slip: bool 
     Where there is no platen, or ``over_slip``, against the mean slip.
     """
     contact = run.contacts[name]
-    force: FloatArray = -(contact.traction @ contact.weight)
-    n_x, n_y = contact.weight @ contact.normal / contact.weight.sum()
+    force, (n_x, n_y) = tangential_force(run, name), mean_normal(run, name)
     along = {load: moved @ np.array([n_y, -n_x]) for load, moved in run.path.displacements.items()}
     moved, label = slips(contact), "mean slip of the surfaces"
     load = max(along, key=lambda one: float(np.ptp(along[one])), default="")
@@ -229,27 +228,17 @@ def _draw_loop(path: Path, run: RunData, case: Case, name: str, over_slip: bool 
     )
 
 
-def _reference(case: Case, name: str, contact: ContactData) -> ReferenceProfile | None:
+def _reference(run: RunData, case: Case, name: str) -> ReferenceProfile | None:
     """The closed formula at the end of the path; None where the case names none or nothing is pressed."""
-    force = float(np.hypot(*_contact_force(contact)[-1]))
+    force = float(np.hypot(*pressing_force(run, name)[-1]))
     if case.reference is None or force == 0.0:
         return None
-    described = next(c for c in case.contact if c.name == name)
+    contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
     return profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
 
 
-def _contact_force(contact: ContactData) -> FloatArray:
-    """Force (S+1, 2) that the contact exerts on its slave."""
-    force: FloatArray = contact.pressure @ (contact.weight[:, None] * contact.normal)
-    return force
-
-
 def _draw_forces(path: Path, run: RunData, case: Case) -> None:
-    if run.is_finite:
-        # Normals turn: the forces are stored as such.
-        forces = {name: run.path.resultants[f"contact {name}"] for name in run.contacts}
-    else:
-        forces = {name: _contact_force(contact) for name, contact in run.contacts.items()}
+    forces = {name: pressing_force(run, name) for name in run.contacts}
     curves = {name: np.hypot(*force.T) for name, force in forces.items()}
     label = case.units.label("contact force per unit thickness", "force")
     _draw_curves(path, run, curves, label, "Contact force along the path")
