@@ -127,8 +127,9 @@ class TerminalConsole(Closing):
             if not self._shown:
                 return
             sign, room = f"  {seconds:.0f} s", self._columns() - 1
-            working = self._working()
+            working, stopping = self._working(), _stopping()
             parts = [*(self._row or [self._shown]), *([working] if working else [])]
+            parts = [stopping] if stopping else parts
             shown = fitting(parts, room - len(sign))
             shown = f"{shown[: max(room - len(sign), 0)].rstrip()}{sign}"[:room]
             self._put(_CLEAR + paint(shown, self._style, self._color))
@@ -191,6 +192,12 @@ def _factorisation() -> str:
     """Progress of the current factorisation, "" if there is none."""
     module = sys.modules.get("mlsanm_cli.operators.linear.progress")
     return "" if module is None else str(module.progress_text())
+
+
+def _stopping() -> str:
+    """What is shown after a signal that the run obeys later, "" if there was none."""
+    module = sys.modules.get("mlsanm_cli.app.signals")
+    return "" if module is None else str(module.Stopper.heard)
 
 
 def fitting(columns: Sequence[str], width: int) -> str:

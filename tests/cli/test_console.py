@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+import os
+import signal
 import time
 
 import pytest
 
+from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.settings import Settings
 from mlsanm_cli.cli.text import pretty
@@ -160,3 +163,16 @@ def test_a_line_that_stands_still_tells_since_when() -> None:
     assert stream.getvalue() == ended
     # What stays is the step as it was.
     assert stream.screen() == ["step    3   position 0.5", ""]
+
+
+def test_a_signal_that_is_obeyed_later_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = Terminal()
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=80)
+    console.step(67, 0.876543, 5.14e-16, REMARK)
+    with Stopper() as stopper:
+        stopper.gentle = True
+        os.kill(os.getpid(), signal.SIGINT)
+        console._still(3.0)
+        assert stream.screen()[-1] == "stopping after this step; Ctrl-C again stops at once  3 s"
+    console._still(4.0)
+    assert stream.screen()[-1].startswith("step   67")
