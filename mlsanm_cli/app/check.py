@@ -176,12 +176,12 @@ def _remarks(prepared: SceneModel, quality: Quality) -> list[str]:
     for pairing in prepared.pairings:
         ratio = quality.spacing_ratio[pairing.name]
         message = ratio_message(pairing, ratio)
-        if ratio > REMARKABLE_RATIO and message not in quality.warnings:
-            remarks.append(message)
         if pairing.name in prepared.ranges:
             remarks.append(
                 f"contact {pairing.name}: pressures get a grid of their own unless they reach a corner"
             )
+        elif ratio > REMARKABLE_RATIO and message not in quality.warnings:
+            remarks.append(message)
         unpaired = len(pairing.slave.index) - len(pairing.position)
         if unpaired:
             other = "obstacle" if pairing.master is None else "master"

@@ -8,9 +8,12 @@ import sys
 import threading
 import time
 from types import FrameType, TracebackType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from mlsanm_cli.system import STOPPING
+
+
+HEARD = "stopping after this step; Ctrl-C again stops at once"
 
 
 class Stopper:
@@ -22,6 +25,9 @@ class Stopper:
     a signal comes by itself. Nothing changes outside the main thread, but that the limit is kept there too.
     SIGTERM ends a process of a pool at once: the pool waits for it.
     """
+
+    heard: ClassVar[str] = ""
+    """What a terminal shows after a first signal that the process obeys later."""
 
     def __init__(self, max_wall: float | None = None) -> None:
         self.gentle = False
@@ -51,6 +57,8 @@ class Stopper:
         again, self.reason = bool(self.reason), self.reason or self._reason_of(number)
         if again or not self.gentle:
             raise KeyboardInterrupt(self.reason)
+        # Not written here: a handler may come in the midst of another line.
+        Stopper.heard = HEARD
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
@@ -78,6 +86,7 @@ class Stopper:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        Stopper.heard = ""
         if self._before and self._max_wall is not None:
             self._stop_alarm()
         for number, handler in self._before.items():

@@ -12,7 +12,7 @@ from typing import Any
 
 from mlsanm_cli.case.model.base import UNIT
 from mlsanm_cli.case.report import SYNONYMS
-from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, walk
+from mlsanm_cli.case.schema import Node, follow, heading, json_schema, known_keys, tables
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
 
@@ -57,7 +57,7 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     schema = json_schema()
     found, path = _find(schema, [part for part in key.split(".") if part])
     if not found:
-        raise RunError(f'there is no key "{key}"', _nearest(schema, key))
+        raise RunError(f'there is no key "{key}"', _nearest(key))
     if path and path[-1] == "kind":
         return (_kind(schema, path, found),)
     groups: dict[str, Explanation] = {}
@@ -238,17 +238,15 @@ def _values(data: Any, path: tuple[str, ...], table: Any) -> Iterator[tuple[Any,
                     yield from _values(item, path, data)
 
 
-def _nearest(schema: Node, key: str) -> str:
-    known: list[str] = []
-    walk(schema, lambda path, node, table: known.append(".".join(path)))
-    known = list(dict.fromkeys(known))
+def _nearest(key: str) -> str:
+    known = known_keys()
+    ends = [one.rpartition(".")[2] for one in known]
     last = key.rpartition(".")[2]
     last = SYNONYMS.get(last.lower(), last)
-    similar = [one for one in known if one.rpartition(".")[2] == last]
+    similar = [one for one, end in zip(known, ends, strict=True) if end == last]
     similar = similar or difflib.get_close_matches(key, known, n=3)
-    if not similar:
-        ends = difflib.get_close_matches(last, {one.rpartition(".")[2] for one in known}, n=1)
-        similar = [one for one in known if one.rpartition(".")[2] in ends]
+    alike = difflib.get_close_matches(last, ends, n=1)
+    similar = similar or [one for one, end in zip(known, ends, strict=True) if end in alike]
     if similar:
         return f"did you mean {' or '.join(similar[:4])}?"
     return '"mlsanm explain" lists the tables'

@@ -76,6 +76,13 @@ def tables_at(path: tuple[str, ...]) -> tuple[Node, ...]:
     return found
 
 
+def known_keys() -> list[str]:
+    """All keys as dotted paths, without the names of items."""
+    known: list[str] = []
+    walk(json_schema(), lambda path, node, table: known.append(".".join(path)))
+    return list(dict.fromkeys(known))
+
+
 def heading(path: tuple[str, ...]) -> str:
     """How TOML writes the table at a path: [model], [[body]], [material.NAME]."""
     schema = json_schema()

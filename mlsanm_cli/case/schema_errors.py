@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.model.expressions import NO_UNITS, with_unit
 from mlsanm_cli.case.report import Report, suggestion
 
 _WORDS = {
@@ -131,8 +132,11 @@ def _kinds(path: KeyPath) -> list[str]:
 
 
 def _unknown_hint(data: Any, path: KeyPath) -> str:
-    from mlsanm_cli.case.schema import tables_at
+    from mlsanm_cli.case.schema import known_keys, tables_at
 
+    below = [key for key in known_keys() if key.endswith(f".{path[-1]}")] if len(path) == 1 else []
+    if below:
+        return f"did you mean {' or '.join(below[:4])}?"
     found = tables_at(tuple(step for step in path[:-1] if isinstance(step, str)))
     kind = _below(_at(data, path[:-1]), "kind")
     own = [table for table in found if table["properties"].get("kind", {}).get("const", kind) == kind]
@@ -151,6 +155,8 @@ def _show(value: Any) -> str:
 
 
 def _type_hint(kind: str, value: Any) -> str:
+    if kind in ("float_type", "int_type") and isinstance(value, str) and with_unit(value):
+        return NO_UNITS
     if kind in ("float_type", "int_type", "bool_type") and isinstance(value, str):
         return f'without quotes: "{value}" is text'
     if kind == "int_type" and isinstance(value, float):

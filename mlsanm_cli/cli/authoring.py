@@ -81,7 +81,10 @@ def schema(settings: Settings) -> int:
 @common
 @click.pass_obj
 def explain(settings: Settings, key: str, everything: bool) -> int:
-    """Explain a KEY of the case file, such as body.refine.spacing; without KEY, list the tables."""
+    """Explain a key of the case file.
+
+    KEY is such as body.refine.spacing. Without KEY, list the tables.
+    """
     if everything:
         from mlsanm_cli.case.reference import everything as all_keys
         from mlsanm_cli.case.reference import markdown

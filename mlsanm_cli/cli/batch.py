@@ -53,15 +53,15 @@ def sweep(
     scheduler: str | None,
     threads: int,
 ) -> int:
-    """Solve CASE for all combinations of values, as in --vary contact.interface.friction=0:0.5:11.
+    """Solve CASE for all combinations of values.
 
+    As in --vary contact.interface.friction=0:0.5:11, or --vary body.block.spacing=0.1,0.2,0.4.
     Completed points are skipped, so the same command continues an interrupted sweep.
     """
-    with numerics(threads):
-        from mlsanm_cli.app.sweep.run_sweep import SweepOptions
-        from mlsanm_cli.app.sweep.run_sweep import sweep as run_sweep
-
     with console_for(settings) as console:
+        with numerics(threads):
+            from mlsanm_cli.app.sweep.run_sweep import SweepOptions
+            from mlsanm_cli.app.sweep.run_sweep import sweep as run_sweep
         result = run_sweep(
             case,
             varied,
@@ -82,7 +82,10 @@ def sweep(
 @common
 @click.pass_obj
 def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
-    """Write one CSV row per run: parameters that differ, status, results."""
+    """Write a table of runs as CSV.
+
+    One row per run: parameters that differ, status, results.
+    """
     with numerics(1):
         from mlsanm_cli.app.results.collect import as_csv, write_rows
         from mlsanm_cli.app.results.collect import collect as collect_runs
@@ -99,7 +102,10 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
 
 @click.group()
 def cache() -> None:
-    """Operators cached on disk by earlier versions; only compiled kernels are cached now."""
+    """Show or delete what earlier versions left.
+
+    They cached operators on disk; only compiled kernels are cached now.
+    """
 
 
 @cache.command(name="info")

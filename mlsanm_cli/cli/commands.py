@@ -20,6 +20,7 @@ from mlsanm_cli.cli.options import (
     set_option,
     threads_option,
 )
+from mlsanm_cli.cli.results import FRICTION, is_rubbed
 from mlsanm_cli.cli.resume import show_run
 from mlsanm_cli.cli.settings import Settings, numerics
 
@@ -132,10 +133,9 @@ def run(
     max_wall: float | None,
 ) -> int:
     """Solve CASE and write a run directory."""
-    with numerics(threads):
-        from mlsanm_cli.app.run import run as run_case
-
     with console_for(settings) as console:
+        with numerics(threads):
+            from mlsanm_cli.app.run import run as run_case
         summary = run_case(
             case,
             overrides=overrides,
@@ -173,10 +173,9 @@ def check(
 
     Validates the case, places nodes, builds stencils and contact pairs, and estimates size and cost.
     """
-    with numerics(threads):
-        from mlsanm_cli.app.check import check as check_case
-
     with console_for(settings) as console:
+        with numerics(threads):
+            from mlsanm_cli.app.check import check as check_case
         result = check_case(
             case, overrides=overrides, write=write, picture=picture, threads=threads, console=console
         )
@@ -196,7 +195,11 @@ def info(settings: Settings, rundir: Path) -> int:
         from mlsanm_cli.app.results.info import info as run_info
 
     result = run_info(rundir)
-    print_result(settings, result, pretty_result(settings, result))
+    contacts = {
+        name: {key: value for key, value in one.items() if key not in FRICTION or is_rubbed(one)}
+        for name, one in result.get("contacts", {}).items()
+    }
+    print_result(settings, result, pretty_result(settings, {**result, "contacts": contacts}))
     return 0
 
 
@@ -206,10 +209,9 @@ def info(settings: Settings, rundir: Path) -> int:
 @click.pass_obj
 def warmup(settings: Settings, threads: int) -> int:
     """Compile the kernels ahead of the first run."""
-    with numerics(threads):
-        from mlsanm_cli.app.warmup import warmup as warm_up
-
     with console_for(settings) as console:
+        with numerics(threads):
+            from mlsanm_cli.app.warmup import warmup as warm_up
         result = warm_up(console)
     print_result(settings, result, pretty_result(settings, result))
     return 0

@@ -62,17 +62,17 @@ def compare(
     force: bool,
     threads: int,
 ) -> int:
-    """Solve CASE with ANM and the selected methods, on the same operators.
+    """Solve CASE by several methods and compare.
 
+    By ANM and the selected methods, on the same operators.
     The method of CASE is always included. Exit code 1 if methods disagree.
     """
-    with numerics(threads):
-        from mlsanm_cli.app.comparison.compare import CompareOptions
-        from mlsanm_cli.app.comparison.compare import compare as compare_methods
-
     asked = {"newton": newton, "active-set": active_set, "monolithic": monolithic}
     methods = tuple(name for name, wanted in asked.items() if wanted)
     with console_for(settings) as console:
+        with numerics(threads):
+            from mlsanm_cli.app.comparison.compare import CompareOptions
+            from mlsanm_cli.app.comparison.compare import compare as compare_methods
         result = compare_methods(
             case,
             CompareOptions(methods, analytic, levels, tolerance, repeat, picture),

@@ -16,6 +16,7 @@ from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, printable, table
 from mlsanm_cli.closing import Closing
 
 _COLUMNS = 80
+_SOLVING = "solving ..."
 _CLEAR = "\r\x1b[K"
 _INTERVAL = 1.0  # seconds between two lines of the step table in a log
 _FRAME = 0.05  # seconds between two changes of the line on a terminal
@@ -50,11 +51,19 @@ class TerminalConsole(Closing):
         self._style = DIM
         self._shown = ""  # the line on the terminal that the next one replaces
         self._row: list[str] = []  # its columns, if it is a step
+        self._doing = ""  # what is shown again after a message
         self._waiting: list[str] = []  # the latest step that was not shown yet
         self._last: float | None = None
         # Two threads write: this one, and the one that shows the elapsed time.
         self._lock = threading.RLock()
         self._heart = Heartbeat(self._still, interval)
+
+    def begin(self, text: str) -> None:
+        """Shows on a terminal what is done before the first phase; in a log nobody waits for it."""
+        with self._lock:
+            if self._live:
+                self._doing = f"{text} ..."
+                self._rewrite(self._doing)
 
     def phase(self, text: str) -> None:
         """Starts a phase."""
@@ -63,7 +72,8 @@ class TerminalConsole(Closing):
             if self._quiet:
                 return
             if self._live:
-                self._rewrite(f"{text} ...")
+                self._doing = f"{text} ..."
+                self._rewrite(self._doing)
             else:
                 self._line(f"{text} ...")
 
@@ -79,6 +89,7 @@ class TerminalConsole(Closing):
             if self._last is not None and now - self._last < pause:
                 self._waiting = row
                 return
+            self._doing = _SOLVING
             self._show_step(row)
             self._last = now
 
@@ -106,6 +117,7 @@ class TerminalConsole(Closing):
         """Cleans up the terminal: the last step remains, the phase is erased."""
         self._heart.stop()
         with self._lock:
+            self._doing = ""
             self._finish_steps()
             self._erase()
 
@@ -115,8 +127,9 @@ class TerminalConsole(Closing):
             if not self._shown:
                 return
             sign, room = f"  {seconds:.0f} s", self._columns() - 1
-            working = self._working()
+            working, stopping = self._working(), _stopping()
             parts = [*(self._row or [self._shown]), *([working] if working else [])]
+            parts = [stopping] if stopping else parts
             shown = fitting(parts, room - len(sign))
             shown = f"{shown[: max(room - len(sign), 0)].rstrip()}{sign}"[:room]
             self._put(_CLEAR + paint(shown, self._style, self._color))
@@ -161,6 +174,8 @@ class TerminalConsole(Closing):
     def _line(self, text: str) -> None:
         self._erase()
         self._put(f"{text}\n")
+        if self._live and self._doing:
+            self._rewrite(self._doing)
 
     def _put(self, text: str) -> None:
         """Writes; after the reader has closed the stream, as in `| head`, output is discarded."""
@@ -177,6 +192,12 @@ def _factorisation() -> str:
     """Progress of the current factorisation, "" if there is none."""
     module = sys.modules.get("mlsanm_cli.operators.linear.progress")
     return "" if module is None else str(module.progress_text())
+
+
+def _stopping() -> str:
+    """What is shown after a signal that the run obeys later, "" if there was none."""
+    module = sys.modules.get("mlsanm_cli.app.signals")
+    return "" if module is None else str(module.Stopper.heard)
 
 
 def fitting(columns: Sequence[str], width: int) -> str:

@@ -114,9 +114,14 @@ def set_option(function: Function) -> Function:
     return option(function)
 
 
-def console_for(settings: Settings) -> TerminalConsole:
-    """The console for progress messages on stderr."""
-    return TerminalConsole(sys.stderr, settings)
+def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:
+    """The console for progress messages on stderr; a terminal shows what is done until the first of them.
+
+    Opened before the numerics are imported, which takes a second or more.
+    """
+    console = TerminalConsole(sys.stderr, settings)
+    console.begin(doing)
+    return console
 
 
 def print_result(settings: Settings, result: Mapping[str, Any], text: str) -> None:

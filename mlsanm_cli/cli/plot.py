@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from mlsanm_cli.cli import completion
-from mlsanm_cli.cli.options import FILE, common, print_result
+from mlsanm_cli.cli.options import FILE, common, console_for, print_result
 from mlsanm_cli.cli.settings import Settings, numerics
 
 KINDS = ("pressure", "traction", "loop", "hysteresis", "force", "peak", "bodies", "line")
@@ -38,7 +38,9 @@ FIELDS = ("von_mises", "xx", "yy", "xy", "ux", "uy", "displacement")
     "-o", "--output", "out", type=FILE, help="Output file of a single picture; the suffix selects the format."
 )
 @click.option(
-    "--animate", is_flag=True, help="Write an animated GIF along the path: pressures, or --what bodies."
+    "--animate",
+    is_flag=True,
+    help="Animate the path: pressures, or --what bodies; a GIF, or with -o NAME.mp4 an MP4 file.",
 )
 @click.option(
     "--format",
@@ -63,15 +65,15 @@ def plot(
     animate: bool,
     formats: tuple[str, ...],
 ) -> int:
-    """Draw pictures of the run in RUNDIR, or of several runs in common plots.
+    """Draw pictures of a run, or of several runs together.
 
     Contact pressures, load path, deformed bodies with von Mises stress. No display is needed.
     """
-    with numerics(1):
-        from mlsanm_cli.app.results.plot import plot as plot_run
-        from mlsanm_cli.app.results.plot_choice import Choice
-
-    choice = Choice(what, contact, field, at, along, out, animate)
-    files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=choice)
+    with console_for(settings, "drawing"):
+        with numerics(1):
+            from mlsanm_cli.app.results.plot import plot as plot_run
+            from mlsanm_cli.app.results.plot_choice import Choice
+        choice = Choice(what, contact, field, at, along, out, animate)
+        files = plot_run(rundirs, formats=tuple(dict.fromkeys(formats)), choice=choice)
     print_result(settings, {"files": [str(file) for file in files]}, "\n".join(str(file) for file in files))
     return 0

@@ -9,6 +9,8 @@ from typing import Any
 from mlsanm_cli.cli.text import grid, label, number, table
 
 _CONTACT = ("peak_pressure", "peak_tension", "peak_traction", "half_width", "force", "min_gap")
+FRICTION = ("stick_nodes", "slip_nodes", "dissipated_work", "max_cone_ratio", "peak_traction")
+"""What a summary has of contacts with friction only to tell."""
 _QUALITY = ("residual", "force_balance", "energy_error", "stability", "peak_memory_mb")
 
 
@@ -38,9 +40,9 @@ def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
 def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The main results of a contact with their error estimate."""
     rows = [(label(key), number(contact[key])) for key in _CONTACT if key in contact]
-    # Stick and slip are distinguished with friction only.
-    frictionless = contact.get("max_cone_ratio") is None and "closed_nodes" in contact
-    nodes = ("closed_nodes",) if frictionless else ("stick_nodes", "slip_nodes")
+    if contact.get("singular_ends"):
+        rows[0] = ("peak pressure", f"{rows[0][1]} at a singular end: it depends on the grid")
+    nodes = ("stick_nodes", "slip_nodes") if is_rubbed(contact) else ("closed_nodes",)
     rows += [(label(key), number(contact[key])) for key in nodes if key in contact]
     pressures = (summary.get("error_estimate") or {}).get("pressure", {})
     if name in pressures:
@@ -52,6 +54,11 @@ def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) 
             (str(reference.get("solution")), f"{away}, peak {number(reference.get('peak_pressure'))}")
         )
     return rows
+
+
+def is_rubbed(contact: Mapping[str, Any]) -> bool:
+    """Whether a contact has friction: stick and slip are not distinguished without."""
+    return contact.get("max_cone_ratio") is not None or "closed_nodes" not in contact
 
 
 def _percent(value: Any, of: str) -> str:

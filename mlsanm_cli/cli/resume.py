@@ -32,10 +32,9 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
     The result agrees with that of an uninterrupted run to the solver's tolerance.
     """
     threads = threads or _threads_of(rundir)
-    with numerics(threads):
-        from mlsanm_cli.app.resume import resume as resume_run
-
     with console_for(settings) as console:
+        with numerics(threads):
+            from mlsanm_cli.app.resume import resume as resume_run
         summary = resume_run(rundir, max_wall=max_wall, console=console)
     return show_run(settings, summary)
 

@@ -71,9 +71,23 @@ def number(value: Any) -> str:
     return printable(str(value))
 
 
+LABELS = {
+    "finest": "finest spacing",
+    "closest": "closest nodes, in spacings",
+    "hole": "widest hole, in spacings",
+    "growth": "growth of spacing",
+    "stencils_enlarged": "enlarged stencils",
+    "worst_ratio": "conditioning of stencils",
+    "git": "commit",
+    "argv": "command",
+}
+"""Headings of keys whose names say too little."""
+
+
 def label(key: str) -> str:
     """A key as a heading: ``peak_pressure`` as ``peak pressure``."""
-    return key.replace("_", " ")
+    words = LABELS.get(key) or key.replace("_", " ")
+    return words.replace(" cpu ", " CPU ").removesuffix(" mb") + (" in MB" if words.endswith(" mb") else "")
 
 
 def table(title: str, rows: Sequence[tuple[str, str]], color: bool = False) -> str:
@@ -106,18 +120,18 @@ def pretty(mapping: Mapping[str, Any], title: str = "", color: bool = False, wid
     flat: list[tuple[str, str]] = []
     blocks: list[str] = []
     for key, value in mapping.items():
-        value = plain(value)
+        value, heading = plain(value), f"{title} {label(key)}".strip()
         if isinstance(value, list) and any(isinstance(item, str) and " " in item for item in value):
-            blocks.append(table(label(key), [("-", str(item)) for item in value], color))
+            blocks.append(table(heading, [("-", str(item)) for item in value], color))
         elif isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
             numbered = {str(index): item for index, item in enumerate(value, start=1)}
-            blocks.append(_items(label(key), numbered, color, width))
+            blocks.append(_items(heading, numbered, color, width))
         elif not isinstance(value, dict):
             flat.append((label(key), number(value)))
         elif value and all(isinstance(item, dict) for item in value.values()):
-            blocks.append(_items(label(key), value, color, width))
+            blocks.append(_items(heading, value, color, width))
         elif value:
-            blocks.append(pretty(value, label(key), color, width))
+            blocks.append(pretty(value, heading, color, width))
     first = [table(title, flat, color)] if flat or not blocks else []
     return "\n".join([*first, *blocks])
 

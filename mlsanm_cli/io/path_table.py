@@ -39,7 +39,7 @@ def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
     for name, force in forces.items():
         columns |= _vector(f"force.{name}", force)
     for name, group in _items(root, "contacts"):
-        columns |= _contact(name, group)
+        columns |= _contact(name, group, forces.get(f"contact {name}"))
     return columns
 
 
@@ -50,10 +50,12 @@ def write_path_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _contact(name: str, group: Any) -> dict[str, NDArray[Any]]:
+def _contact(name: str, group: Any, force: FloatArray | None) -> dict[str, NDArray[Any]]:
     weight, normal, pressure = group["weight"][...], group["normal"][...], group["pressure"][...]
-    tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
-    force = (pressure * weight) @ normal + (group["traction"][...] * weight) @ tangent
+    if force is None:
+        # At finite strain, where directions and lengths change, it is stored.
+        tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+        force = (pressure * weight) @ normal + (group["traction"][...] * weight) @ tangent
     columns = _vector(f"contact.{name}.force", force)
     columns[f"contact.{name}.peak_pressure"] = pressure.max(axis=1, initial=0.0)
     columns[f"contact.{name}.closed_length"] = (group["status"][...] != 0) @ weight

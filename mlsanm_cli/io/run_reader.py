@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
 
+SOME = 5
+"""Names that a hint lists."""
 MAPS = ("forces", "slip", "probes", "bonds")
 PATH: tuple[tuple[str, type[np.generic]], ...] = (
     *((name, np.float64) for name in ("position", "step_length", "residual", "seconds")),
@@ -190,7 +192,12 @@ def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     if not file.is_file():
         what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"
-        raise RunError(f"{rundir} is not a run: {what}", hint="give the directory that `mlsanm run` wrote")
+        inside = sorted(path.parent for path in rundir.glob(f"*/{RUN_FILE}"))
+        hint = "give the directory that `mlsanm run` wrote"
+        if inside:
+            more = ", ..." if len(inside) > SOME else ""
+            hint = f"there are runs in it: {', '.join(map(str, inside[:SOME]))}{more}"
+        raise RunError(f"{rundir} is not a run: {what}", hint)
     try:
         # Its writer puts whole files in its place, and needs no lock.
         with h5py.File(file, "r", locking=False) as root:

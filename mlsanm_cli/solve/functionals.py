@@ -20,8 +20,14 @@ def slave_points(built: CondensedScene, pairing: Pairing) -> FloatArray:
 
 
 def slave_arc(pairing: Pairing) -> FloatArray:
-    """Arc lengths (m,) of a contact's candidates along the slave surface."""
-    return pairing.arc[pairing.candidate]
+    """Increasing arc lengths (m,) of a contact's candidates along the slave surface, from its start."""
+    arc = pairing.arc[pairing.candidate]
+    if pairing.grid is None or pairing.grid.facing.slave_first:
+        return arc
+    # The places of the grid are those of the master, against its direction.
+    curve = pairing.slave.curve
+    found = curve.closest(pairing.points[pairing.candidate])
+    return np.maximum.accumulate(np.unwrap(found, period=curve.length) if curve.closed else found)
 
 
 def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:

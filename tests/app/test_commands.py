@@ -84,7 +84,8 @@ def test_check_writes_the_model(tmp_path: Path) -> None:
     assert (mesh.points + data["partner"])[paired][:, 1] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize(("spacing", "warned", "noted"), [(0.08, 0, 1), (0.125, 0, 1), (0.2, 0, 0)])
+@pytest.mark.usefixtures("by_nodes")
+@pytest.mark.parametrize(("spacing", "warned", "noted"), [(0.08, 1, 0), (0.125, 0, 1), (0.2, 0, 0)])
 def test_unequal_spacings_are_told(spacing: float, warned: int, noted: int, tmp_path: Path) -> None:
     console = Quiet()
     found = check(write(tmp_path, PATCH), overrides=(f"body.upper.spacing={spacing}",), console=console)
@@ -92,6 +93,11 @@ def test_unequal_spacings_are_told(spacing: float, warned: int, noted: int, tmp_
     ratio = [text for text in console.warnings if "factor of" in text]
     assert (len(ratio), len([n for n in found["notes"] if "factor of" in n])) == (warned, noted)
     assert found["warnings"] == console.warnings
+
+
+def test_spacings_at_contacts_on_grids_of_their_own_do_not_matter(tmp_path: Path) -> None:
+    found = check(write(tmp_path, PATCH), overrides=("body.upper.spacing=0.08",), console=Quiet())
+    assert not [note for note in (*found["notes"], *found["warnings"]) if "factor of" in note]
 
 
 @pytest.mark.usefixtures("by_nodes")
@@ -245,7 +251,7 @@ def test_views(hertz_run: Path, patch_run: Path) -> None:
 
     run = read_run(hertz_run)
     assert views.automatic_scale(run, bodies(hertz_run)) == 1.0
-    window = views.contact_window(run, 1.0, bodies(hertz_run))
+    window = views.contact_window(run, 1.0, bodies(hertz_run), 1.0)
     assert window is not None
     x0, x1, y0, y1 = window
     assert x0 == pytest.approx(-x1, abs=0.02)
@@ -256,7 +262,7 @@ def test_views(hertz_run: Path, patch_run: Path) -> None:
     scale = views.automatic_scale(read_run(patch_run), patch)
     largest = max(np.hypot(*body.displacement.T).max() for body in patch)
     assert 0.02 <= scale * largest / 2.0 <= 0.05
-    assert views.contact_window(read_run(patch_run), 1.0, patch) is None
+    assert views.contact_window(read_run(patch_run), 1.0, patch, scale) is None
 
 
 @pytest.mark.parametrize("fields", ['["stress"]', '["displacement"]', "[]"])

@@ -11,10 +11,12 @@ import pytest
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
+from mlsanm_cli.app.results.views import along_surface
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
 from tests.app.scenes import Quiet, solve
+from tests.app.vtk_files import area, listed, read
 from tests.case_text import pushed
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -49,10 +51,50 @@ obstacle = {{ {obstacle} }}
 [contact.regularization]
 law = "exact"
 """
+SQUEEZED = """
+format = 1
+[model]
+plane = "strain"
+strain = "finite"
+[material.rubber]
+E = 2.6
+nu = 0.3
+law = "neo-hookean"
+[[body]]
+name = "ring"
+material = "rubber"
+spacing = 0.2
+shape = { kind = "disk", center = [0.0, 1.0], radius = 1.0 }
+[[load]]
+name = "close"
+kind = "obstacle"
+obstacle = "lid"
+uy = -0.2
+[[contact]]
+name = "floor"
+slave = "ring.arc"
+friction = 0.1
+obstacle = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+[[contact]]
+name = "lid"
+slave = "ring.arc"
+friction = 0.1
+obstacle = { kind = "plane", point = [0.0, 2.0], normal = [0.0, -1.0] }
+"""
 SIDE = '[[support]]\nboundary = "block.left"\nux = 0.0\n'
 DISK = 'kind = "disk", center = [0.0, 3.0], radius = 1.0'
 FINE = "{at = [0.0, 2.0], spacing = 0.05, radius = 0.75, growth = 0.15}"
 CLAMPED = {"bottom": "ux = 0.0\n", "obstacle": DISK}
+
+
+def shown_at_the_end(directory: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Bodies, and surfaces in contact with obstacles, of the last saved state as ParaView sees them."""
+    found: list[dict[str, Any]] = []
+    for kind in ("fields", "contacts"):
+        entries = listed(directory / f"{kind}.pvd")
+        last = [entry for entry in entries if entry["timestep"] == entries[-1]["timestep"]]
+        found.append({entry["name"]: read(directory / entry["file"]) for entry in last})
+    return found[0], found[1]
 
 
 def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
@@ -185,6 +227,19 @@ def test_ironing_without_friction(tmp_path: Path) -> None:
     across, up = np.array(forces).T
     assert np.abs(across).max() <= 5e-3 * up.mean()
     np.testing.assert_allclose(up, up.mean(), rtol=0.01)
+    filled, lines = shown_at_the_end(directory)
+    for name, count in (("base", 4.4 * 1.5), ("tool", 0.5 * np.pi)):
+        mesh = filled[name]
+        parts = area(mesh.points, mesh.cells_dict["triangle"])
+        assert parts.sum() == pytest.approx(count, rel=0.02)
+    # Pressures stand on the softer side, and are told as they act on the case's slave, the tool.
+    data, (line,) = lines["contacts"].point_data, lines["contacts"].cells
+    assert line.type == "line"
+    moved = (lines["contacts"].points + data["displacement"])[:, :2]
+    stress = data["contact_stress"][:, :2]
+    middle, length = 0.5 * (stress[1:] + stress[:-1]), np.hypot(*np.diff(moved, axis=0).T)
+    np.testing.assert_allclose(length @ middle, forces[-1], atol=0.01 * up[-1])
+    np.testing.assert_allclose(data["pressure"], (stress * data["normal"][:, :2]).sum(axis=1), atol=1e-2)
 
 
 def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:
@@ -195,6 +250,15 @@ def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:
     forces = [-row["fy"] for row in probe_force(tmp_path / "run", [0.2, 0.6, 1.0], "plate")]
     np.testing.assert_allclose(forces, [1.4426e-4, 3.6199e-4, 7.4609e-4], rtol=0.01)
     assert read_run(tmp_path / "run").contacts["plate"].gap[-1].min() >= -1e-9
+    _, lines = shown_at_the_end(tmp_path / "run")
+    plate, side = (
+        (lines[kind].points + lines[kind].point_data["displacement"])[:, 1]
+        for kind in ("obstacles", "contacts")
+    )
+    np.testing.assert_allclose(plate, 0.525)
+    pressed = lines["contacts"].point_data["pressure"] > 0.0
+    assert pressed.sum() >= 2
+    np.testing.assert_allclose(side[pressed], 0.525, atol=1e-9)
 
 
 def test_a_roller_that_turns_on_the_spot(tmp_path: Path) -> None:
@@ -235,3 +299,20 @@ def test_a_plate_that_has_turned_is_one_drawn_so(tmp_path: Path) -> None:
         forces.append(solve(text, tmp_path / f"run{len(forces)}")["contacts"]["under"]["force"])
     assert abs(forces[0][1]) > 0.1
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-6)
+
+
+def test_a_disk_pressed_where_its_arc_begins(tmp_path: Path) -> None:
+    """At its top: half-width and picture are of one stretch, not of all that is between its halves."""
+    text = SQUEEZED + "[output]\nat = [1.0]\n"
+    summary = solve(text, tmp_path / "run")
+    widths = [summary["contacts"][name]["half_width"] for name in ("floor", "lid")]
+    assert widths[1] == pytest.approx(widths[0], rel=0.3)
+    assert 0.2 < widths[0] < 0.6
+    path = read_path(tmp_path / "run")
+    for axis, name in enumerate(("contact.lid.force_x", "contact.lid.force_y")):
+        assert path[name][-1] == pytest.approx(summary["contacts"]["lid"]["force"][axis], rel=1e-9, abs=1e-9)
+    contact = read_run(tmp_path / "run").contacts["lid"]
+    order, arc = along_surface(contact, contact.pressure[-1])
+    assert sorted(order.tolist()) == list(range(len(arc)))
+    assert (np.diff(arc) > 0.0).all()
+    assert np.ptp(arc[contact.pressure[-1][order] > 0.0]) < 1.5

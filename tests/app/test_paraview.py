@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 import pytest
 
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, solve
+from tests.app.vtk_files import area, listed, read
 from tests.case_text import EXACT, body, box, contact, disk, head, material, pushed, support, table
 
 ROOT = Path(__file__).parents[2]
+NO_VTK = "the extra test-vtk is not installed"
 AREAS = {"cylinder": 0.5 * np.pi, "block": 8.0}
 CYLINDER = (
     head("strain")
@@ -27,20 +27,6 @@ CYLINDER = (
     )
     + table("output", at=[0.5, 1.0])
 )
-
-
-def read(path: Path) -> Any:
-    return meshio.read(path, file_format="vtu")
-
-
-def listed(path: Path) -> list[dict[str, str]]:
-    return [dict(one.attrib) for one in ET.parse(path).getroot().findall("Collection/DataSet")]
-
-
-def area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    a, b, c = (points[triangles[:, corner], :2] for corner in range(3))
-    twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    return np.asarray(0.5 * twice)
 
 
 @pytest.fixture(scope="module")
@@ -115,39 +101,64 @@ def test_scenes_without_contact_have_no_contact_files(bar_run: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["bodies", "lines"])
 def test_vtk_fills_and_warps_without_a_filter_before(drum: Path, hertz_run: Path, kind: str) -> None:
-    vtk = pytest.importorskip("vtk", reason="the extra test-vtk is not installed")
-    file = {"bodies": hertz_run / "fields_0005.vtu", "lines": drum / "contacts_0001.vtu"}[kind]
-    reader = vtk.vtkXMLUnstructuredGridReader()
-    reader.SetFileName(str(file))
-    warp = vtk.vtkWarpVector()
-    warp.SetInputConnection(reader.GetOutputPort())
-    place = vtk.vtkDataObject.FIELD_ASSOCIATION_POINTS
-    warp.SetInputArrayToProcess(0, 0, 0, place, "displacement")
-    scalar = {"bodies": "von_mises", "lines": "pressure"}[kind]
-    isoline = vtk.vtkContourFilter()
-    isoline.SetInputConnection(warp.GetOutputPort())
-    isoline.SetInputArrayToProcess(0, 0, 0, place, scalar)
-    reader.Update()
-    _, largest = reader.GetOutput().GetPointData().GetArray(scalar).GetRange()
-    isoline.SetValue(0, 0.5 * largest)
-    isoline.Update()
-    found = isoline.GetOutput()
+    vtk = pytest.importorskip("vtk", reason=NO_VTK)
     if kind == "lines":
         # Half the peak pressure is met once on either side of the middle.
-        assert found.GetNumberOfPoints() == 2
+        assert isolines(vtk, drum / "contacts_0001.vtu", "pressure").GetNumberOfPoints() == 2
         return
-    assert found.GetNumberOfLines() > 20
-    assert found.GetPointData().GetArray(scalar).GetRange() == pytest.approx((0.5 * largest,) * 2)
-    filled = vtk.vtkBandedPolyDataContourFilter()
-    surface = vtk.vtkGeometryFilter()
-    surface.SetInputConnection(warp.GetOutputPort())
-    filled.SetInputConnection(surface.GetOutputPort())
+    assert isolines(vtk, hertz_run / "fields_0005.vtu", "von_mises").GetNumberOfLines() > 20
+    surface, filled = bands(vtk, hertz_run / "fields_0005.vtu", "von_mises")
+    assert filled >= surface > 500
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "cases").glob("*.toml")))
+def test_vtk_shows_every_published_case(name: str, tmp_path: Path) -> None:
+    """At the end: bodies filled and warped, with isolines, and contacts as lines."""
+    vtk = pytest.importorskip("vtk", reason=NO_VTK)
+    case = ROOT / "cases" / f"{name}.toml"
+    assert solve(case.read_text(), tmp_path / "run")["status"] == "done"
+    entries = listed(tmp_path / "run" / "fields.pvd")
+    for entry in entries[-len(read_run(tmp_path / "run").bodies) :]:
+        file = tmp_path / "run" / entry["file"]
+        surface, filled = bands(vtk, file, "von_mises")
+        assert filled >= surface > 100
+        assert isolines(vtk, file, "von_mises").GetNumberOfLines() > 0
+    if read_run(tmp_path / "run").contacts:
+        last = [one for one in listed(tmp_path / "run" / "contacts.pvd") if one["name"] == "contacts"][-1]
+        assert isolines(vtk, tmp_path / "run" / last["file"], "pressure").GetNumberOfPoints() > 0
+
+
+def warped(vtk: Any, file: Path) -> Any:
+    """A file moved by its displacements, and nothing else."""
+    reader, warp = vtk.vtkXMLUnstructuredGridReader(), vtk.vtkWarpVector()
+    reader.SetFileName(str(file))
+    warp.SetInputConnection(reader.GetOutputPort())
+    warp.SetInputArrayToProcess(0, 0, 0, vtk.vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
+    warp.Update()
+    return warp.GetOutput()
+
+
+def isolines(vtk: Any, file: Path, scalar: str) -> Any:
+    """Where a scalar is in the middle of its range, on what is moved."""
+    grid, isoline = warped(vtk, file), vtk.vtkContourFilter()
+    isoline.SetInputData(grid)
+    isoline.SetInputArrayToProcess(0, 0, 0, vtk.vtkDataObject.FIELD_ASSOCIATION_POINTS, scalar)
+    low, high = grid.GetPointData().GetArray(scalar).GetRange()
+    isoline.SetValue(0, 0.5 * (low + high))
+    isoline.Update()
+    return isoline.GetOutput()
+
+
+def bands(vtk: Any, file: Path, scalar: str) -> tuple[int, int]:
+    """Number of cells of a moved body, and of the parts that bands of a scalar divide it into."""
+    surface, filled = vtk.vtkGeometryFilter(), vtk.vtkBandedPolyDataContourFilter()
+    surface.SetInputData(warped(vtk, file))
     surface.Update()
     surface.GetOutput().GetPointData().SetActiveScalars(scalar)
     filled.SetInputData(surface.GetOutput())
-    filled.GenerateValues(6, 0.0, largest)
+    filled.GenerateValues(6, surface.GetOutput().GetPointData().GetArray(scalar).GetRange())
     filled.Update()
-    assert filled.GetOutput().GetNumberOfPolys() >= surface.GetOutput().GetNumberOfPolys() > 500
+    return surface.GetOutput().GetNumberOfPolys(), filled.GetOutput().GetNumberOfPolys()
 
 
 def test_strains_are_written_where_they_are_asked_for(tmp_path: Path) -> None:

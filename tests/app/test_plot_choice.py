@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from PIL import Image
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results import animate, overlay
 from mlsanm_cli.app.results import plot as plot_module
+from mlsanm_cli.app.results.drawn import marks_at, marks_of
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.plot_choice import Choice, load_words
 from mlsanm_cli.app.run import run as run_case
@@ -22,6 +24,14 @@ from mlsanm_cli.io.plots.overlay import Curve, plot_curves
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, PATCH, Quiet, hertz, solve
 from tests.app.test_paraview import CYLINDER
+
+FFMPEG = """
+words = sys.argv
+count = len(sys.stdin.buffer.read())
+text = f"{words[words.index('-s') + 1]} {words[words.index('-r') + 1]} {count}"
+open(words[-1], "w").write(text)
+"""
+"""A program that writes what it was asked for."""
 
 
 @pytest.fixture
@@ -78,7 +88,7 @@ def test_bodies_are_coloured_by_the_field_asked_for(
     marks = words["marks"]
     assert [name for *_, name in marks.arrows] == ["press"]
     ((points, normals),) = marks.held
-    assert points[:, 1].tolist() == [-2.0] * len(points)
+    np.testing.assert_allclose(points[:, 1], -2.0, atol=1e-6)
     assert normals.tolist() == [[0.0, -1.0]] * len(normals)
     assert len(marks.nodes) == 2
 
@@ -174,6 +184,59 @@ def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch
     assert file.name == "plot_bodies.gif"
     with Image.open(file) as picture:
         assert getattr(picture, "n_frames") == 3  # noqa: B009
+
+
+def test_mp4_by_ffmpeg(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program of this name gets all frames and says where it failed; the real one was tried by hand."""
+    monkeypatch.setattr(animate, "FRAMES", 5)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    moving = Choice(animate=True, out=tmp_path / "p.mp4")
+    with pytest.raises(RunError, match="ffmpeg, which is not on PATH"):
+        plot(hertz_run, choice=moving)
+    program = tmp_path / "ffmpeg"
+    program.write_text(f"#!{sys.executable}\nimport sys\n" + FFMPEG)
+    program.chmod(0o755)
+    assert plot(hertz_run, choice=moving) == [tmp_path / "p.mp4"]
+    size, rate, frames = (tmp_path / "p.mp4").read_text().split()
+    width, height = map(int, size.split("x"))
+    # Five frames, half a second each, the last one three times as long.
+    assert rate == "1000/500"
+    assert int(frames) == 3 * width * height * (5 + 2)
+    program.write_text(f"#!{sys.executable}\nimport sys\nsys.exit('Unknown encoder')")
+    with pytest.raises(RunError, match="ffmpeg failed: Unknown encoder"):
+        plot(hertz_run, choice=moving)
+
+
+def test_arrows_point_as_their_factors_say_and_go_with_the_bodies(tmp_path: Path) -> None:
+    text = BAR.replace("squeeze = 1.0", "squeeze = 1.0\npull = -1.0")
+    assert "pull = -1.0" in text
+    solve(text, tmp_path / "run")
+    run = read_run(tmp_path / "run")
+    case = stored_case(run.case_resolved)
+    first, _, last = (marks_at(run, case, state, 100.0).arrows for state in run.states)
+    assert {name for *_, name in first} == {"pull"}
+    assert {name for *_, name in last} == {"pull", "squeeze"}
+    for arrows, sign in ((first, 1.0), (last, -1.0)):
+        pulls = [(point, direction) for point, direction, _, name in arrows if name == "pull"]
+        np.testing.assert_allclose([direction for _, direction in pulls], [[sign, 0.0]] * len(pulls))
+    state = run.states[-1].bodies["bar"]["displacement"]
+    right = np.abs(run.bodies["bar"].points[:, 0] - 2.0) < 1e-9
+    moved = 2.0 + 100.0 * state[right, 0].mean()
+    np.testing.assert_allclose([point[0] for point, _ in pulls], moved, rtol=1e-6)
+
+
+def test_arrows_are_where_expressions_are_not_zero(tmp_path: Path) -> None:
+    text = BAR.replace("pressure = 40.0", 'pressure = "40 if x < 0.9 else -40 if x > 1.1 else 0"')
+    case = stored_case(text)
+    solve(text, tmp_path / "run")
+    run = read_run(tmp_path / "run")
+    arrows = [
+        (point, way) for point, way, _, name in marks_of(case, run.bodies, {}, {}).arrows if name == "squeeze"
+    ]
+    assert arrows
+    assert all(
+        way[1] == (-1.0 if point[0] < 0.9 else 1.0) and abs(point[0] - 1.0) > 0.1 for point, way in arrows
+    )
 
 
 def test_moving_pictures_of_a_run_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,11 +10,13 @@ from typing import Any
 
 import pytest
 
-from mlsanm_cli.app.results.report import report
+from mlsanm_cli.app.results.report import _joined_forces, report
 from mlsanm_cli.app.run import run as run_case
+from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
 from tests.app.scenes import BAR, Quiet, hertz, solve
+from tests.case_text import body, box, head, load, material, support
 
 VOID = {"meta", "img", "br", "link"}
 
@@ -93,7 +95,7 @@ def test_three_runs_in_one_small_file(
         "3 runs",
         "side by side",
         "Provenance",
-        "under-left",
+        "under-left: peak pressure",
         "strain energy",
         "passes",
         "[[load]]",
@@ -109,7 +111,7 @@ def test_a_run_has_its_report_beside_it_and_loses_it_with_force(tmp_path: Path) 
     page = read(path)
     assert_accessible(page)
     text = " ".join(page.text)
-    assert "largest pressure [MPa]" in text
+    assert "peak pressure [MPa]" in text
     assert "hertz-line" in text
     assert report([tmp_path / "run"]) == path
     run_case(tmp_path / "run.toml", out=tmp_path / "run", force=True, console=Quiet())
@@ -150,3 +152,12 @@ def test_the_command(bar_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert main(["report", str(bar_run), str(bar_run)]) == 0
     assert (tmp_path / "report.html").is_file()
     assert main(["report", "nowhere"]) == 2
+
+
+def test_forces_balance_in_the_table() -> None:
+    """Two loads that displace one boundary have its force together; contacts have a table of their own."""
+    moving = body("bar", "steel", 0.25, box([0.0, 2.0], [0.0, 1.0])) + support("bar.bottom", ux=0.0, uy=0.0)
+    moving += load("down", "bar.top", "displacement", uy=-0.1) + load("on", "bar.top", "displacement", ux=0.1)
+    case = stored_case(head("strain") + material("steel", E=1.0, nu=0.3) + moving)
+    forces = {"down": [1.0, -2.0], "on": [1.0, -2.0], "bar.bottom": [-1.0, 2e-12], "contact a": [0.0, 1.0]}
+    assert _joined_forces(forces, case) == [("down, on", ["1", "-2"]), ("bar.bottom", ["-1", "0"])]

@@ -16,6 +16,7 @@ import pytest
 from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
 from mlsanm_cli.memo import Memo
+from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import BAR, NODAL, Quiet, assert_same_results, hertz, solve
 
 SUMMARY_KEYS = {
@@ -332,3 +333,15 @@ def test_the_path_as_a_table(hertz_run: Path) -> None:
     work = table["work.press"][-1] / (table["force.press_y"][-1] * table["displacement.press_y"][-1])
     assert 0.45 < work < 0.65
     assert (np.diff(table["work.press"]) >= 0.0).all()
+
+
+def test_arc_lengths_are_those_of_the_slave(patch_run: Path, hertz_run: Path) -> None:
+    """The grid of a patch's contact lies on its master, against whose direction the slave runs."""
+    for directory in (patch_run, hertz_run):
+        (contact,) = read_run(directory).contacts.values()
+        arc, points = contact.arc_length, contact.points
+        assert arc[0] >= 0.0
+        np.testing.assert_allclose(np.diff(arc), np.hypot(*np.diff(points, axis=0).T), rtol=1e-3, atol=1e-9)
+    (contact,) = read_run(patch_run).contacts.values()
+    # A bottom runs to the right, from its own left end.
+    np.testing.assert_allclose(contact.arc_length, contact.points[:, 0], atol=1e-12)

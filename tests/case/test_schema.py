@@ -258,6 +258,44 @@ def test_syntax_errors_have_their_line(text: str, line: int) -> None:
     assert (problem.line, problem.key) == (line, "(syntax)")
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[load]\n[load]\n", "[load] is declared twice (each of several is headed [[load]])"),
+        ("[shape]\n[shape]\n", "[shape] is declared twice ([body.shape] belongs to the item above)"),
+        ("[material.a]\n[material.a]\n", "[material.a] is declared twice"),
+        ("title = “half”\n", 'write straight quotes: "'),
+        ("a = 1\na = 2\n", "the key is defined twice"),
+    ],
+)
+def test_syntax_errors_say_what_to_write(text: str, told: str) -> None:
+    assert told in str(only(text))
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (("E = 210e3", 'E = "210 GPa"'), "numbers have no units"),
+        (
+            (
+                "uy = 0.0",
+                'uy = 0.0\n[[load]]\nname="p"\nkind="pressure"\nboundary="block.top"\npressure="1 MPa"',
+            ),
+            "no units",
+        ),
+        (("format = 1", "format = 1\nfriction = 0.2"), "did you mean contact.friction?"),
+    ],
+)
+def test_hints_for_units_and_misplaced_keys(change: tuple[str, str], told: str) -> None:
+    found, _ = outcome(HERTZ.replace(*change, 1))
+    assert any(told in str(problem) for problem in found), found
+
+
+def test_a_bad_modulus_hides_no_bad_ratio() -> None:
+    found, _ = outcome(HERTZ.replace("E = 210e3", "E = -1.0").replace("nu = 0.3", "nu = 0.6"))
+    assert [problem.key for problem in found] == ["material.steel.E", "material.steel.nu"]
+
+
 def test_deep_nesting_is_an_error_not_a_crash() -> None:
     problem = only("a = " + "[" * 20_000 + "]" * 20_000)
     assert "nested" in problem.message

@@ -64,6 +64,7 @@ def test_rigid_cylinder(tmp_path: Path) -> None:
     assert profile <= 0.003
     assert abs(peak) <= 0.001
     assert abs(width) <= 0.005
+    assert not summary["contacts"]["under"]["singular_ends"]
 
 
 def test_rigid_punch(tmp_path: Path) -> None:
@@ -71,7 +72,8 @@ def test_rigid_punch(tmp_path: Path) -> None:
     for factor in factors:
         finer = [f"body.block.spacing={0.3 * factor**0.5}", f"body.block.refine.0.spacing={0.02 * factor}"]
         finer += [f"body.block.refine.{edge}.spacing={0.001 * factor}" for edge in (1, 2)]
-        _, data = solve("rigid_punch", tmp_path / f"{factor}", *finer)
+        summary, data = solve("rigid_punch", tmp_path / f"{factor}", *finer)
+        assert factor > 1.0 or summary["contacts"]["under"]["singular_ends"]
         contact = data.contacts["under"]
         inside = np.abs(contact.points[:, 0]) < 0.9 * punch.half_width
         weight, expected = contact.weight[inside], punch.pressure(contact.points[inside, 0])

@@ -254,7 +254,7 @@ def test_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
     assert ["unknowns", "240"] in lines
     assert ["nodes", "largest", "hole"] in lines
     assert ["cylinder", "20", "1.5"] in lines
-    assert ["memory", "mb", "12.5"] in lines
+    assert ["memory", "in", "MB", "12.5"] in lines
     assert ["-", "a", "node", "faces", "nothing"] in lines
     assert ["-", "told", "on", "stderr"] not in lines
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+import os
+import signal
 import time
 
 import pytest
 
+from mlsanm_cli.app.signals import Stopper
 from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.settings import Settings
 from mlsanm_cli.cli.text import pretty
@@ -79,7 +82,8 @@ def test_a_phase_that_ended_leaves_nothing() -> None:
     console.phase("fields")
     assert [line.split()[0] for line in stream.screen()] == ["step", "fields"]
     console.table("clouds", [("block", "100 nodes")])
-    assert stream.screen()[1:] == ["clouds", "  block  100 nodes", ""]
+    # What is done goes on below a message.
+    assert stream.screen()[1:] == ["clouds", "  block  100 nodes", "fields ..."]
     console.phase("files")
     console.close()
     assert stream.screen()[3:] == [""]
@@ -111,6 +115,7 @@ def test_a_warning_between_steps_stands_on_its_own_line() -> None:
     console.phase("path")
     console.step(1, 0.5, 1e-9)
     console.warning("gap closed")
+    assert stream.screen()[-1] == "solving ..."
     console.step(2, 1.0, 1e-9)
     console.close()
     assert [line.split()[0] for line in stream.screen() if line] == ["step", "warning:", "step"]
@@ -158,3 +163,16 @@ def test_a_line_that_stands_still_tells_since_when() -> None:
     assert stream.getvalue() == ended
     # What stays is the step as it was.
     assert stream.screen() == ["step    3   position 0.5", ""]
+
+
+def test_a_signal_that_is_obeyed_later_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = Terminal()
+    console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=80)
+    console.step(67, 0.876543, 5.14e-16, REMARK)
+    with Stopper() as stopper:
+        stopper.gentle = True
+        os.kill(os.getpid(), signal.SIGINT)
+        console._still(3.0)
+        assert stream.screen()[-1] == "stopping after this step; Ctrl-C again stops at once  3 s"
+    console._still(4.0)
+    assert stream.screen()[-1].startswith("step   67")

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from mlsanm_cli.contact.geometry.profile import is_singular, regular_peak
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots import cloud as plot_cloud
 from mlsanm_cli.io.plots import figures, plots
@@ -216,3 +217,23 @@ def test_wrong_shapes_names_and_places_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="cannot write"):
         plot_path(tmp_path / "none" / "a.png", ARC, {"a": ARC}, "x", "y")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_singular_ends_leave_room_for_the_rest(kept: list[Figure]) -> None:
+    """A flat punch has no largest pressure; Hertz' is shown whole, however fine its ends are."""
+    x = 1.0 - np.concatenate([np.geomspace(1e-9, 0.5, 60), np.linspace(0.52, 1.0, 40)])
+    place = np.concatenate([-x, x[-2::-1]])
+    for singular, pressure in ((True, 1.0 / np.sqrt(1.0 - place**2)), (False, np.sqrt(1.0 - place**2))):
+        highest = regular_peak(place, pressure)
+        assert is_singular(place, pressure) == singular
+        plot_pressure(Path("a.png"), "nose", place, pressure[None, :], ["position 1"], highest=highest)
+        axes = kept[-1].axes[0]
+        told = [text.get_text() for text in axes.texts]
+        if singular:
+            # At 0.98 of the width.
+            assert highest == pytest.approx(1.0 / np.sqrt(1.0 - 0.98**2), rel=0.2)
+            assert axes.get_ylim()[1] == pytest.approx(1.05 * 1.5 * highest)
+            assert told == [f"singular ends up to {pressure.max():.4g} are cut off"]
+        else:
+            assert axes.get_ylim()[1] == pytest.approx(1.05)
+            assert told == []

@@ -16,7 +16,8 @@ from mlsanm_cli.contact.finite.exact import AnyContact, unpressed
 from mlsanm_cli.contact.finite.meeting import NOWHERE
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.geometry.profile import half_width
+from mlsanm_cli.contact.finite.sides import Side
+from mlsanm_cli.contact.geometry.profile import half_width, is_singular, unrolled
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, ProbeRecord
 from mlsanm_cli.mechanics.elasticity import von_mises
@@ -157,9 +158,7 @@ def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, Contact
         slave = contact.slave
         here = slice(first, first + slave.count)
         first = here.stop
-        xx, xy, yx, yy = scene.bodies[slave.body].gradient(parts[slave.body])[:, slave.nodes]
-        x, y = -slave.outward[:, 1], slave.outward[:, 0]
-        stretch = np.hypot((1.0 + xx) * x + xy * y, yx * x + (1.0 + yy) * y)
+        stretch = stretch_along(scene, slave, parts[slave.body])
         pressed = state.pressed
         assert pressed is not None
         gap = np.where(pressed.gap[here] < NOWHERE, pressed.gap[here], np.nan)
@@ -175,6 +174,13 @@ def contact_records(scene: FiniteScene, state: FiniteState) -> dict[str, Contact
     return records
 
 
+def stretch_along(scene: FiniteScene, side: Side, displacement: FloatArray) -> FloatArray:
+    """Stretches (c,) along a side of a body whose nodes are displaced by (2n,)."""
+    xx, xy, yx, yy = scene.bodies[side.body].gradient(displacement)[:, side.nodes]
+    x, y = -side.outward[:, 1], side.outward[:, 0]
+    return np.asarray(np.hypot((1.0 + xx) * x + xy * y, yx * x + (1.0 + yy) * y))
+
+
 def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces) -> dict[str, dict[str, Any]]:
     """The engineer's figures of every contact; the half-width is along the side before loading."""
     records = contact_records(scene, state)
@@ -182,9 +188,14 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
     first = 0
     for contact in scene.contacts:
         record, pressed = records[contact.name], forces.contacts[contact.name]
+        arc, pressure = contact.slave.arc, record.pressure
+        if contact.slave.around is not None:
+            order, arc = unrolled(arc, contact.slave.around, pressure)
+            pressure = pressure[order]
         found[contact.name] = {
-            "peak_pressure": float(record.pressure.max(initial=0.0)),
-            "half_width": half_width(contact.slave.arc, record.pressure),
+            "peak_pressure": float(pressure.max(initial=0.0)),
+            "half_width": half_width(arc, pressure),
+            "singular_ends": is_singular(arc, pressure),
             "force": pressed[0].tolist(),
             "closed_nodes": int((record.status != OPEN).sum()),
             "stick_nodes": int((record.status == STICK).sum()),

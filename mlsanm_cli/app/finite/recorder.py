@@ -22,6 +22,7 @@ from mlsanm_cli.app.finite.fields import (
     probe_records,
     resultants,
 )
+from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.finite.path import FiniteMark, FiniteState, FiniteStep, Turn
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.recording import boundary_tags
@@ -32,6 +33,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.records import place, row
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import BodyState, write_single
+from mlsanm_cli.io.vtu_lines import LinesWriter
 
 ROUND_OFF = 1e-9
 """Forces below this part of the stiffness of what moves are none."""
@@ -67,6 +69,7 @@ class FiniteRecorder(RunWriter):
         super().__init__(directory, loaded, attributes, context, earlier.rows if earlier else None)
         self._started -= earlier.seconds if earlier else 0.0
         self._earlier = earlier
+        self._lines = LinesWriter(directory)
         self.steps = self._saved = self.renewed = self._rows = 0
         self.last: FiniteState | None = None
         self.balance = self.largest = 0.0
@@ -106,6 +109,7 @@ class FiniteRecorder(RunWriter):
         self._saved = len(positions)
         for position in positions if scene.case.output.vtu else ():
             self._states.keep(position, tuple(scene.bodies))
+            self._lines.keep(position)
         return before.mark
 
     def step(self, scene: FiniteScene, step: FiniteStep) -> None:
@@ -124,6 +128,9 @@ class FiniteRecorder(RunWriter):
             for one, found in fields:
                 if scene.case.output.vtu:
                     self._states.write(one.position, _shown(scene, found))
+                    self._lines.write(
+                        one.position, contact_lines(scene, one, found), obstacle_lines(scene, one)
+                    )
             self._count(scene, step)
             self._rows += 1 + len(between)
             figures = {name: getattr(self, name) for name in TALLIES}
@@ -166,6 +173,7 @@ class FiniteRecorder(RunWriter):
 
     def failure(self, error: NumericalError, scene: FiniteScene) -> None:
         """Record a failure, and write the last good state as failure.vtu."""
+        self._console.phase("writing the failed state")
         with self._clock.phase("output"):
             if self.last is not None:
                 shown = _shown(scene, fields_of(scene, self.last))
@@ -212,4 +220,5 @@ def _body_shown(scene: FiniteScene, name: str, fields: FiniteFields) -> BodyStat
         von_mises=fields.von_mises if "von_mises" in wanted else None,
         stress_zz=fields.stress_zz if "stress" in wanted else None,
         more=more if "stress" in wanted else {},
+        triangles=cloud.triangles,
     )

@@ -225,7 +225,7 @@ class Recorder(RunWriter):
         moved = {name: one.displacement for name, one in fields.items()}
         check_overlaps(built, state, clouds, moved)
         for name, message in large_slides(built, state, clouds, moved):
-            if not any(one.startswith(f"the sides of contact {name} slide") for one in self._reported):
+            if not any(one.startswith(f"the surfaces of contact {name} slide") for one in self._reported):
                 self._reported.append(message)
                 self.warn(message)
         for name, (x, y) in within_themselves(clouds, moved).items():
@@ -255,6 +255,7 @@ class Recorder(RunWriter):
         path = self.directory / run_dir.FAILURE_FILE
         state = self.checked if self.checked is not None and self.checked.is_finite else self.last
         texts: dict[str, Any] = {"reason": error.message, "hint": error.hint}
+        self._console.phase("writing the failed state")
         with self._clock.phase("output"):
             if built is None or state is None:
                 write_model(path, model_bodies(prepared))

@@ -13,7 +13,7 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.geometry.profile import half_width
+from mlsanm_cli.contact.geometry.profile import half_width, is_singular
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import ContactRecord, place, row
 from mlsanm_cli.io.run_file import Value
@@ -149,6 +149,7 @@ def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> di
     return {
         "peak_pressure": float(record.pressure.max(initial=0.0)),
         "half_width": half_width(slave_arc(pairing), record.pressure),
+        "singular_ends": is_singular(slave_arc(pairing), record.pressure),
         "force": force.tolist(),
         "closed_nodes": int((record.status != OPEN).sum()),
         "stick_nodes": int((record.status == STICK).sum()),

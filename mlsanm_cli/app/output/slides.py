@@ -53,10 +53,10 @@ def large_slides(
         if slid > FAR * width:
             yield (
                 pairing.name,
-                f"the sides of contact {pairing.name} slide along each other by {slid:.3g} at position "
-                f"{state.position:.6g}, its width being {width:.3g}: at small strain who meets whom stays as "
-                f'drawn; with strain = "finite" it follows (law = "saint-venant-kirchhoff" is the same '
-                f"elasticity)",
+                f"the surfaces of contact {pairing.name} slide along each other by {slid:.3g} at position "
+                f"{state.position:.6g}, and its width is {width:.3g}: at small strain contact pairs and "
+                f'normals are those of the undeformed bodies; set model.strain = "finite" (material law '
+                f'"saint-venant-kirchhoff" is the same elasticity)',
             )
 
 

@@ -1,4 +1,4 @@
-"""``mlsanm plot --animate``: a run along its path, as GIF files."""
+"""``mlsanm plot --animate``: a run along its path, as GIF or MP4 files."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from mlsanm_cli.app.results.drawn import marks_at
 from mlsanm_cli.app.results.history import pressures_at
 from mlsanm_cli.app.results.plot_choice import Choice, load_words
-from mlsanm_cli.app.results.views import automatic_scale, field_of, triangles_of
+from mlsanm_cli.app.results.views import along_surface, automatic_scale, shown_bodies
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.plots.animation import animate_bodies, animate_pressure
-from mlsanm_cli.io.plots.cloud import CloudBody
 from mlsanm_cli.io.run_reader import RunData
 
 FRAMES = 40
@@ -42,12 +42,13 @@ def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
         raise RunError("the run has one state only", "there is nothing that moves")
     levels = [float(place) for place in places]
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
+    order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
     file = choice.out or run.directory / run_dir.picture_name("pressure", "gif", name)
     animate_pressure(
         file,
         name,
-        run.contacts[name].arc_length,
-        pressure,
+        arc,
+        pressure[:, order],
         [load_words(run, case, level) or f"position {level:.3f}" for level in levels],
         case.units.label("arc length", "length"),
         case.units.label("pressure", "stress"),
@@ -61,19 +62,13 @@ def _bodies(run: RunData, case: Case, choice: Choice) -> Path:
             "fields are saved at one position only, which does not move",
             "name several in output.at and run again",
         )
-    states, label = [], ""
-    for state in run.states:
-        bodies = []
-        for name, body in run.bodies.items():
-            fields = state.bodies[name]
-            displacement = fields.get("displacement", np.zeros_like(body.points))
-            scalar, label = field_of(case, name, fields, displacement, choice.field)
-            bodies.append(CloudBody(body.points, displacement, scalar, triangles_of(body)))
-        states.append(bodies)
+    shown = [shown_bodies(run, case, state, choice.field) for state in run.states]
+    states, label = [bodies for bodies, _ in shown], shown[0][1]
     scale = min(automatic_scale(run, bodies) for bodies in states)
     file = choice.out or run.directory / run_dir.picture_name("bodies", "gif")
     titles = [
         f"position {state.position:.4g}, {load_words(run, case, state.position)}" for state in run.states
     ]
-    animate_bodies(file, states, label, titles, scale)
+    marks = [marks_at(run, case, state, scale) for state in run.states]
+    animate_bodies(file, states, label, titles, scale, marks, unit=case.units.length)
     return file

@@ -12,21 +12,24 @@ from mlsanm_cli.case import (
     BodyForce,
     Case,
     Displacement,
+    ExpressionError,
     ObstacleMotion,
     Place,
     Platen,
     Pressure,
     Temperature,
     Traction,
+    value_at,
 )
 from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.io.plots.marks import Marks
-from mlsanm_cli.io.run_reader import BodyData
+from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
 
 TICKS, ARROWS = 40, 7
 """Ticks along a held boundary, and arrows along one that a pressure acts on, at most."""
 Arrow = tuple[FloatArray, FloatArray, FloatArray, str]
 NO_FACTORS: Mapping[str, float] = {}
+UNMOVED: Mapping[str, FloatArray] = {}
 
 
 def marks_of(
@@ -36,31 +39,57 @@ def marks_of(
     moved: Mapping[str, FloatArray],
     scale: float = 1.0,
     factors: Mapping[str, float] = NO_FACTORS,
+    displaced: Mapping[str, FloatArray] = UNMOVED,
 ) -> Marks:
     """The signs of a case's supports, loads and obstacles.
 
     ``touching`` are points (m, 2) of the contacts, where the loads of obstacles are drawn; ``moved`` how far
-    (2,) loads have moved platens and obstacles, which are drawn ``scale`` times as far; obstacles are turned
-    by loads with ``factors``.
+    (2,) loads have moved platens and obstacles, which are drawn ``scale`` times as far; ``displaced`` the
+    nodes of bodies (n, 2), drawn so too. Loads have ``factors``: those of zero are left out, negative ones
+    point the other way, and obstacles have turned by them.
     """
     points = np.concatenate([body.points for body in bodies.values()])
     lines = obstacles(case, points.min(axis=0), points.max(axis=0))
+    shown = {
+        name: body.points + scale * displaced[name] if name in displaced else body.points
+        for name, body in bodies.items()
+    }
     held, nodes = [], []
     for support in case.support:
         if support.place is not None:
-            held.append(_along(bodies[support.place.body], support.place, TICKS))
+            index, normals = _along(bodies[support.place.body], support.place, TICKS)
+            held.append((shown[support.place.body][index], normals))
         elif support.body is not None and support.near is not None:
             near = bodies[support.body].points
-            nodes.append(near[np.hypot(*(near - np.array(support.near)).T).argmin()])
+            nodes.append(shown[support.body][np.hypot(*(near - np.array(support.near)).T).argmin()])
     return Marks(
         held=tuple(held),
         nodes=tuple(nodes),
-        arrows=tuple(_arrows(case, bodies, touching)),
+        arrows=tuple(
+            (point, np.sign(factors.get(name, 1.0)) * direction, normal, name)
+            for point, direction, normal, name in _arrows(case, bodies, shown, touching, moved, scale)
+            if factors.get(name, 1.0)
+        ),
         obstacles=tuple(
             _turned(case, name, line, factors) + scale * obstacle_shift(case, name, moved)
             for name, (line, _) in lines.items()
         ),
     )
+
+
+def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> Marks:
+    """The signs in a saved state of a run, whose displacements are drawn ``scale`` times as large."""
+    row = int(np.abs(run.path.position - state.position).argmin())
+    moved = {load: np.asarray(history[row]) for load, history in run.path.displacements.items()}
+    touching = {}
+    for name, contact in run.contacts.items():
+        pressed = contact.pressure[row] > 0.0
+        touching[name] = contact.points[pressed if pressed.any() else [int(contact.gap[0].argmin())]]
+    factors = {load: float(history[row]) for load, history in run.path.factors.items()}
+    displaced = {
+        name: fields["displacement"] for name, fields in state.bodies.items() if "displacement" in fields
+    }
+    return marks_of(case, run.bodies, touching, moved, scale, factors, displaced)
 
 
 def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, float]) -> FloatArray:
@@ -83,44 +112,49 @@ def boundary_nodes(body: BodyData, place: Place) -> tuple[IntArray, FloatArray]:
     return body.boundary_index[chosen], body.boundary_normal[chosen]
 
 
-def _along(body: BodyData, place: Place, most: int) -> tuple[FloatArray, FloatArray]:
-    """Points (k, 2) and normals (k, 2) evenly among the nodes of a place, on the part of it that counts."""
+def _along(body: BodyData, place: Place, most: int) -> tuple[IntArray, FloatArray]:
+    """Numbers (k,) and normals (k, 2) evenly among the nodes of a place, on the part of it that counts."""
     index, normal = boundary_nodes(body, place)
     points = body.points[index]
     if place.ends is not None:
         first, last = (int(np.hypot(*(points - np.array(end)).T).argmin()) for end in place.ends)
         part = np.arange(min(first, last), max(first, last) + 1)
-        points, normal = points[part], normal[part]
+        index, points, normal = index[part], points[part], normal[part]
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     chosen = np.unique(np.searchsorted(length, np.linspace(0.0, length[-1], most)).clip(0, len(points) - 1))
-    return points[chosen], normal[chosen]
+    return index[chosen], normal[chosen]
 
 
 def _arrows(
-    case: Case, bodies: Mapping[str, BodyData], touching: Mapping[str, FloatArray]
+    case: Case,
+    bodies: Mapping[str, BodyData],
+    shown: Mapping[str, FloatArray],
+    touching: Mapping[str, FloatArray],
+    moved: Mapping[str, FloatArray],
+    scale: float,
 ) -> Iterator[Arrow]:
     for load in case.load:
         if isinstance(load, Temperature):
             continue
         if isinstance(load, BodyForce):
-            middle = bodies[load.owner].points.mean(axis=0)
-            yield from _one(middle, _numbers(load.body_force), np.zeros(2), load.name)
+            middle = shown[load.owner].mean(axis=0)
+            yield from _one(middle, _numbers(load.body_force, middle), np.zeros(2), load.name)
             continue
         if isinstance(load, ObstacleMotion):
             if load.obstacle in touching:
-                place = touching[load.obstacle].mean(axis=0)
+                place = touching[load.obstacle].mean(axis=0) + scale * moved.get(load.name, np.zeros(2))
                 # An obstacle pushes: its arrow ends where it touches.
                 yield from _one(place, _control(load), -_control(load), load.name)
             continue
-        body = bodies[load.place.body]
+        body, places = bodies[load.place.body], shown[load.place.body]
         if isinstance(load, Platen):
-            points, normals = _along(body, load.place, 3)
-            half = len(points) // 2
-            yield from _one(points[half], _control(load), normals[half], load.name)
+            index, normals = _along(body, load.place, 3)
+            half = len(index) // 2
+            yield from _one(places[index[half]], _control(load), normals[half], load.name)
             continue
-        points, normals = _along(body, load.place, ARROWS)
-        for point, normal in zip(points, normals, strict=True):
-            yield from _one(point, _vector(load, normal), normal, load.name)
+        index, normals = _along(body, load.place, ARROWS)
+        for point, normal, place in zip(places[index], normals, body.points[index], strict=True):
+            yield from _one(point, _vector(load, normal, place), normal, load.name)
 
 
 def _one(point: FloatArray, vector: FloatArray, normal: FloatArray, name: str) -> Iterator[Arrow]:
@@ -133,18 +167,25 @@ def _control(load: Platen | ObstacleMotion) -> FloatArray:
     return np.array([load.control[axis][1] if axis in load.control else 0.0 for axis in ("x", "y")])
 
 
-def _vector(load: Traction | Pressure | Displacement, normal: FloatArray) -> FloatArray:
-    """The direction of a load along a boundary, at a place with an outward ``normal`` (2,)."""
+def _vector(load: Traction | Pressure | Displacement, normal: FloatArray, place: FloatArray) -> FloatArray:
+    """The direction of a load along a boundary, at a ``place`` (2,) with an outward ``normal`` (2,)."""
     if isinstance(load, Pressure):
-        pulls = isinstance(load.pressure, float) and load.pressure < 0.0
-        return normal if pulls else -normal
+        # A table is drawn as if it were positive.
+        return -normal if load.pressure is None else -np.sign(_at(load.pressure, place)) * normal
     if isinstance(load, Displacement):
-        return _numbers(load.components)
+        return _numbers(load.components, place)
     if load.traction is not None:
-        return _numbers(load.traction)
+        return _numbers(load.traction, place)
     return np.asarray(np.array(load.table)[:, 1:].mean(axis=0), dtype=np.float64)
 
 
-def _numbers(given: tuple[float | str | None, float | str | None]) -> FloatArray:
-    """Two numbers; expressions are drawn as if they were 1."""
-    return np.array([1.0 if isinstance(part, str) else part or 0.0 for part in given])
+def _numbers(given: tuple[float | str | None, float | str | None], place: FloatArray) -> FloatArray:
+    return np.array([0.0 if part is None else _at(part, place) for part in given])
+
+
+def _at(given: float | str, place: FloatArray) -> float:
+    try:
+        return value_at(given, *place.tolist()) if isinstance(given, str) else given
+    except ExpressionError:
+        # Of a point between the nodes, for which alone expressions must have values: an arrow like others.
+        return 1.0

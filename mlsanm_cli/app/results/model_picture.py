@@ -28,11 +28,13 @@ def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
         CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)
         for cloud in clouds.values()
     ]
-    touching = {pairing.name: pairing.points[pairing.candidate] for pairing in prepared.pairings}
+    touching = {one.name: one.points[[int(one.gap.argmin())]] for one in prepared.pairings}
     marks = marks_of(case, {name: stored(cloud) for name, cloud in clouds.items()}, touching, {})
     nodes = sum(len(cloud.points) for cloud in clouds.values())
     title = f"{case.title}, {nodes} nodes" if case.title else f"{nodes} nodes"
-    plot_cloud(path, bodies, case.units.label("spacing", "length"), title, marks=marks)
+    plot_cloud(
+        path, bodies, case.units.label("spacing", "length"), title, marks=marks, unit=case.units.length
+    )
 
 
 def stored(cloud: Cloud) -> BodyData:

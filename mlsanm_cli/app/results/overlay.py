@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.app.results.drawn import boundary_nodes
-from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.results.history import pressing_force, pressures_at, tangential_force
 from mlsanm_cli.app.results.path_lookup import level_at
 from mlsanm_cli.app.results.plot_choice import FIELDS, Choice
 from mlsanm_cli.app.results.probe import seen_at
-from mlsanm_cli.app.results.views import chosen_state, field_of
+from mlsanm_cli.app.results.views import along_surface, chosen_state, field_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Place
 from mlsanm_cli.cloud.membership import belongs
@@ -99,15 +99,17 @@ def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curv
         if kind == "pressure":
             for level in choice.at or (float(run.path.position[-1]),):
                 legend = f"{label}, position {level:.4g}" if choice.at else label
-                yield Curve(contact.arc_length, pressures_at(run, level)[contact_name], legend)
+                pressure = pressures_at(run, level)[contact_name]
+                order, arc = along_surface(contact, pressure)
+                yield Curve(arc, pressure[order], legend)
         elif kind == "force":
-            force = contact.pressure @ (contact.weight[:, None] * contact.normal)
-            yield Curve(np.asarray(run.path.position), np.hypot(*force.T), label, joined)
+            force = np.hypot(*pressing_force(run, contact_name).T)
+            yield Curve(np.asarray(run.path.position), force, label, joined)
         elif kind == "peak":
             peak = contact.pressure.max(axis=1, initial=0.0)
             yield Curve(np.asarray(run.path.position), peak, label, joined)
         elif not np.isnan(contact.slip).any():
-            yield Curve(slips(contact), -(contact.traction @ contact.weight), label)
+            yield Curve(slips(contact), tangential_force(run, contact_name), label)
 
 
 def _along(

@@ -5,31 +5,40 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from mlsanm_cli.app.assessment.references import ReferenceProfile, profile_on
-from mlsanm_cli.app.results.drawn import marks_of
-from mlsanm_cli.app.results.history import pressures_at
+from mlsanm_cli.app.results.drawn import marks_at
+from mlsanm_cli.app.results.history import mean_normal, pressing_force, pressures_at, tangential_force
 from mlsanm_cli.app.results.overlay import draw_line, draw_together, slips
 from mlsanm_cli.app.results.path_lookup import level_at
 from mlsanm_cli.app.results.plot_choice import KINDS, OF_CONTACT, Choice, load_words, refuse_nonsense
 from mlsanm_cli.app.results.probe import probe_contact
-from mlsanm_cli.app.results.views import automatic_scale, chosen_state, contact_window, field_of, triangles_of
+from mlsanm_cli.app.results.views import (
+    along_surface,
+    automatic_scale,
+    chosen_state,
+    contact_window,
+    shown_bodies,
+)
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
+from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.plots.cloud import CloudBody, plot_cloud
+from mlsanm_cli.io.plots.cloud import plot_cloud
 from mlsanm_cli.io.plots.figures import SUFFIXES
 from mlsanm_cli.io.plots.friction import plot_loop, plot_traction
 from mlsanm_cli.io.plots.plots import ReferenceCurve, plot_path, plot_pressure
-from mlsanm_cli.io.run_reader import ContactData, RunData, read_run
+from mlsanm_cli.io.run_reader import RunData, read_run
 
 MOST_LEVELS = 6
 """More load levels in one picture cannot be distinguished."""
 CURVE_POINTS = 801
+AT_REST = 1e-3
+"""What moves along a contact by less than this part of its slip is not what it slips by."""
 REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
 
 
@@ -70,7 +79,7 @@ def plot(
         from mlsanm_cli.app.results.animate import animate
 
         if choice.out is not None:
-            _refuse_suffix(choice.out, (".gif",))
+            _refuse_suffix(choice.out, (".gif", ".mp4"))
         return animate(run, case, choice)
     pictures = list(_pictures(run, case, choice))
     if not pictures:
@@ -146,19 +155,21 @@ def _draw_pressure(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
     contact = run.contacts[name]
     levels = list(at) or _levels(run)
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
-    profile = _reference(case, name, contact)
+    profile = _reference(run, case, name)
     if at and at[-1] != float(run.path.position[-1]):
         # The formula is known for the end of the path.
         profile = None
     labels = [f"position {level:.4g}" for level in levels]
     words = load_words(run, case, levels[-1]) if len(levels) == 1 or len(case.stage) == 1 else ""
-    shared = {
+    shared: dict[str, Any] = {
         "pressure_label": case.units.label("pressure", "stress"),
         "suffix": words if len(levels) == 1 else "",
+        "highest": max(regular_peak(contact.arc_length, one) for one in pressure),
     }
     along = case.units.label("arc length", "length")
     if profile is None:
-        plot_pressure(path, name, contact.arc_length, pressure, labels, None, along, **shared)
+        order, arc = along_surface(contact, pressure.max(axis=0))
+        plot_pressure(path, name, arc, pressure[:, order], labels, None, along, **shared)
         return
     x = np.linspace(profile.coordinate[0], profile.coordinate[-1], CURVE_POINTS)
     # The ends of the loaded part belong to the curve, however wide the candidates reach.
@@ -178,16 +189,20 @@ def _draw_traction(path: Path, run: RunData, case: Case, name: str, at: tuple[fl
     (found,) = probe_contact(run, [position], name, ("pressure", "traction"))
     # What places do is stored step by step: within one it is that of its end.
     row = level_at(run, position).row
+    limit = coefficient * np.maximum(found["pressure"], 0.0)
+    most = np.maximum(limit, np.abs(found["traction"]))
+    order, arc = along_surface(contact, np.maximum(found["pressure"], 0.0))
     plot_traction(
         path,
         name,
         ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position)))),
-        contact.arc_length,
-        found["traction"],
-        coefficient * np.maximum(found["pressure"], 0.0),
-        contact.status[row],
+        arc,
+        found["traction"][order],
+        limit[order],
+        contact.status[row][order],
         arc_label=case.units.label("arc length", "length"),
         traction_label=case.units.label("traction on the slave", "stress"),
+        highest=regular_peak(contact.arc_length, most),
     )
 
 
@@ -197,13 +212,12 @@ def _draw_loop(path: Path, run: RunData, case: Case, name: str, over_slip: bool 
     Where there is no platen, or ``over_slip``, against the mean slip.
     """
     contact = run.contacts[name]
-    force: FloatArray = -(contact.traction @ contact.weight)
-    n_x, n_y = contact.weight @ contact.normal / contact.weight.sum()
+    force, (n_x, n_y) = tangential_force(run, name), mean_normal(run, name)
     along = {load: moved @ np.array([n_y, -n_x]) for load, moved in run.path.displacements.items()}
     moved, label = slips(contact), "mean slip of the surfaces"
-    if along and not over_slip:
-        load = max(along, key=lambda one: float(np.ptp(along[one])))
-        moved, label = along[load], f"displacement of the platen of {load} along the contact"
+    load = max(along, key=lambda one: float(np.ptp(along[one])), default="")
+    if load and not over_slip and float(np.ptp(along[load])) > AT_REST * float(np.ptp(moved)):
+        moved, label = along[load], f"displacement along the contact, by {load}"
     plot_loop(
         path,
         moved,
@@ -214,27 +228,17 @@ def _draw_loop(path: Path, run: RunData, case: Case, name: str, over_slip: bool 
     )
 
 
-def _reference(case: Case, name: str, contact: ContactData) -> ReferenceProfile | None:
+def _reference(run: RunData, case: Case, name: str) -> ReferenceProfile | None:
     """The closed formula at the end of the path; None where the case names none or nothing is pressed."""
-    force = float(np.hypot(*_contact_force(contact)[-1]))
+    force = float(np.hypot(*pressing_force(run, name)[-1]))
     if case.reference is None or force == 0.0:
         return None
-    described = next(c for c in case.contact if c.name == name)
+    contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
     return profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
 
 
-def _contact_force(contact: ContactData) -> FloatArray:
-    """Force (S+1, 2) that the contact exerts on its slave."""
-    force: FloatArray = contact.pressure @ (contact.weight[:, None] * contact.normal)
-    return force
-
-
 def _draw_forces(path: Path, run: RunData, case: Case) -> None:
-    if run.is_finite:
-        # Normals turn: the forces are stored as such.
-        forces = {name: run.path.resultants[f"contact {name}"] for name in run.contacts}
-    else:
-        forces = {name: _contact_force(contact) for name, contact in run.contacts.items()}
+    forces = {name: pressing_force(run, name) for name in run.contacts}
     curves = {name: np.hypot(*force.T) for name, force in forces.items()}
     label = case.units.label("contact force per unit thickness", "force")
     _draw_curves(path, run, curves, label, "Contact force along the path")
@@ -261,18 +265,9 @@ def _draw_curves(path: Path, run: RunData, curves: Mapping[str, FloatArray], y: 
 
 def _draw_bodies(path: Path, run: RunData, case: Case, choice: Choice) -> None:
     state = chosen_state(run, choice.at[-1] if choice.at else None)
-    bodies, label = [], ""
-    for name, body in run.bodies.items():
-        fields = state.bodies[name]
-        displacement = fields.get("displacement", np.zeros_like(body.points))
-        scalar, label = field_of(case, name, fields, displacement, choice.field)
-        bodies.append(CloudBody(body.points, displacement, scalar, triangles_of(body)))
+    bodies, label = shown_bodies(run, case, state, choice.field)
     scale = automatic_scale(run, bodies)
     title = ", ".join(filter(None, (f"position {state.position:.4g}", load_words(run, case, state.position))))
-    row = int(np.abs(run.path.position - state.position).argmin())
-    moved = {load: np.asarray(history[row]) for load, history in run.path.displacements.items()}
-    touching = {name: contact.points for name, contact in run.contacts.items()}
-    factors = {load: float(history[row]) for load, history in run.path.factors.items()}
-    marks = marks_of(case, run.bodies, touching, moved, scale, factors)
-    window = contact_window(run, state.position, bodies)
-    plot_cloud(path, bodies, label, title, scale, window, marks=marks)
+    marks = marks_at(run, case, state, scale)
+    window = contact_window(run, state.position, bodies, scale)
+    plot_cloud(path, bodies, label, title, scale, window, marks=marks, unit=case.units.length)

@@ -11,7 +11,7 @@ from mlsanm_cli.app.results.collect import collect
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.plot_choice import Choice
-from mlsanm_cli.case import Case, stored_case
+from mlsanm_cli.case import Case, Displacement, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import html, run_dir
 from mlsanm_cli.io.plots.figures import resolution
@@ -27,16 +27,19 @@ COMPARED = ("status", "position", "steps", "nodes", "warnings")
 CHECKS = {
     "residual": ("equations of contact", "below"),
     "linear_residual": ("linear systems", "below"),
-    "force_balance": ("forces on every body balance", "below"),
-    "energy_error": ("strain energy against work", "within"),
+    "force_balance": ("balance of the forces on every body", "below"),
+    "energy_error": ("strain energy against work of the loads", "within"),
     "stability": ("stability of the discretisation", "above"),
 }
+ORIGINS = {"git": "commit", "argv": "command", "cpu": "processor"}
+ROUND_OFF = 1e-9
+"""Forces below this part of the largest are zero."""
 CAPTIONS = {
     "pressure": "Contact pressure along {subject}",
     "traction": "Tangential traction along {subject}, between its friction limits",
     "loop": "Tangential force over displacement, {subject}",
-    "force": "Force along the load path",
-    "peak": "Largest pressure along the load path",
+    "force": "Forces along the load path",
+    "peak": "Peak pressure along the load path",
     "bodies": "The deformed bodies, with supports, loads and obstacles",
 }
 
@@ -86,7 +89,7 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
         yield from _pictures(run)
     yield html.heading(3, "The case")
     yield html.source(run.case_raw or run.case_resolved, f"case file of {run.directory.name}")
-    yield html.heading(3, "Where it comes from")
+    yield html.heading(3, "Provenance")
     yield _origin(summary)
 
 
@@ -96,21 +99,19 @@ def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
     if contacts:
         columns = [
             "contact",
-            units.label("largest pressure", "stress"),
+            units.label("peak pressure", "stress"),
             units.label("half-width", "length"),
             units.label("force on the slave, x", "force"),
             units.label("force on the slave, y", "force"),
-            "closed places",
-            "known formula",
+            "closed nodes",
+            "analytical solution",
         ]
         rows = [[name, *_contact(figures)] for name, figures in contacts.items()]
         yield html.table("Contacts at the end", columns, rows)
-    forces: Mapping[str, Any] = summary.get("forces") or {}
+    forces = _joined_forces(summary.get("forces") or {}, case)
     if forces:
         columns = ["load or support", units.label("force x", "force"), units.label("force y", "force")]
-        yield html.table(
-            "Forces on the bodies", columns, [[name, *map(_number, force)] for name, force in forces.items()]
-        )
+        yield html.table("Forces on the bodies", columns, [[name, *force] for name, force in forces])
     probes: Mapping[str, Any] = summary.get("probes") or {}
     if probes:
         names = ("ux", "uy", "stress xx", "stress yy", "stress xy", "von Mises stress")
@@ -125,14 +126,29 @@ def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
         ("position on the path", summary.get("position")),
         ("steps", summary.get("steps")),
         ("nodes", summary.get("nodes")),
-        ("unknowns of contact", summary.get("contact_unknowns")),
-        ("CPU seconds", (summary.get("seconds") or {}).get("total")),
-        ("wall seconds", summary.get("wall_seconds")),
-        ("memory in MB", summary.get("peak_memory_mb")),
+        ("contact unknowns", summary.get("contact_unknowns")),
+        ("CPU time in s", _rounded((summary.get("seconds") or {}).get("total"), 1)),
+        ("elapsed time in s", _rounded(summary.get("wall_seconds"), 1)),
+        ("memory in MB", _rounded(summary.get("peak_memory_mb"), 0)),
     ]
     yield html.table(
         "Size and cost", [], [[name, _number(value)] for name, value in sizes if value is not None]
     )
+
+
+def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, list[str]]]:
+    """Names and forces of loads and supports, those of contacts left out.
+
+    Loads that displace one boundary have its force together.
+    """
+    places = {load.name: load.place for load in case.load if isinstance(load, Displacement)}
+    zero = ROUND_OFF * max((abs(part) for force in forces.values() for part in force), default=0.0)
+    joined: dict[Any, tuple[list[str], list[str]]] = {}
+    for name, force in forces.items():
+        if not name.startswith("contact "):
+            shown = [_number(part if abs(part) > zero else 0.0) for part in force]
+            joined.setdefault(places.get(name, name), ([], shown))[0].append(name)
+    return [(", ".join(names), shown) for names, shown in joined.values()]
 
 
 def _contact(figures: Mapping[str, Any]) -> list[str]:
@@ -140,9 +156,11 @@ def _contact(figures: Mapping[str, Any]) -> list[str]:
     known = "none"
     reference = figures.get("reference")
     if reference and reference.get("pressure_error_l2") is not None:
-        known = f"{reference['solution']}: {100.0 * float(reference['pressure_error_l2']):.2g} % away"
-    values = (figures.get("peak_pressure"), figures.get("half_width"), *force, figures.get("closed_nodes"))
-    return [*map(_number, values), known]
+        known = f"{reference['solution']}: error {100.0 * float(reference['pressure_error_l2']):.2g} %"
+    peak = _number(figures.get("peak_pressure"))
+    peak += " (singular end)" if figures.get("singular_ends") else ""
+    values = (figures.get("half_width"), *force, figures.get("closed_nodes"))
+    return [peak, *map(_number, values), known]
 
 
 def _checks(summary: Mapping[str, Any]) -> str:
@@ -162,7 +180,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
     named = {"displacement": estimate.get("displacement"), **(estimate.get("pressure") or {})}
     for name, value in named.items():
         if value is None:
-            rows.append([f"error estimate, {name}", "not known", "", ""])
+            rows.append([f"error estimate, {name}", "not available", "", ""])
             continue
         what = f"error estimate, {name if name == 'displacement' else f'pressures of {name}'}"
         large = limit is not None and float(value) > limit
@@ -223,14 +241,29 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     # Cases that have little in common are distinguished by their files, further down.
     varied = varied if len(varied) <= MOST_VARIED else []
     chosen = [*varied, *(key for key in COMPARED if key in keys), *figures]
-    lines = [[key, *(_number(row[key]) for row in rows)] for key in chosen]
+    lines = [[_named(key), *(_number(row[key]) for row in rows)] for key in chosen]
     return html.table("The runs side by side", ["", *titles], lines)
+
+
+def _named(key: str) -> str:
+    """A column in words: contacts.nose.reference.peak_pressure is nose: reference peak pressure."""
+    if not key.startswith("contacts."):
+        return key
+    _, name, *words = key.split(".")
+    return f"{name}: {' '.join(words).replace('_', ' ')}"
 
 
 def _origin(summary: Mapping[str, Any]) -> str:
     rows = [["directory", str(summary["directory"])]]
-    rows += [[key.replace("_", " "), str(value)] for key, value in summary.get("provenance", {}).items()]
-    return html.table("Provenance", [], rows)
+    rows += [
+        [ORIGINS.get(key, key.replace("_", " ")), str(value)]
+        for key, value in summary.get("provenance", {}).items()
+    ]
+    return html.table("Program, machine and files", [], rows)
+
+
+def _rounded(value: float | None, digits: int) -> str | None:
+    return None if value is None else f"{value:.{digits}f}"
 
 
 def _number(value: Any) -> str:

@@ -15,10 +15,10 @@ from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.cloud.membership import boundary_chords
 from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.triangles import triangulate
-from mlsanm_cli.contact.geometry.profile import THRESHOLD
+from mlsanm_cli.contact.geometry.profile import THRESHOLD, unrolled
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.cloud import CloudBody
-from mlsanm_cli.io.run_reader import BodyData, RunData, SavedState
+from mlsanm_cli.io.run_reader import BodyData, ContactData, RunData, SavedState
 from mlsanm_cli.mechanics.elasticity import von_mises
 
 COMPONENTS = ("xx", "yy", "xy")
@@ -28,6 +28,8 @@ OVERLAP = 0.003
 """Enlarged displacements may make touching surfaces overlap by this part of the detail shown, at most."""
 DETAIL = 2.5
 """Half-widths of the contact that the detail shows on either side of its middle."""
+CLOSES, CLOSED = 6, 1.5
+"""A surface of at least so many nodes is closed where its last one is so many spacings from the first."""
 WHOLE = 0.5
 """A contact that takes up more than this part of the scene needs no detail."""
 
@@ -77,6 +79,19 @@ def field_of(
     raise RunError(f"{label} was not saved", "name what it comes from in output.fields and run again")
 
 
+def shown_bodies(
+    run: RunData, case: Case, state: SavedState, field: str | None
+) -> tuple[list[CloudBody], str]:
+    """All bodies in a saved state, coloured by a field, and its name with its unit. Raises as `field_of`."""
+    bodies, label = [], ""
+    for name, body in run.bodies.items():
+        fields = state.bodies[name]
+        displacement = fields.get("displacement", np.zeros_like(body.points))
+        scalar, label = field_of(case, name, fields, displacement, field)
+        bodies.append(CloudBody(body.points, displacement, scalar, triangles_of(body)))
+    return bodies, label
+
+
 def chosen_state(run: RunData, position: float | None) -> SavedState:
     """The state saved at a position, by default the last one. RunError where none is."""
     if position is None:
@@ -116,9 +131,12 @@ def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
 
 
 def contact_window(
-    run: RunData, position: float, bodies: Sequence[CloudBody]
+    run: RunData, position: float, bodies: Sequence[CloudBody], scale: float
 ) -> tuple[float, float, float, float] | None:
-    """The square (x0, x1, y0, y1) around the highest contact pressure; None if it is most of the scene."""
+    """The square (x0, x1, y0, y1) around the highest contact pressure; None if it is most of the scene.
+
+    Its middle has moved as the node nearest to it is drawn, with displacements ``scale`` times as large.
+    """
     if not run.contacts:
         return None
     pressures = pressures_at(run, position)
@@ -131,8 +149,20 @@ def contact_window(
     half = DETAIL * 0.5 * float((high - low).max())
     if not 0.0 < 2.0 * half <= WHOLE * _size(bodies):
         return None
-    x, y = (0.5 * (low + high)).tolist()
+    middle = 0.5 * (low + high)
+    away = [np.hypot(*(body.points - middle).T) for body in bodies]
+    nearest = int(np.argmin([one.min() for one in away]))
+    x, y = (middle + scale * bodies[nearest].displacement[away[nearest].argmin()]).tolist()
     return x - half, x + half, y - half, y + half
+
+
+def along_surface(contact: ContactData, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
+    surface that closes around a body begin where pressures (m,) are furthest away."""
+    arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
+    if len(arc) < CLOSES or step > CLOSED * float(np.diff(arc).max()) or CLOSES * step > arc[-1] - arc[0]:
+        return np.arange(len(arc)), arc
+    return unrolled(arc, float(arc[-1] - arc[0]) + step, pressure)
 
 
 def boundary_edges(body: BodyData) -> IntArray:

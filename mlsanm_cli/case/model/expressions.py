@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import re
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 
@@ -58,6 +59,19 @@ _COMPARED: Mapping[type[ast.cmpop], Callable[[float, float], bool]] = {
 }
 
 
+NO_UNITS = "numbers have no units: use any consistent ones, as mm, N and MPa"
+_WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\W\d_][\w/^²*]*\s*", re.IGNORECASE)
+
+
+def with_unit(text: str) -> bool:
+    """Whether a text is a number with a unit.
+
+    >>> with_unit("70 GPa"), with_unit("1e-3mm"), with_unit("2*x"), with_unit("30")
+    (True, True, False, False)
+    """
+    return _WITH_UNIT.fullmatch(text) is not None
+
+
 class ExpressionError(ValueError):
     """A problem with an expression, or with its value at some point."""
 
@@ -77,7 +91,8 @@ def compile_expression(text: str) -> Value:
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise ExpressionError(f'"{text}" is not an expression in x and y') from error
+        hint = NO_UNITS if with_unit(text) else ""
+        raise ExpressionError(f'"{text}" is not an expression in x and y', hint) from error
     return _compiled(tree.body, DEEPEST)
 
 

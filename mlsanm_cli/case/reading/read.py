@@ -204,6 +204,12 @@ def case_hash(case: Case) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
+"""Tables of which there may be several."""
+NESTED = {"shape": "body.shape", "refine": "body.refine", "regularization": "contact.regularization"}
+"""Tables that belong to an item of a list, by the last part of their names."""
+
+
 def _refuse_sizes(content: dict[str, Any], report: Report) -> None:
     for key, message, hint in size_problems(content):
         report.add(key, message, hint)
@@ -226,16 +232,25 @@ def _parse_toml(text: str, source: str) -> tuple[dict[str, Any], dict[KeyPath, i
         if place is not None:
             message = message[: place.start()]
             line = int(place.group(1)) if place.group(1) else max(len(text.splitlines()), 1)
-        hint = _syntax_hint(message)
+        names = re.fullmatch(r"Cannot declare \((.*)\) twice", message)
+        if names is not None:
+            message = f"[{'.'.join(re.findall('[^(), ]+', names[1]))}] is declared twice".replace("'", "")
+        hint = _syntax_hint(message, (text.splitlines() or [""])[line - 1])
         raise CaseError((CaseProblem("(syntax)", message, line, source, hint),)) from error
 
 
-def _syntax_hint(message: str) -> str:
+def _syntax_hint(message: str, line: str) -> str:
+    """What to write instead, from the parser's message and the line that it is about."""
+    if any(quote in line for quote in "“”„"):
+        return 'write straight quotes: "'
     if message.startswith("Invalid value"):
         return "text needs quotes, numbers need a digit before and after the point"
-    if "overwrite" in message.lower() or "twice" in message.lower():
-        return "the key or table is defined twice"
-    return ""
+    if "overwrite" in message.lower():
+        return "the key is defined twice"
+    name = line.strip().strip("[]").strip()
+    if "twice" in message and name in LISTS:
+        return f"each of several is headed [[{name}]]"
+    return f"[{NESTED[name]}] belongs to the item above" if "twice" in message and name in NESTED else ""
 
 
 def _frozen(value: Any) -> Any:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 
 THRESHOLD = 0.01
+SHARE, TIMES = 0.02, 3.0
+"""Pressures are singular at an end where a part of the loaded length has so many times what the rest has."""
 
 
 def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
@@ -23,6 +25,47 @@ def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
         _crossing(arc_length, pressure, level, above[-1], 1)
         - _crossing(arc_length, pressure, level, above[0], -1)
     )
+
+
+def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The nodes (m,) of a closed surface of length ``around`` in the order that begins in the middle of the
+    longest stretch without pressures (m,), and their arc lengths, increasing past its start.
+
+    >>> unrolled(np.arange(6.0), 6.0, np.array([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+    (array([3, 4, 5, 0, 1, 2]), array([3., 4., 5., 6., 7., 8.]))
+    """
+    count, pressed = len(pressure), np.flatnonzero(pressure > 0.0)
+    if not 0 < len(pressed) < count:
+        return np.arange(count), arc_length
+    apart = np.diff(np.append(pressed, pressed[0] + count))
+    widest = int(apart.argmax())
+    first = int(pressed[widest] + apart[widest] // 2) % count
+    order = np.roll(np.arange(count), -first)
+    return order, arc_length[order] + around * (order < first)
+
+
+def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
+    """The largest of pressures (m,) at ``arc_length`` (m,); where it is at a singular end, and depends on the
+    grid, that of all but a fiftieth of the loaded length.
+
+    >>> place = np.array([0.0, 0.5, 1.0, 1.5, 1.99, 2.0])
+    >>> regular_peak(place, np.array([1.0, 1.0, 1.0, 1.1, 1.2, 50.0]))
+    1.2
+    """
+    if len(arc_length) < 2 or not (pressure > 0.0).any():
+        return float(pressure.max(initial=0.0))
+    top = int(pressure.argmax())
+    inside = 0 < top < len(pressure) - 1 and min(pressure[top - 1], pressure[top + 1]) > 0.0
+    order = np.argsort(pressure)
+    order = order[pressure[order] > 0.0]
+    lengths = np.cumsum(np.gradient(arc_length)[order])
+    rest = float(pressure[order][np.searchsorted(lengths, (1.0 - SHARE) * lengths[-1])])
+    return float(pressure[top]) if inside or pressure[top] <= TIMES * rest else rest
+
+
+def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:
+    """Whether the largest of pressures (m,) is at a singular end."""
+    return regular_peak(arc_length, pressure) < float(pressure.max(initial=0.0))
 
 
 def _crossing(arc: FloatArray, pressure: FloatArray, level: float, last: int, step: int) -> float:

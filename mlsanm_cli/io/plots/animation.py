@@ -1,8 +1,10 @@
-"""Pictures that move: GIF files, frame by frame."""
+"""Pictures that move, frame by frame: GIF files, and MP4 files where there is an ffmpeg."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,20 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli import __version__
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import replacing
 from mlsanm_cli.io.plots.cloud import CloudBody, draw_cloud, range_of, window_of
 from mlsanm_cli.io.plots.figures import COLOURS, style
+from mlsanm_cli.io.plots.marks import Marks
 from mlsanm_cli.io.plots.plots import visible_range
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
 DPI = 100
-SHADES = 64
+FEW, ALL = 64, 256
 """Colours of a GIF: pictures of curves need few, and their number decides the size of the file."""
-MILLISECONDS, LAST = 80, 1500
-"""For how long a frame is shown, and the last one."""
+WHOLE, SHORTEST, LONGEST, LAST = 3200, 80, 500, 1500
+"""Milliseconds that all frames take, one of them at least and at most, and the last one."""
 
 
 def animate_pressure(
@@ -35,7 +40,7 @@ def animate_pressure(
     arc_label: str,
     pressure_label: str,
 ) -> None:
-    """Write a GIF of the pressures (frames, m) at places ``arc`` (m,) of a contact.
+    """Write a GIF or MP4 of the pressures (frames, m) at places ``arc`` (m,) of a contact.
 
     Raises ValueError for wrong shapes, RunError if the file cannot be written.
     """
@@ -57,58 +62,99 @@ def animate_pressure(
             axes.set_title(f"Contact pressure, {contact}, {title}")
             yield figure
 
-    _write(path, frames)
+    _write(path, frames, FEW)
 
 
 def animate_bodies(
-    path: Path, states: Sequence[Sequence[CloudBody]], label: str, titles: Sequence[str], scale: float
+    path: Path,
+    states: Sequence[Sequence[CloudBody]],
+    label: str,
+    titles: Sequence[str],
+    scale: float,
+    marks: Sequence[Marks],
+    *,
+    unit: str = "",
 ) -> None:
-    """Write a GIF of the deformed bodies in several states, all with the same colours and the same section.
+    """Write a GIF or MP4 of the deformed bodies in several states, with the ``marks`` of each, all with the
+    same colours and the same section; ``unit`` is that of lengths.
 
     Raises ValueError for no state, RunError if the file cannot be written.
     """
     if not states:
         raise ValueError("no state to draw")
     everything = [body for bodies in states for body in bodies]
-    limits, window = range_of(everything), window_of(everything, scale)
+    limits = range_of(everything)
+    corners = np.array([window_of(everything, scale, one) for one in marks])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    window = (float(low[0]), float(high[1]), float(low[2]), float(high[3]))
 
     def frames() -> Iterator[Figure]:
-        for bodies, title in zip(states, titles, strict=True):
+        for bodies, title, own in zip(states, titles, marks, strict=True):
             figure = _figure(6.4, 4.8)
-            draw_cloud(figure, bodies, label, title, scale, [window], limits)
+            draw_cloud(figure, bodies, label, title, scale, [window], limits, own, unit)
             yield figure
 
-    _write(path, frames)
+    _write(path, frames, ALL)
 
 
 def _figure(width: float, height: float) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained", dpi=DPI)
-    FigureCanvasAgg(figure)
-    return figure
+    return Figure(figsize=(width, height), layout="constrained", dpi=DPI)
 
 
-def _write(path: Path, frames: Any) -> None:
+def _write(path: Path, frames: Callable[[], Iterator[Figure]], shades: int) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    pixels = []
+    with style():
+        for figure in frames():
+            canvas: Any = FigureCanvasAgg(figure)
+            canvas.draw()
+            pixels.append(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
+    with replacing(path) as temporary:
+        if path.suffix.lower() == ".mp4":
+            _write_mp4(temporary, pixels)
+        else:
+            _write_gif(temporary, pixels, shades)
+
+
+def _each(pixels: Sequence[ByteArray]) -> int:
+    """Milliseconds for which a frame is shown."""
+    return min(max(WHOLE // len(pixels), SHORTEST), LONGEST)
+
+
+def _write_gif(path: Path, pixels: Sequence[ByteArray], shades: int) -> None:
     # Comes with matplotlib, whose own writer keeps no comment by which a run knows its pictures.
     from PIL import Image
 
-    shown = []
-    with style():
-        for figure in frames():
-            figure.canvas.draw()
-            pixels = np.asarray(figure.canvas.buffer_rgba())[:, :, :3]
-            image = Image.fromarray(np.ascontiguousarray(pixels))
-            shown.append(image.quantize(SHADES, dither=Image.Dither.NONE))
-    times = [MILLISECONDS] * (len(shown) - 1) + [LAST]
-    with replacing(path) as temporary:
-        shown[0].save(
-            temporary,
-            format="GIF",
-            save_all=True,
-            append_images=shown[1:],
-            duration=times,
-            loop=0,
-            comment=f"mlsanm {__version__}".encode(),
+    dither = Image.Dither.NONE
+    first, *others = (Image.fromarray(one).quantize(shades, dither=dither) for one in pixels)
+    times = [_each(pixels)] * len(others) + [LAST]
+    comment = f"mlsanm {__version__}".encode()
+    first.save(
+        path, format="GIF", save_all=True, append_images=others, duration=times, loop=0, comment=comment
+    )
+
+
+def _write_mp4(path: Path, pixels: Sequence[ByteArray]) -> None:
+    """By the program ffmpeg; RunError where there is none, or none that can."""
+    program = shutil.which("ffmpeg")
+    if program is None:
+        raise RunError(
+            "MP4 files need the program ffmpeg, which is not on PATH", "install it, or write a .gif"
+        )
+    height, width = pixels[0].shape[:2]
+    each = _each(pixels)
+    frames = [*pixels, *[pixels[-1]] * (LAST // each - 1)]
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"1000/{each}"]
+    # Players want even sizes and colours at half the resolution.
+    coded = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
+    named = ["-metadata", f"comment=mlsanm {__version__}", "-f", "mp4", str(path)]
+    command = [program, "-y", "-loglevel", "error", *raw, "-i", "-", *coded, *named]
+    done = subprocess.run(command, input=b"".join(one.tobytes() for one in frames), capture_output=True)
+    if done.returncode:
+        said = done.stderr.decode(errors="replace").strip().splitlines()
+        raise RunError(
+            f"ffmpeg failed: {said[-1] if said else f'exit code {done.returncode}'}", "write a .gif"
         )

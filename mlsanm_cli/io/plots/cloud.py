@@ -67,13 +67,14 @@ def plot_cloud(
     window: Window | None = None,
     *,
     marks: Marks | None = None,
+    unit: str = "",
 ) -> None:
     """Draw the deformed bodies coloured by the scalar, linear between neighbouring nodes.
 
     ``scale`` multiplies the displacements and is named in the picture; ``window`` (x0, x1, y0, y1) adds a
     second panel that shows this part. ``label`` names the scalar; dots are the nodes, grey lines the outlines
-    before deformation; ``marks`` show what acts on them. Raises ValueError for wrong shapes, RunError if
-    ``path`` cannot be written.
+    before deformation; ``marks`` show what acts on them; ``unit`` is that of lengths. Raises ValueError for
+    wrong shapes, RunError if ``path`` cannot be written.
     """
     if not bodies:
         raise ValueError("no body to draw")
@@ -86,7 +87,7 @@ def plot_cloud(
     whole = window_of(bodies, scale, marks)
     views = [whole] if window is None else [whole, window]
     with picture(path, *_size(list(map(_width, views)))) as figure:
-        draw_cloud(figure, bodies, label, title, scale, views, range_of(bodies), marks)
+        draw_cloud(figure, bodies, label, title, scale, views, range_of(bodies), marks, unit)
 
 
 def draw_cloud(
@@ -98,6 +99,7 @@ def draw_cloud(
     views: Sequence[Window],
     limits: tuple[float, float],
     marks: Marks | None = None,
+    unit: str = "",
 ) -> None:
     """Draw the bodies into a figure, a panel for each view, with colours between the ``limits``."""
     shapes = [_shape(body) for body in bodies]
@@ -112,7 +114,7 @@ def draw_cloud(
             # A detail is too near for arrows as long as a part of the scene.
             shown = marks if view is views[0] else Marks(obstacles=marks.obstacles)
             draw_marks(axes, shown, size)
-        _finish(axes, view)
+        _finish(axes, view, unit)
     times = "" if scale == 1.0 else f", displacements x {scale:g}"
     panels[0].set_title(f"{title}{times}")
     if len(views) > 1:
@@ -191,14 +193,14 @@ def _draw_nodes(axes: Axes, points: FloatArray, spacing: FloatArray) -> None:
     axes.add_collection(dots)
 
 
-def _finish(axes: Axes, view: Window) -> None:
+def _finish(axes: Axes, view: Window, unit: str) -> None:
     axes.grid(False)
     axes.set_xlim(view[0], view[1])
     axes.set_ylim(view[2], view[3])
     axes.set_aspect("equal")
     axes.locator_params(axis="x", nbins=6)
-    axes.set_xlabel("x")
-    axes.set_ylabel("y")
+    axes.set_xlabel(f"x [{unit}]" if unit else "x")
+    axes.set_ylabel(f"y [{unit}]" if unit else "y")
 
 
 def _frame(window: Window) -> Rectangle:

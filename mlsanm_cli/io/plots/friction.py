@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_COLOUR, picture
-from mlsanm_cli.io.plots.plots import visible_range
+from mlsanm_cli.io.plots.plots import shown_up_to, visible_range
 
 FloatArray = NDArray[np.float64]
 OPEN, STICK, SLIP = 0, 1, 2
@@ -27,10 +27,12 @@ def plot_traction(
     *,
     arc_label: str = "arc length",
     traction_label: str = "traction on the slave",
+    highest: float | None = None,
 ) -> None:
     """Draw the traction at every node of one contact between its friction limits, over stick and slip zones.
 
-    ``arc``, ``traction``, ``limit`` (mu p) and ``status`` (0 open, 1 stick, 2 slip) are (m,). Raises
+    ``arc``, ``traction``, ``limit`` (mu p) and ``status`` (0 open, 1 stick, 2 slip) are (m,);
+    what is far above ``highest`` is cut off. Raises
     ValueError for wrong shapes, RunError if ``path`` cannot be written.
     """
     if not arc.shape == traction.shape == limit.shape == status.shape:
@@ -53,6 +55,8 @@ def plot_traction(
         axes.set_xlabel(arc_label)
         axes.set_ylabel(traction_label)
         axes.set_xlim(left, right)
+        high = shown_up_to(axes, float(np.maximum(limit, np.abs(traction)).max(initial=0.0)), highest)
+        axes.set_ylim(-1.05 * high or None, 1.05 * high or None)
         figure.legend(loc="outside right upper")
 
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 # Pressures below this part of the peak do not widen the range shown.
 _VISIBLE = 1e-3
+# Above the largest value that matters.
+_ROOM = 1.5
 
 
 @dataclass(frozen=True)
@@ -40,13 +42,14 @@ def plot_pressure(
     *,
     pressure_label: str = "pressure",
     suffix: str = "",
+    highest: float | None = None,
 ) -> None:
     """Draw the pressure at every node of one contact for several load levels.
 
     ``arc`` (m,), ``pressure`` (levels, m), one label per level. Nodes are drawn as markers, so that an
     oscillation from node to node shows. With ``reference``, which belongs to the last level, the difference
     to it is drawn below in percent of its peak. Raises ValueError for wrong shapes, RunError if ``path``
-    cannot be written. ``suffix`` follows the contact in the title.
+    cannot be written. ``suffix`` follows the contact in the title. What is far above ``highest`` is cut off.
     """
     if pressure.shape != (len(level_labels), len(arc)) or not level_labels:
         raise ValueError(f"pressure has shape {pressure.shape}, expected {(len(level_labels), len(arc))}")
@@ -74,7 +77,8 @@ def plot_pressure(
         parts = [contact, *([level_labels[0]] if alone else []), *([suffix] if suffix else [])]
         upper.set_title(f"Contact pressure, {', '.join(parts)}")
         upper.set_ylabel(pressure_label)
-        low, high = float(pressure[:, inside].min(initial=0.0)), float(pressure[:, inside].max(initial=0.0))
+        low = float(pressure[:, inside].min(initial=0.0))
+        high = shown_up_to(upper, float(pressure.max(initial=0.0)), highest)
         upper.set_ylim(min(0.0, 1.05 * low), 1.05 * high if high > 0.0 else None)
         if not alone:
             figure.legend(loc="outside right upper")
@@ -141,6 +145,16 @@ def visible_range(
     left, right = float(loaded.min()), float(loaded.max())
     margin = 0.25 * (right - left) or 0.25 * (last - first)
     return max(left - margin, first), min(right + margin, last)
+
+
+def shown_up_to(axes: Axes, peak: float, highest: float | None) -> float:
+    """Up to where values with a ``peak`` are shown, if those below ``highest`` matter; the picture tells what
+    is cut off."""
+    if highest is None or highest >= peak:
+        return peak
+    words = f"singular ends up to {peak:.4g} are cut off"
+    axes.text(0.5, 0.98, words, transform=axes.transAxes, ha="center", va="top", fontsize=8, color="#555555")
+    return _ROOM * highest
 
 
 def _shades(count: int) -> list[Any]:

@@ -1,0 +1,64 @@
+"""Surfaces in contact and obstacles at finite strain, as lines for ParaView."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlsanm_cli.app.finite.fields import FiniteFields, contact_records, exchanged, stretch_along
+from mlsanm_cli.app.finite.path import FiniteState
+from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.app.output.lines import obstacles
+from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.io.vtu_lines import Lines
+from mlsanm_cli.mechanics.near_field import as_complex, as_real
+
+
+def contact_lines(
+    scene: FiniteScene, state: FiniteState, fields: Mapping[str, FiniteFields]
+) -> dict[str, Lines]:
+    """The sides that carry the pressures of all contacts in one state; stresses act on the case's slave."""
+    records, parts = contact_records(scene, state), scene.parts(state.displacement)
+    lines, first = {}, 0
+    for contact in scene.contacts:
+        record, side = records[contact.name], contact.slave
+        here = slice(first, first + 2 * side.count)
+        first += 2 * sum(one.count for one in contact.sides)
+        scalars: dict[str, NDArray[Any]] = {
+            "pressure": record.pressure,
+            "traction": record.traction,
+            "gap": record.gap,
+            "status": record.status.astype(np.int32),
+            "arc_length": side.arc,
+        }
+        if contact.friction:
+            scalars["slip"] = record.slip
+        moved = fields[side.body].displacement[side.nodes]
+        turn, _ = side.turned(moved)
+        sign = -1.0 if exchanged(contact) else 1.0
+        normal = -sign * as_real(as_complex(side.outward) * turn)
+        stretch = stretch_along(scene, side, parts[side.body])
+        stress = sign * state.traction[here].reshape(-1, 2) / stretch[:, None]
+        numbers = np.arange(side.count, dtype=np.int64)
+        edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
+        edges = edges if side.around is not None else edges[:-1]
+        vectors = {"normal": normal, "contact_stress": stress}
+        lines[contact.name] = Lines(side.places, edges, moved, scalars, vectors)
+    return lines
+
+
+def obstacle_lines(scene: FiniteScene, state: FiniteState) -> dict[str, Lines]:
+    """The rigid obstacles in one state, by the contact that they belong to."""
+    points = np.concatenate([body.elastic.model.nodes for body in scene.bodies.values()])
+    drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
+    lines = {}
+    for contact in scene.contacts:
+        if isinstance(contact, RigidContact):
+            places, edges = drawn[contact.name]
+            turned = (places - contact.pivot) @ contact.turn(state.whole).T
+            moved = contact.pivot + contact.motion @ state.whole + turned - places
+            lines[contact.name] = Lines(places, edges, moved, {}, {})
+    return lines
