@@ -12,6 +12,7 @@ from mlsanm_cli.contact.finite.exact import Pressed
 from mlsanm_cli.continuation import Outcome
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.law import determinant
+from mlsanm_cli.solve.load_factors import factors_at
 
 FEWEST = 4
 """Nodes over a contact below which its pressures are hardly known."""
@@ -28,7 +29,7 @@ def check_deformation(scene: FiniteScene, position: float, displacement: FloatAr
 
 
 def _check_body(scene: FiniteScene, name: str, position: float, displacement: FloatArray) -> None:
-    body = scene.bodies[name]
+    body, factors = scene.bodies[name], factors_at(scene.stages, position)
     gradient = body.gradient(displacement)
     volume = 1.0 + determinant(gradient)
     node = int(np.argmin(volume))
@@ -38,7 +39,7 @@ def _check_body(scene: FiniteScene, name: str, position: float, displacement: Fl
             f"det F = {volume[node]:.3g}",
             "use smaller loads, or finer nodes there",
         )
-    waves = body.law.ellipticity(gradient)
+    waves = body.ellipticity(displacement, factors)
     node = int(np.argmin(waves))
     if waves[node] <= 0.0:
         raise NumericalError(
@@ -78,7 +79,8 @@ def path_failure(
     """What to say of a path of one body that broke off behind its last state."""
     name, body = scene.alone
     gradient = body.gradient(displacement)
-    volume, waves = 1.0 + determinant(gradient), body.law.ellipticity(gradient)
+    volume = 1.0 + determinant(gradient)
+    waves = body.ellipticity(displacement, factors_at(scene.stages, position))
     node, soft = int(np.argmin(volume)), int(np.argmin(waves))
     where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
     if waves[soft] < FEW_WAVES:
