@@ -35,7 +35,9 @@ FARTHEST = 0.2
 """With friction nodes slide by no more than this part of the contact's width in an increment, unless all of
 them slide the same way before and after it: that has no memory."""
 
-
+TURNED = 0.5
+"""Equations turn with a body that has turned by about this angle against the state that they are of: with
+those of the reference a wheel cannot roll by more than a right angle."""
 STRIDE = 0.5
 """Nothing moves further in an increment than this part of the thinnest body or disk: else it might be beyond
 what it should have met."""
@@ -264,15 +266,33 @@ class _Path:
         acting = self._scene.acting(state.whole, state.traction)
         renewed = False
         for name, own in self._scene.parts(state.displacement).items():
-            station = self._projectors[name].station
-            if most_stretched(self._scene.bodies[name], own, station) > RENEW:
-                self._projectors[name] = self._scene.projector(name, own, acting[name])
-                self._acting[name] = acting[name]
-                self.spent += 1
-                renewed = True
+            body, station = self._scene.bodies[name], self._projectors[name].station
+            angle = body.turn(own) - body.turn(station)
+            if most_stretched(body, own, station) > RENEW:
+                station = own
+            elif abs(np.exp(1j * angle) - 1.0) > TURNED:
+                station = _turned(body.elastic.model.nodes, station, angle)
+            else:
+                continue
+            self._projectors[name] = self._scene.projector(name, station, acting[name])
+            self._acting[name] = acting[name]
+            self.spent += 1
+            renewed = True
+        if renewed:
+            self.now = replace(self.now, free=self._repinned())
         step = FiniteStep(state, saved, length, 0, self._iterations, self.spent, self._solves, (), renewed)
         self.spent = self._iterations = self._solves = 0
         return step
+
+    def _repinned(self) -> FloatArray:
+        """The free motions (d,) with the pins as they are turned now."""
+        free, first, parts = self.now.free.copy(), 0, self._scene.parts(self.now.displacement)
+        for one in self._scene.loose:
+            if one.count:
+                body = self._projectors[one.body].body
+                free[first : first + one.count] = one.factors(body, parts[one.body])
+            first += one.count
+        return free
 
     def state(self, position: float, found: Pressed) -> FiniteState:
         """As a step of the path."""
@@ -280,3 +300,9 @@ class _Path:
         self.now = found
         args = (found.residual, found, self._slip, self._work)
         return FiniteState(position, factors, found.displacement, *args)
+
+
+def _turned(nodes: FloatArray, displacement: FloatArray, angle: float) -> FloatArray:
+    """A ``displacement`` (2N,) of ``nodes`` (N, 2), and then turned by an angle about the origin."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return np.asarray(((nodes + displacement.reshape(-1, 2)) @ turn - nodes).ravel())

@@ -109,8 +109,11 @@ class FiniteScene:
         return {name: Weights.of(body) for name, body in self.bodies.items()}
 
     def projector(self, name: str, displacement: FloatArray, factors: FloatArray) -> Projector:
-        """A body's equations by the rows of a state of it."""
-        return Projector.at(self.bodies[name], self.weights[name], displacement, factors, self.solver)
+        """A body's equations by the rows of a state of it, its pins turned as it is there."""
+        body = self.bodies[name]
+        if body.pins:
+            body = replace(body, angle=body.turn(displacement))
+        return Projector.at(body, self.weights[name], displacement, factors, self.solver)
 
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
@@ -123,6 +126,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     bodies, first = {}, len(case.moved)
     for name, model in prepared.models.items():
         pinned, moves = _pins(prepared, name, loose)
+        loose = tuple(replace(one, moves=moves) if one.body == name else one for one in loose)
         held_nodes = (*prepared.held_nodes[name], *pinned)
         elastic = assemble(model, prepared.held[name], held_nodes, solver, prepared.acting.springs[name])
         sides = [side for contact in contacts for side in contact.sides if side.body == name]
@@ -132,7 +136,8 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
             last = elastic.rows - 3 * elastic.pieces.count
             loads.sources[last - len(pinned) : last, first : first + moves.shape[1]] = moves
             first += moves.shape[1]
-        bodies[name] = FiniteBody(elastic, law_of(case, name), with_sides(loads, elastic, sides))
+        law, loads = law_of(case, name), with_sides(loads, elastic, sides)
+        bodies[name] = FiniteBody(elastic, law, loads, len(pinned))
     supports = _supports(case)
     args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)
     return FiniteScene(case, bodies, *args)
@@ -145,7 +150,8 @@ def _free(case: Case, prepared: SceneModel) -> tuple[tuple[LooseMotions, ...], t
     for name, model in prepared.models.items():
         if name in found:
             unknown = tuple(one.component for one in found[name].motions if one.prescribed is None)
-            loose.append(LooseMotions(name, unknown, float(np.ptp(model.nodes, axis=0).max())))
+            size, anchors = float(np.ptp(model.nodes, axis=0).max()), tuple(prepared.held_nodes[name])
+            loose.append(LooseMotions(name, unknown, size, anchors, np.zeros((0, 0))))
     number = sum(one.count for one in loose)
     names = [pairing.name for pairing in prepared.pairings]
     driven: list[DrivenObstacle] = []

@@ -200,8 +200,8 @@ class Iteration:
             whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
             series = BodySeries(body, 0)
             series.put(0, u[here], whole)
-            sums, rows = one.sums(body, series), answer.moves
-            moved = sums @ derivative_pieces(body, u[here], whole)
+            (sums, moving), rows = one.sums(body, series, u[here]), answer.moves
+            moved = sums @ derivative_pieces(body, u[here], whole) + moving
             lack.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
             by_pieces = (sums @ answer.pieces).toarray()
             lack.by_traction[np.ix_(rows, answer.own)] = (

@@ -38,11 +38,14 @@ SECOND = ((3, 4), (4, 5))
 
 @dataclass(frozen=True)
 class FiniteBody:
-    """An ``elastic`` body, whose cloud, rows and pieces it takes over, with its ``law`` and ``loads``."""
+    """An ``elastic`` body, whose cloud, rows and pieces it takes over, with its ``law`` and ``loads``. The
+    last ``pins`` of its single held nodes are held along directions that have turned by an ``angle``."""
 
     elastic: ElasticBody
     law: Law
     loads: Loads
+    pins: int = 0
+    angle: float = 0.0
 
     @property
     def unknowns(self) -> int:
@@ -68,6 +71,29 @@ class FiniteBody:
     def applied(self) -> Applied:
         """The loads where the pieces take them."""
         return Applied.on(self.elastic, self.loads)
+
+    @cached_property
+    def single(self) -> sparse.csr_array:
+        """Rows (s, 2N) of the displacements of single held nodes."""
+        held, unknowns = self.elastic.held_nodes, self.unknowns
+        rows = np.zeros((len(held), 2))
+        node = np.array([one for one, _ in held], dtype=np.int64)
+        rows[np.arange(len(held)), [component for _, component in held]] = 1.0
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        last = len(held) - self.pins
+        rows[last:] = rows[last:] @ np.array([[cos, sin], [-sin, cos]])
+        entries = (rows.ravel(), (np.repeat(np.arange(len(held)), 2), (2 * node[:, None] + [0, 1]).ravel()))
+        return sparse.csr_array(entries, shape=(len(held), unknowns))
+
+    @property
+    def pinned(self) -> sparse.csr_array:
+        """Those (p, 2N) of the pins."""
+        return self.single[self.single.shape[0] - self.pins :]
+
+    def turn(self, displacement: FloatArray) -> float:
+        """The angle by which a ``displacement`` (2N,) turns the body on the whole."""
+        xx, xy, yx, yy = self.gradient(displacement) @ self.elastic.model.cloud.areas
+        return float(np.arctan2(yx - xy, 2.0 * self.elastic.model.cloud.areas.sum() + xx + yy))
 
     @cached_property
     def table(self) -> RowTable:
@@ -286,8 +312,7 @@ class BodySeries:
         if elastic.springs:
             left[: elastic.rows - 3 * body.count] += body.pulls @ self._displacement[order]
         first = elastic.rows - 3 * body.count - len(elastic.held_nodes)
-        for number, (node, component) in enumerate(elastic.held_nodes):
-            left[first + number] += u[node, component]
+        left[first : first + len(elastic.held_nodes)] += body.single @ self._displacement[order]
         left[elastic.rows - 3 * body.count :] = self._pieces(order)
         return np.asarray(left)
 

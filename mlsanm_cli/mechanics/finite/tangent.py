@@ -31,8 +31,7 @@ def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatAr
                 pressure = body.applied.pressed[at] @ factors
                 chosen = chosen + pressure * _cofactor(normal)[component]
             blocks.append(_rows(some, range(1, 3), chosen))
-    for node, component in elastic.held_nodes:
-        blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, len(model.nodes)))
+    blocks.append(body.single)
     rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
     return sparse.csr_array(rows + body.pulls) if elastic.springs else rows
 
