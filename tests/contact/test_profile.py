@@ -37,3 +37,13 @@ def test_nothing_pressed_has_no_width() -> None:
     assert half_width(np.arange(3.0), np.zeros(3)) == 0.0
     assert half_width(np.arange(3.0), -np.ones(3)) == 0.0
     assert half_width(np.zeros(0), np.zeros(0)) == 0.0
+
+
+def test_a_contact_across_the_start_of_a_closed_surface_is_one() -> None:
+    arc = np.linspace(0.0, 10.0, 40, endpoint=False)
+    away = np.minimum(arc, 10.0 - arc)
+    pressure = np.sqrt(np.maximum(1.0 - away**2, 0.0))
+    shifted = half_width(arc, np.roll(pressure, 12))
+    assert abs(half_width(arc, pressure, 10.0) - shifted) < 1e-12
+    assert abs(half_width(arc, np.roll(pressure, 12), 10.0) - shifted) < 1e-12
+    assert half_width(arc, np.ones(40), 10.0) == 0.5 * (10.0 - 0.25)

@@ -190,7 +190,7 @@ def contact_summary(scene: FiniteScene, state: FiniteState, forces: SceneForces)
         record, pressed = records[contact.name], forces.contacts[contact.name]
         found[contact.name] = {
             "peak_pressure": float(record.pressure.max(initial=0.0)),
-            "half_width": half_width(contact.slave.arc, record.pressure),
+            "half_width": half_width(contact.slave.arc, record.pressure, contact.slave.around),
             "force": pressed[0].tolist(),
             "closed_nodes": int((record.status != OPEN).sum()),
             "stick_nodes": int((record.status == STICK).sum()),

@@ -9,16 +9,24 @@ from mlsanm_cli.arrays import FloatArray
 THRESHOLD = 0.01
 
 
-def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
+def half_width(arc_length: FloatArray, pressure: FloatArray, around: float | None = None) -> float:
     """Half the distance between the outermost crossings of 1 % of the peak.
 
     ``arc_length`` (m,) increasing, ``pressure`` (m,) joined linearly. A profile that does not fall below the
-    threshold before the last node ends there.
+    threshold before the last node ends there. On a closed surface of length ``around`` the longest stretch
+    without pressure lies outside.
     """
     level = THRESHOLD * float(pressure.max(initial=0.0))
     above = np.flatnonzero(pressure > level)
     if level <= 0.0 or not len(above):
         return 0.0
+    if around is not None:
+        rests = np.diff(arc_length[above], append=arc_length[above[0]] + around)
+        first = (above[int(np.argmax(rests))] + 1) % len(pressure)
+        arc_length = np.roll(arc_length, -first)
+        arc_length = arc_length[0] + np.mod(arc_length - arc_length[0], around)
+        pressure = np.roll(pressure, -first)
+        above = np.flatnonzero(pressure > level)
     return 0.5 * (
         _crossing(arc_length, pressure, level, above[-1], 1)
         - _crossing(arc_length, pressure, level, above[0], -1)
