@@ -24,8 +24,8 @@ def half_width(arc_length: FloatArray, pressure: FloatArray, around: float | Non
         rests = np.diff(arc_length[above], append=arc_length[above[0]] + around)
         first = (above[int(np.argmax(rests))] + 1) % len(pressure)
         arc_length = np.roll(arc_length, -first)
-        arc_length = arc_length[0] + np.mod(arc_length - arc_length[0], around)
-        pressure = np.roll(pressure, -first)
+        arc_length = np.append(np.mod(arc_length - arc_length[0], around), around)
+        pressure = np.append(np.roll(pressure, -first), pressure[first])
         above = np.flatnonzero(pressure > level)
     return 0.5 * (
         _crossing(arc_length, pressure, level, above[-1], 1)
