@@ -19,7 +19,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.answers import Answer, Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
 from mlsanm_cli.contact.finite.iteration import Done, Iteration
@@ -124,17 +124,17 @@ class Pressing:
         return [side for contact in self.contacts for side in contact.sides]
 
     def meet(
-        self, surface: FloatArray, factors: FloatArray, before: FloatArray | None
+        self, surface: FloatArray, factors: FloatArray, before: FloatArray | None, closed: BoolArray
     ) -> tuple[Meeting, ...]:
         """All contacts in a state of the sides' displacements ``surface`` (2s,); slips are from the places
-        (c,) ``before``, or nothing."""
+        (c,) ``before``, or nothing; ``closed`` (c,) were these nodes."""
         found, first, node = [], 0, 0
         moved = surface.reshape(-1, 2)
         for contact in self.contacts:
             last = first + contact.slave.count
             own = moved[node : node + sum(side.count for side in contact.sides)]
             since = None if before is None else before[first:last]
-            found.append(contact.meet(own, factors, since))
+            found.append(contact.meet(own, factors, since, closed[first:last]))
             first, node = last, node + len(own)
         return tuple(found)
 
@@ -156,7 +156,7 @@ class Pressing:
             factors = np.concatenate([given, free])
             closer = Closer.of(self.sides, self.answers, u[self.numbers], traction)
             surface = closer.moved(u[self.numbers], traction)
-            met = self.meet(surface, factors, before)
+            met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
             done = Iteration(self, factors, before, closer).taken(*args, first=count == 1)
             solves += done.solves
@@ -179,7 +179,7 @@ class Pressing:
                 spent = count * len(self.projectors)
                 counts = (last, count, spent, solves)
                 surface = closer.moved(u[self.numbers], traction)
-                met = self.meet(surface, np.concatenate([given, free]), before)
+                met = self.meet(surface, np.concatenate([given, free]), before, start.sets.closed)
                 return self._state(u, p, q, sets, met, surface, free, counts, done)
         return None
 
