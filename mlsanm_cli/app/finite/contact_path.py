@@ -238,7 +238,7 @@ class _Path:
             except (np.linalg.LinAlgError, NumericalError):
                 found = None
         tried = MOST if found is None else found.iterations
-        self.spent += tried * len(self._projectors)
+        self.spent += MOST * len(self._projectors) if found is None else found.factorizations
         self._iterations += tried
         self._solves += 0 if found is None else found.solves
         return found
@@ -288,8 +288,8 @@ class _Path:
         """The free motions (d,) with the pins as they are turned now."""
         free, first, parts = self.now.free.copy(), 0, self._scene.parts(self.now.displacement)
         for one in self._scene.loose:
-            if one.count:
-                body = self._projectors[one.body].body
+            body = self._projectors[one.body].body
+            if body.pins:
                 free[first : first + one.count] = one.factors(body, parts[one.body])
             first += one.count
         return free

@@ -137,7 +137,9 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
             loads.sources[last - len(pinned) : last, first : first + moves.shape[1]] = moves
             first += moves.shape[1]
         law, loads = law_of(case, name), with_sides(loads, elastic, sides)
-        bodies[name] = FiniteBody(elastic, law, loads, len(pinned))
+        # Pins turn with bodies that may turn; of others they say that these do not.
+        turning = len(pinned) if moves.shape[0] == moves.shape[1] else 0
+        bodies[name] = FiniteBody(elastic, law, loads, turning)
     supports = _supports(case)
     args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)
     return FiniteScene(case, bodies, *args)

@@ -22,7 +22,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.answers import Answer, Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
-from mlsanm_cli.contact.finite.iteration import Done, Iteration
+from mlsanm_cli.contact.finite.iteration import Done, Iteration, Used
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -35,6 +35,9 @@ LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
 PATIENCE = 3
 """Iterations without a smaller update after which an increment is given up, from twice as many on."""
+CLOSE = 1e-3
+"""Derivatives of the bodies before an update of at most this part of the typical displacement are good enough
+behind it: the next updates shrink by about as much."""
 NOTHING = 1e-12
 """Pressures below this part of those of the typical displacement are none."""
 
@@ -45,8 +48,8 @@ class Pressed:
     nominal ``pressure`` and ``shear`` of friction (c,), ``gap``, ``place`` and ``slip`` (c,), ``normal``
     (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn, which have moved by
     ``surface`` (2s,), where their answers differ from the clouds'; the ``free`` motions (d,). ``residual`` is
-    the last update over the typical displacement, ``stability`` the least resistance of a contact to
-    pressures that change from node to node."""
+    what the next update would be over the typical displacement, ``stability`` the least resistance of a
+    contact to pressures that change from node to node."""
 
     displacement: FloatArray
     pressure: FloatArray
@@ -151,15 +154,18 @@ class Pressing:
         derivatives."""
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
-        settled, traction, updates = False, start.traction, [np.inf]
+        settled, traction, updates, spent = False, start.traction, [np.inf], 0
+        used: Used | None = None
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
             closer = Closer.of(self.sides, self.answers, u[self.numbers], traction)
             surface = closer.moved(u[self.numbers], traction)
             met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
-            done = Iteration(self, factors, before, closer).taken(*args, first=count == 1)
-            solves += done.solves
+            close = used if updates[-1] <= CLOSE else None
+            done = Iteration(self, factors, before, closer, close).taken(*args, first=count == 1)
+            spent += 0 if close else len(self.projectors)
+            solves, used = solves + done.solves, done.used
             part = 1.0
             while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
                 part *= 0.5
@@ -174,10 +180,11 @@ class Pressing:
             last = float(np.abs(done.du).max()) / self.length
             if not np.isfinite(last) or _stalls(updates, last):
                 return None
+            # What is left shrinks at least as it did.
+            left = last * min(1.0, last / updates[-1]) if last else 0.0
             updates.append(last)
-            if part == 1.0 and settled and last <= tolerance:
-                spent = count * len(self.projectors)
-                counts = (last, count, spent, solves)
+            if part == 1.0 and settled and left <= tolerance:
+                counts = (left, count, spent, solves)
                 surface = closer.moved(u[self.numbers], traction)
                 met = self.meet(surface, np.concatenate([given, free]), before, start.sets.closed)
                 return self._state(u, p, q, sets, met, surface, free, counts, done)
