@@ -39,8 +39,9 @@ TURNED = 0.5
 """Equations turn with a body that has turned by about this angle against the state that they are of: with
 those of the reference a wheel cannot roll by more than a right angle."""
 STRIDE = 0.5
-"""Nothing moves further in an increment than this part of the thinnest body or disk: else it might be beyond
-what it should have met."""
+"""No node moves further against what it may touch in an increment than its gap and this part of the thinner
+body or disk: else it might be beyond what it should have met. No body moves further than this part of the
+smallest."""
 
 
 def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
@@ -194,21 +195,29 @@ class _Path:
         return largest
 
     def _strode(self, position: float, reached: float, found: Pressed) -> float:
-        """How far nodes or obstacles have moved in an increment, over what they may."""
-        scene = self._scene
-        moved = np.abs(found.displacement - self.now.displacement).max()
-        thin = [np.ptp(body.elastic.model.nodes, axis=0).min() for body in scene.bodies.values()]
+        """How far nodes have moved against what they may touch in an increment, over what they may, and
+        bodies on the whole."""
+        scene, now = self._scene, self.now
+        sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
+        moved = np.abs(found.displacement - now.displacement).max()
+        farthest = float(moved / (STRIDE * min(size.max() for size in sizes.values())))
         before, after = (
             np.append(factors_at(scene.stages, at), one.free)
-            for at, one in ((position, self.now), (reached, found))
+            for at, one in ((position, now), (reached, found))
         )
-        for contact in (one for one in scene.contacts if isinstance(one, RigidContact)):
-            angle = abs(float(contact.rotation @ (after - before)))
-            arm = 0.0 if isinstance(contact.shape, Round) else np.ptp(contact.slave.places, axis=0).max()
-            moved = max(moved, np.abs(contact.motion @ (after - before)).max() + angle * arm)
-            if isinstance(contact.shape, Round):
-                thin.append(contact.shape.radius)
-        return float(moved / (STRIDE * min(thin)))
+        first, node = 0, 0
+        for contact in scene.contacts:
+            here = slice(first, first + contact.slave.count)
+            own = slice(node, node + 2 * sum(side.count for side in contact.sides))
+            first, node, place = here.stop, own.stop, now.place[here]
+            then = contact.apart(now.surface[own].reshape(-1, 2), before, place)
+            way = np.hypot(*(contact.apart(found.surface[own].reshape(-1, 2), after, place) - then).T)
+            thin = min(sizes[side.body].min() for side in contact.sides)
+            gap = np.minimum(now.gap[here], sizes[contact.slave.body].max())
+            if isinstance(contact, RigidContact) and isinstance(contact.shape, Round):
+                thin = min(thin, contact.shape.radius)
+            farthest = max(farthest, float((way / (np.maximum(gap, 0.0) + STRIDE * thin)).max()))
+        return farthest
 
     def _slides(self, found: Pressed, here: slice) -> bool:
         """Whether all closed nodes of a contact slide in one sense, now and in the state that was found."""

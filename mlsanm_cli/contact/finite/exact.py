@@ -38,6 +38,8 @@ PATIENCE = 3
 CLOSE = 1e-3
 """Derivatives of the bodies before an update of at most this part of the typical displacement are good enough
 behind it: the next updates shrink by about as much."""
+SLIGHT = 1e-3
+"""What falls on something is first let into it by this part of the typical displacement."""
 NOTHING = 1e-12
 """Pressures below this part of those of the typical displacement are none."""
 
@@ -166,7 +168,7 @@ class Pressing:
             done = Iteration(self, factors, before, closer, close).taken(*args, first=count == 1)
             spent += 0 if close else len(self.projectors)
             solves, used = solves + done.solves, done.used
-            part = 1.0
+            part = self._until_touch(met, done)
             while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
                 part *= 0.5
             u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
@@ -189,6 +191,24 @@ class Pressing:
                 met = self.meet(surface, np.concatenate([given, free]), before, start.sets.closed)
                 return self._state(u, p, q, sets, met, surface, free, counts, done)
         return None
+
+    def _until_touch(self, met: Sequence[Meeting], done: Done) -> float:
+        """How much of an update moves what nothing holds yet until it meets something: the whole would carry
+        it through, as hardly anything resists."""
+        if not self.free or done.sets.closed.any():
+            return 1.0
+        least, first = 1.0, 0
+        for place, (contact, one) in enumerate(zip(self.contacts, met, strict=True)):
+            last = first + 2 * sum(side.count for side in contact.sides)
+            moved = done.du[self.numbers[first:last]]
+            first = last
+            for driven in (some for some in self.driven if some.contact == place):
+                moved[driven.component : 2 * contact.slave.count : 2] -= done.free[driven.number]
+            falls = -(one.d_gap @ moved)
+            near = one.facing & (falls > 0.0) & (one.gap > 0.0)
+            ways = (one.gap[near] + SLIGHT * self.length) / falls[near]
+            least = min(least, float(ways.min(initial=1.0)))
+        return least
 
     def _volume(self, u: FloatArray) -> float:
         parts = [

@@ -59,6 +59,12 @@ class BodyContact:
         """Where the master's normals (c, 2) are before anything is deformed."""
         return self.meet(np.zeros((self.slave.count + self.master.count, 2)), factors, None).normal
 
+    def apart(self, displacement: FloatArray, _factors: FloatArray, place: FloatArray) -> FloatArray:
+        """The way (c, 2) to nodes from places (c,) of the master, both sides displaced by (c + m, 2)."""
+        count = self.slave.count
+        nodes = self.master.places + displacement[count:]
+        return np.asarray(self.slave.places + displacement[:count] - self.master.curve.rows(place)[0] @ nodes)
+
     def meet(
         self,
         displacement: FloatArray,

@@ -65,6 +65,10 @@ class RigidContact:
         """Places (e, 2) as the obstacle sees them, where it was drawn."""
         return np.asarray(self.pivot + (places - self.motion @ factors - self.pivot) @ turn)
 
+    def apart(self, displacement: FloatArray, factors: FloatArray, _place: FloatArray) -> FloatArray:
+        """Where nodes (c, 2) displaced by (c, 2) are, as the obstacle sees them."""
+        return self._drawn(self.slave.places + displacement, factors, self.turn(factors))
+
     def meet(
         self,
         displacement: FloatArray,
