@@ -67,7 +67,7 @@ def assemble(
     # Where volumes hardly change, pressures of single nodes are what pairs would make alternate.
     pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, grips)
     count = table.total + 3 * pieces.count
-    pulls = _pulls(cloud, table, len(model.nodes))
+    pulls = spring_rows(cloud, table, len(model.nodes))
     rows = _rows(model, held, single)
     if springs:
         rows = sparse.csr_array(rows + pulls)
@@ -174,7 +174,7 @@ def _rows(
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 
 
-def _pulls(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
+def spring_rows(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
     """What springs add to the rows (r, 2N)."""
     pulls = sparse.csr_array((table.total, 2 * nodes))
     for name, stiffness in table.springs.items():

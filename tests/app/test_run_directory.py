@@ -15,8 +15,8 @@ import pytest
 
 from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
-from mlsanm_cli.memo import Memo
 from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.memo import Memo
 from tests.app.scenes import BAR, NODAL, Quiet, assert_same_results, hertz, solve
 
 SUMMARY_KEYS = {

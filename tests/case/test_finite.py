@@ -62,8 +62,6 @@ SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
 @pytest.mark.parametrize(
     ("more", "key", "word"),
     [
-        (SPRING, "support.1.spring", "spring"),
-        (WARM, "load.warm.temperature", "temperature"),
         (f"{PLATE}fx = 1.0\n", "load.plate", "force"),
         (f'{PLATE}ux = 0.1\nrotation = "free"\n', "load.plate.rotation", "rotating"),
         (f"{PLATE}ux = 0.1\nrotation = 0.1\n", "load.plate.rotation", "rotating"),
@@ -76,6 +74,12 @@ SPRING = '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n'
 )
 def test_parts_that_are_not_there_yet_are_refused_by_name(more: str, key: str, word: str) -> None:
     assert word in problems(BLOCK + more)[key]
+
+
+def test_springs_and_changes_of_temperature_are_accepted() -> None:
+    warm = BLOCK.replace("nu = 0.3\n", "nu = 0.3\nalpha = 1e-4\n")
+    assert not problems(BLOCK + SPRING)
+    assert not problems(warm + WARM)
 
 
 def test_keys_of_finite_strain_mean_nothing_at_small_ones() -> None:

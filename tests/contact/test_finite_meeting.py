@@ -87,7 +87,7 @@ def test_a_curve_is_exact_for_parabolas_and_closed_ones_go_around() -> None:
     ring = NodeCurve(angle, 2.0 * np.pi)
     nodes = np.stack([np.cos(angle), np.sin(angle)], 1)
     turn = np.array([0.01, 3.0, 6.27])
-    place, inside = ring.closest(nodes, 1.1 * np.stack([np.cos(turn), np.sin(turn)], 1))
+    place, inside = ring.closest(nodes, 1.1 * np.stack([np.cos(turn), np.sin(turn)], 1), np.zeros(len(turn)))
     assert inside.all()
     np.testing.assert_allclose(place, turn, atol=1e-5)
 

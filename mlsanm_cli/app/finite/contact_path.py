@@ -35,10 +35,13 @@ FARTHEST = 0.2
 """With friction nodes slide by no more than this part of the contact's width in an increment, unless all of
 them slide the same way before and after it: that has no memory."""
 
-
+TURNED = 0.5
+"""Equations turn with a body that has turned by about this angle against the state that they are of: with
+those of the reference a wheel cannot roll by more than a right angle."""
 STRIDE = 0.5
-"""Nothing moves further in an increment than this part of the thinnest body or disk: else it might be beyond
-what it should have met."""
+"""No node moves further against what it may touch in an increment than its gap and this part of the thinner
+body or disk: else it might be beyond what it should have met. No body moves further than this part of the
+smallest."""
 
 
 def contact_path(scene: FiniteScene, mark: FiniteMark | None = None) -> Iterator[FiniteStep]:
@@ -192,21 +195,29 @@ class _Path:
         return largest
 
     def _strode(self, position: float, reached: float, found: Pressed) -> float:
-        """How far nodes or obstacles have moved in an increment, over what they may."""
-        scene = self._scene
-        moved = np.abs(found.displacement - self.now.displacement).max()
-        thin = [np.ptp(body.elastic.model.nodes, axis=0).min() for body in scene.bodies.values()]
+        """How far nodes have moved against what they may touch in an increment, over what they may, and
+        bodies on the whole."""
+        scene, now = self._scene, self.now
+        sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
+        moved = np.abs(found.displacement - now.displacement).max()
+        farthest = float(moved / (STRIDE * min(size.max() for size in sizes.values())))
         before, after = (
             np.append(factors_at(scene.stages, at), one.free)
-            for at, one in ((position, self.now), (reached, found))
+            for at, one in ((position, now), (reached, found))
         )
-        for contact in (one for one in scene.contacts if isinstance(one, RigidContact)):
-            angle = abs(float(contact.rotation @ (after - before)))
-            arm = 0.0 if isinstance(contact.shape, Round) else np.ptp(contact.slave.places, axis=0).max()
-            moved = max(moved, np.abs(contact.motion @ (after - before)).max() + angle * arm)
-            if isinstance(contact.shape, Round):
-                thin.append(contact.shape.radius)
-        return float(moved / (STRIDE * min(thin)))
+        first, node = 0, 0
+        for contact in scene.contacts:
+            here = slice(first, first + contact.slave.count)
+            own = slice(node, node + 2 * sum(side.count for side in contact.sides))
+            first, node, place = here.stop, own.stop, now.place[here]
+            then = contact.apart(now.surface[own].reshape(-1, 2), before, place)
+            way = np.hypot(*(contact.apart(found.surface[own].reshape(-1, 2), after, place) - then).T)
+            thin = min(sizes[side.body].min() for side in contact.sides)
+            gap = np.minimum(now.gap[here], sizes[contact.slave.body].max())
+            if isinstance(contact, RigidContact) and isinstance(contact.shape, Round):
+                thin = min(thin, contact.shape.radius)
+            farthest = max(farthest, float((way / (np.maximum(gap, 0.0) + STRIDE * thin)).max()))
+        return farthest
 
     def _slides(self, found: Pressed, here: slice) -> bool:
         """Whether all closed nodes of a contact slide in one sense, now and in the state that was found."""
@@ -236,7 +247,7 @@ class _Path:
             except (np.linalg.LinAlgError, NumericalError):
                 found = None
         tried = MOST if found is None else found.iterations
-        self.spent += tried * len(self._projectors)
+        self.spent += MOST * len(self._projectors) if found is None else found.factorizations
         self._iterations += tried
         self._solves += 0 if found is None else found.solves
         return found
@@ -264,15 +275,33 @@ class _Path:
         acting = self._scene.acting(state.whole, state.traction)
         renewed = False
         for name, own in self._scene.parts(state.displacement).items():
-            station = self._projectors[name].station
-            if most_stretched(self._scene.bodies[name], own, station) > RENEW:
-                self._projectors[name] = self._scene.projector(name, own, acting[name])
-                self._acting[name] = acting[name]
-                self.spent += 1
-                renewed = True
+            body, station = self._scene.bodies[name], self._projectors[name].station
+            angle = body.turn(own) - body.turn(station)
+            if most_stretched(body, own, station) > RENEW:
+                station = own
+            elif abs(np.exp(1j * angle) - 1.0) > TURNED:
+                station = _turned(body.elastic.model.nodes, station, angle)
+            else:
+                continue
+            self._projectors[name] = self._scene.projector(name, station, acting[name])
+            self._acting[name] = acting[name]
+            self.spent += 1
+            renewed = True
+        if renewed:
+            self.now = replace(self.now, free=self._repinned())
         step = FiniteStep(state, saved, length, 0, self._iterations, self.spent, self._solves, (), renewed)
         self.spent = self._iterations = self._solves = 0
         return step
+
+    def _repinned(self) -> FloatArray:
+        """The free motions (d,) with the pins as they are turned now."""
+        free, first, parts = self.now.free.copy(), 0, self._scene.parts(self.now.displacement)
+        for one in self._scene.loose:
+            body = self._projectors[one.body].body
+            if body.pins:
+                free[first : first + one.count] = one.factors(body, parts[one.body])
+            first += one.count
+        return free
 
     def state(self, position: float, found: Pressed) -> FiniteState:
         """As a step of the path."""
@@ -280,3 +309,9 @@ class _Path:
         self.now = found
         args = (found.residual, found, self._slip, self._work)
         return FiniteState(position, factors, found.displacement, *args)
+
+
+def _turned(nodes: FloatArray, displacement: FloatArray, angle: float) -> FloatArray:
+    """A ``displacement`` (2N,) of ``nodes`` (N, 2), and then turned by an angle about the origin."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return np.asarray(((nodes + displacement.reshape(-1, 2)) @ turn - nodes).ravel())

@@ -43,10 +43,13 @@ class FiniteFields:
     volume_ratio: FloatArray
 
     @classmethod
-    def of(cls, law: Law, displacement: FloatArray, gradient: FloatArray) -> FiniteFields:
-        """By ``displacement`` (n, 2) and its ``gradient`` (4, n)."""
-        stress, across = cauchy_stress(law, gradient).T, law.stress_across(gradient)
-        volume = (1.0 + determinant(gradient)) * law.across(gradient)
+    def of(
+        cls, law: Law, displacement: FloatArray, gradient: FloatArray, stretch: FloatArray | None
+    ) -> FiniteFields:
+        """By ``displacement`` (n, 2), its ``gradient`` (4, n) and the free ``stretch`` (n,) of what is
+        warm."""
+        stress, across = cauchy_stress(law, gradient, stretch).T, law.stress_across(gradient, stretch)
+        volume = (1.0 + determinant(gradient)) * law.across(gradient, stretch)
         mises = von_mises(stress, across)
         return cls(displacement, stress, across, mises, stretches(gradient).T, volume)
 
@@ -56,7 +59,8 @@ def fields_of(scene: FiniteScene, state: FiniteState) -> dict[str, FiniteFields]
     found, shown = {}, scene.parts(state.shown(scene))
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
-        found[name] = FiniteFields.of(body.law, shown[name].reshape(-1, 2), body.gradient(own))
+        warm = body.stretch(state.factors)
+        found[name] = FiniteFields.of(body.law, shown[name].reshape(-1, 2), body.gradient(own), warm)
     return found
 
 
@@ -65,15 +69,17 @@ def fields_at(scene: FiniteScene, state: FiniteState, name: str, points: FloatAr
     body, own = scene.bodies[name], scene.parts(state.displacement)[name]
     model = body.elastic.model
     stencils = build_stencils(model.nodes, model.tree, points, 1, model.settings, model.cloud.sight)
-    return fields_by(body.law, stencils.derivatives(own.reshape(-1, 2)))
+    warm = body.stretch_at(points, state.factors)
+    return fields_by(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
 
 
-def fields_by(law: Law, derivatives: FloatArray) -> FiniteFields:
-    """The fields by ``derivatives`` (e, 3, 2) of the displacement, value first."""
+def fields_by(law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> FiniteFields:
+    """The fields by ``derivatives`` (e, 3, 2) of the displacement, value first, and the free ``stretch``
+    (e,) of what is warm."""
     gradient = np.stack(
         [derivatives[:, 1, 0], derivatives[:, 2, 0], derivatives[:, 1, 1], derivatives[:, 2, 1]]
     )
-    return FiniteFields.of(law, derivatives[:, 0], gradient)
+    return FiniteFields.of(law, derivatives[:, 0], gradient, stretch)
 
 
 def probe_records(scene: FiniteScene, state: FiniteState) -> dict[str, ProbeRecord]:
@@ -247,7 +253,7 @@ def extremes(scene: FiniteScene, state: FiniteState) -> Mapping[str, float]:
     """How far a state is from where it would have no sense."""
     every = list(fields_of(scene, state).values())
     waves = [
-        float(scene.bodies[name].law.ellipticity(scene.bodies[name].gradient(own)).min())
+        float(scene.bodies[name].ellipticity(own, state.factors).min())
         for name, own in scene.parts(state.displacement).items()
     ]
     return {

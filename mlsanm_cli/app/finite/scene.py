@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.direct_solver import direct_solver
 from mlsanm_cli.app.scene.surfaces import surfaces_at
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
+from mlsanm_cli.case import Case, Displacement, Material, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.case.checks.finite import pivot_of
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
@@ -28,8 +28,9 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
-from mlsanm_cli.mechanics.finite.loads import Loads, Pressing
+from mlsanm_cli.mechanics.finite.loads import Loads, Pressing, Warming
 from mlsanm_cli.mechanics.finite.projector import Projector, Weights
+from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 from mlsanm_cli.operators.linear.interface import DirectSolver
@@ -108,8 +109,11 @@ class FiniteScene:
         return {name: Weights.of(body) for name, body in self.bodies.items()}
 
     def projector(self, name: str, displacement: FloatArray, factors: FloatArray) -> Projector:
-        """A body's equations by the rows of a state of it."""
-        return Projector.at(self.bodies[name], self.weights[name], displacement, factors, self.solver)
+        """A body's equations by the rows of a state of it, its pins turned as it is there."""
+        body = self.bodies[name]
+        if body.pins:
+            body = replace(body, angle=body.turn(displacement))
+        return Projector.at(body, self.weights[name], displacement, factors, self.solver)
 
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
@@ -122,8 +126,9 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     bodies, first = {}, len(case.moved)
     for name, model in prepared.models.items():
         pinned, moves = _pins(prepared, name, loose)
+        loose = tuple(replace(one, moves=moves) if one.body == name else one for one in loose)
         held_nodes = (*prepared.held_nodes[name], *pinned)
-        elastic = assemble(model, prepared.held[name], held_nodes, solver)
+        elastic = assemble(model, prepared.held[name], held_nodes, solver, prepared.acting.springs[name])
         sides = [side for contact in contacts for side in contact.sides if side.body == name]
         loads = with_more(_loads(case, prepared, name, elastic), free)
         if moves.shape[1]:
@@ -131,7 +136,10 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
             last = elastic.rows - 3 * elastic.pieces.count
             loads.sources[last - len(pinned) : last, first : first + moves.shape[1]] = moves
             first += moves.shape[1]
-        bodies[name] = FiniteBody(elastic, law_of(case, name), with_sides(loads, elastic, sides))
+        law, loads = law_of(case, name), with_sides(loads, elastic, sides)
+        # Pins turn with bodies that may turn; of others they say that these do not.
+        turning = len(pinned) if moves.shape[0] == moves.shape[1] else 0
+        bodies[name] = FiniteBody(elastic, law, loads, turning)
     supports = _supports(case)
     args = (stage_factors(case), supports, prepared.probes, solver, contacts, loose, driven)
     return FiniteScene(case, bodies, *args)
@@ -144,7 +152,8 @@ def _free(case: Case, prepared: SceneModel) -> tuple[tuple[LooseMotions, ...], t
     for name, model in prepared.models.items():
         if name in found:
             unknown = tuple(one.component for one in found[name].motions if one.prescribed is None)
-            loose.append(LooseMotions(name, unknown, float(np.ptp(model.nodes, axis=0).max())))
+            size, anchors = float(np.ptp(model.nodes, axis=0).max()), tuple(prepared.held_nodes[name])
+            loose.append(LooseMotions(name, unknown, size, anchors, np.zeros((0, 0))))
     number = sum(one.count for one in loose)
     names = [pairing.name for pairing in prepared.pairings]
     driven: list[DrivenObstacle] = []
@@ -165,7 +174,8 @@ def _pins(
     if own is None:
         return [], np.zeros((0, 0))
     cloud = prepared.models[name].cloud
-    free = free_motions(cloud, prepared.held[name], prepared.held_nodes[name], {})
+    springs = prepared.acting.springs[name]
+    free = free_motions(cloud, prepared.held[name], prepared.held_nodes[name], springs)
     # Inside: on a side in contact a pin would have no field in closed form.
     outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
     inner = np.setdiff1d(np.arange(len(cloud.points)), outer)
@@ -217,9 +227,14 @@ def _side(prepared: SceneModel, body: str, surface: Surface) -> Side:
     return Side.of(body, prepared.models[body].cloud, surface, prepared.held[body], nodes)
 
 
+def material_of(case: Case, body: str) -> Material:
+    """What a body of a case is made of."""
+    return case.material[next(one.material for one in case.body if one.name == body)]
+
+
 def law_of(case: Case, body: str) -> Law:
     """The law of a body of a case at finite strain."""
-    material = case.material[next(one.material for one in case.body if one.name == body)]
+    material = material_of(case, body)
     assert material.law != "linear"
     assert material.E is not None
     assert material.nu is not None
@@ -266,7 +281,21 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
     force = _force(prepared, name, len(body.model.cloud.points), count)
     if force is not None:
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)
-    return Loads(count, sources, tractions, force, tuple(pressing))
+    return Loads(count, sources, tractions, force, tuple(pressing), warming=warming_of(case, prepared, name))
+
+
+def warming_of(case: Case, prepared: SceneModel, name: str) -> tuple[Warming, ...]:
+    """What stretches a body freely."""
+    alpha = material_of(case, name).alpha
+    return tuple(
+        Warming(one.number, float(alpha) * one.values, partial(_expansion, float(alpha), one.field))
+        for one in prepared.acting.heatings
+        if one.body == name and isinstance(alpha, float)
+    )
+
+
+def _expansion(alpha: float, field: Field, points: FloatArray) -> FloatArray:
+    return np.asarray(alpha * field.at(points))
 
 
 def _move(platen: mechanics.Platen, name: str, body: ElasticBody, sources: FloatArray) -> None:

@@ -138,9 +138,10 @@ def probe_point(
     levels = _levels(run, at)
     found = [displacement_at(run, level, body) for level in levels]
     if run.is_finite:
+        place = np.array([point])
         return [
             {"position": level.position, "how": how}
-            | _columns(_seen_at_finite(run, case, body, np.array([point]), displacement)[0], field)
+            | _columns(_seen_at_finite(run, case, body, place, displacement, level)[0], field)
             for level, (displacement, how) in zip(levels, found, strict=True)
         ]
     place = np.array([point])
@@ -158,7 +159,7 @@ def seen_at(run: RunData, case: Case, body: str, points: FloatArray, level: Leve
     _refuse_ghosts(case)
     displacement, _ = displacement_at(run, level, body)
     if run.is_finite:
-        return _seen_at_finite(run, case, body, points, displacement)
+        return _seen_at_finite(run, case, body, points, displacement, level)
     seen = (_rows_at(run, case, body, points) @ displacement.ravel()).reshape(5, -1).T
     degrees = _degrees(case, body, level, points)
     stress = seen[:, 2:] - degrees[:, None] * stress_of_expansion(_material(case, body))
@@ -175,15 +176,17 @@ def _refuse_ghosts(case: Case) -> None:
 
 
 def _seen_at_finite(
-    run: RunData, case: Case, body: str, points: FloatArray, displacement: FloatArray
+    run: RunData, case: Case, body: str, points: FloatArray, displacement: FloatArray, level: Level
 ) -> FloatArray:
     """Displacement, Cauchy stress and von Mises stress (e, 6) at ``points`` (e, 2) of a body at finite
     strain."""
     from mlsanm_cli.app.finite.fields import fields_by
-    from mlsanm_cli.app.finite.scene import law_of
+    from mlsanm_cli.app.finite.scene import law_of, material_of
 
     derivatives = _stencils_at(run, case, body, points).derivatives(displacement)
-    seen = fields_by(law_of(case, body), derivatives)
+    alpha = material_of(case, body).alpha
+    warm = 1.0 + alpha * _degrees(case, body, level, points) if isinstance(alpha, float) else None
+    seen = fields_by(law_of(case, body), derivatives, warm)
     return np.column_stack([seen.displacement, seen.stress, seen.von_mises])
 
 

@@ -84,7 +84,7 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
     asked = neighbors if isinstance(neighbors, int) else None
     if degree == "auto":
         few = asked is not None and asked < FEWEST
-        low = low or few or not small or case.mls.scheme != "least-squares"
+        low = low or few or case.mls.scheme != "least-squares"
         degree = LOW if low else HIGH
     # How displacements grow at corners is known of small strains only.
     return MlsSettings(degree, asked, case.mls.scheme, corners=small)

@@ -6,7 +6,7 @@ from mlsanm_cli.case.checks.sound import Sound
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.base import split_boundary
 from mlsanm_cli.case.model.case import Contact
-from mlsanm_cli.case.model.loads import ObstacleMotion, Platen, Pressure, Temperature
+from mlsanm_cli.case.model.loads import ObstacleMotion, Platen, Pressure
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.obstacles import AnyObstacle, DiskObstacle
 from mlsanm_cli.case.report import Report
@@ -14,7 +14,6 @@ from mlsanm_cli.case.report import Report
 LARGEST_NU = 4.0 / 9.0
 """Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""
 _ALONE = "with finite strain is not supported yet"
-_SMALL = 'use strain = "small" in [model], or remove it'
 
 
 def check_finite(sound: Sound, report: Report) -> None:
@@ -61,14 +60,9 @@ def _check_law(material: Material, path: KeyPath, plane: str, report: Report) ->
 
 
 def _check_loads(sound: Sound, plane: str, report: Report) -> None:
-    for index, support in sound.supports.items():
-        if support.spring is not None:
-            report.add(("support", index, "spring"), f"a spring {_ALONE}", _SMALL)
     for index, load in sound.loads.items():
         path: KeyPath = ("load", index)
-        if isinstance(load, Temperature):
-            report.add((*path, "temperature"), f"a change of temperature {_ALONE}", _SMALL)
-        elif isinstance(load, Pressure) and load.follows and plane == "stress":
+        if isinstance(load, Pressure) and load.follows and plane == "stress":
             report.add((*path, "follows"), f"a follower pressure in plane stress {_ALONE}", "follows = false")
         elif isinstance(load, Platen):
             if any(control == "force" for control, _ in load.control.values()):

@@ -19,10 +19,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.answers import Answer, Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions
-from mlsanm_cli.contact.finite.iteration import Done, Iteration
+from mlsanm_cli.contact.finite.iteration import Done, Iteration, Used
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -35,6 +35,11 @@ LEAST = 0.05
 """Updates are shortened until det F stays above this everywhere."""
 PATIENCE = 3
 """Iterations without a smaller update after which an increment is given up, from twice as many on."""
+CLOSE = 1e-3
+"""Derivatives of the bodies before an update of at most this part of the typical displacement are good enough
+behind it: the next updates shrink by about as much."""
+SLIGHT = 1e-3
+"""What falls on something is first let into it by this part of the typical displacement."""
 NOTHING = 1e-12
 """Pressures below this part of those of the typical displacement are none."""
 
@@ -45,8 +50,8 @@ class Pressed:
     nominal ``pressure`` and ``shear`` of friction (c,), ``gap``, ``place`` and ``slip`` (c,), ``normal``
     (c, 2) and what nodes do; ``traction`` (2s,) at the nodes of all sides in turn, which have moved by
     ``surface`` (2s,), where their answers differ from the clouds'; the ``free`` motions (d,). ``residual`` is
-    the last update over the typical displacement, ``stability`` the least resistance of a contact to
-    pressures that change from node to node."""
+    what the next update would be over the typical displacement, ``stability`` the least resistance of a
+    contact to pressures that change from node to node."""
 
     displacement: FloatArray
     pressure: FloatArray
@@ -124,17 +129,17 @@ class Pressing:
         return [side for contact in self.contacts for side in contact.sides]
 
     def meet(
-        self, surface: FloatArray, factors: FloatArray, before: FloatArray | None
+        self, surface: FloatArray, factors: FloatArray, before: FloatArray | None, closed: BoolArray
     ) -> tuple[Meeting, ...]:
         """All contacts in a state of the sides' displacements ``surface`` (2s,); slips are from the places
-        (c,) ``before``, or nothing."""
+        (c,) ``before``, or nothing; ``closed`` (c,) were these nodes."""
         found, first, node = [], 0, 0
         moved = surface.reshape(-1, 2)
         for contact in self.contacts:
             last = first + contact.slave.count
             own = moved[node : node + sum(side.count for side in contact.sides)]
             since = None if before is None else before[first:last]
-            found.append(contact.meet(own, factors, since))
+            found.append(contact.meet(own, factors, since, closed[first:last]))
             first, node = last, node + len(own)
         return tuple(found)
 
@@ -151,16 +156,19 @@ class Pressing:
         derivatives."""
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
-        settled, traction, updates = False, start.traction, [np.inf]
+        settled, traction, updates, spent = False, start.traction, [np.inf], 0
+        used: Used | None = None
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
             closer = Closer.of(self.sides, self.answers, u[self.numbers], traction)
             surface = closer.moved(u[self.numbers], traction)
-            met = self.meet(surface, factors, before)
+            met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
-            done = Iteration(self, factors, before, closer).taken(*args, first=count == 1)
-            solves += done.solves
-            part = 1.0
+            close = used if updates[-1] <= CLOSE else None
+            done = Iteration(self, factors, before, closer, close).taken(*args, first=count == 1)
+            spent += 0 if close else len(self.projectors)
+            solves, used = solves + done.solves, done.used
+            part = self._until_touch(met, done)
             while part > 1e-3 and not self._volume(u + part * done.du) > LEAST:
                 part *= 0.5
             u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
@@ -174,14 +182,33 @@ class Pressing:
             last = float(np.abs(done.du).max()) / self.length
             if not np.isfinite(last) or _stalls(updates, last):
                 return None
+            # What is left shrinks at least as it did.
+            left = last * min(1.0, last / updates[-1]) if last else 0.0
             updates.append(last)
-            if part == 1.0 and settled and last <= tolerance:
-                spent = count * len(self.projectors)
-                counts = (last, count, spent, solves)
+            if part == 1.0 and settled and left <= tolerance:
+                counts = (left, count, spent, solves)
                 surface = closer.moved(u[self.numbers], traction)
-                met = self.meet(surface, np.concatenate([given, free]), before)
+                met = self.meet(surface, np.concatenate([given, free]), before, start.sets.closed)
                 return self._state(u, p, q, sets, met, surface, free, counts, done)
         return None
+
+    def _until_touch(self, met: Sequence[Meeting], done: Done) -> float:
+        """How much of an update moves what nothing holds yet until it meets something: the whole would carry
+        it through, as hardly anything resists."""
+        if not self.free or done.sets.closed.any():
+            return 1.0
+        least, first = 1.0, 0
+        for place, (contact, one) in enumerate(zip(self.contacts, met, strict=True)):
+            last = first + 2 * sum(side.count for side in contact.sides)
+            moved = done.du[self.numbers[first:last]]
+            first = last
+            for driven in (some for some in self.driven if some.contact == place):
+                moved[driven.component : 2 * contact.slave.count : 2] -= done.free[driven.number]
+            falls = -(one.d_gap @ moved)
+            near = one.facing & (falls > 0.0) & (one.gap > 0.0)
+            ways = (one.gap[near] + SLIGHT * self.length) / falls[near]
+            least = min(least, float(ways.min(initial=1.0)))
+        return least
 
     def _volume(self, u: FloatArray) -> float:
         parts = [

@@ -1,9 +1,9 @@
 """Motions at finite strain that are not given: of bodies that only contact holds, of obstacles under forces.
 
 They are unknown load factors behind those of the case. A loose body is pinned at as many nodes as it has
-free motions, and the pins move as the factors say; the forces on it, and their moment, have to vanish
-together, and so do the pins' reactions. An obstacle's factors move it, and what presses it balances its
-force.
+free motions, and the pins move as the factors say, in directions that turn with the body; the forces on it,
+and their moment, have to vanish together, and so do the pins' reactions. Moments are about where single nodes
+hold the body, as about a hinge. An obstacle's factors move it, and what presses it balances its force.
 """
 
 from __future__ import annotations
@@ -15,31 +15,56 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.finite.body import BodySeries, FiniteBody
+from mlsanm_cli.mechanics.rigid import ROTATION
 
 
 @dataclass(frozen=True)
 class LooseMotions:
-    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation, as a length: over its ``size``)."""
+    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation, as a length: over its ``size``), with
+    the ``anchors``, the (node, component) pairs that supports hold, and ``moves`` (p, d), by which the free
+    motions move its pins."""
 
     body: str
     components: tuple[int, ...]
     size: float
+    anchors: tuple[tuple[int, int], ...]
+    moves: FloatArray
 
     @property
     def count(self) -> int:
         """How many there are (d)."""
         return len(self.components)
 
-    def sums(self, body: FiniteBody, series: BodySeries) -> sparse.csr_array:
-        """Rows (d, 3k) that add up what the body's pieces lack to forces and moment on the whole of it, about
-        the middle of them where they are."""
+    def factors(self, body: FiniteBody, displacement: FloatArray) -> FloatArray:
+        """The free motions (d,) that have the pins of a body where its ``displacement`` (2N,) does."""
+        return np.asarray(np.linalg.solve(self.moves, body.pinned @ displacement))
+
+    def sums(
+        self, body: FiniteBody, series: BodySeries, displacement: FloatArray
+    ) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Rows (d, 3k) that add up what the body's pieces lack to forces and moment on the whole of it, and
+        rows (d, 2N) of how that moves with the arms, in a state of ``displacement`` (2N,)."""
         pieces, count = body.elastic.pieces, body.count
         _, _, middle = series.state()
-        arm = (middle - middle.mean(axis=1, keepdims=True)) / self.size
+        center = middle.mean(axis=1)
+        # A node held in x can pull along x only: the moment of that is known on its own line alone.
+        for node, component in self.anchors:
+            other = 1 - component
+            center[other] = body.elastic.model.nodes[node, other] + displacement[2 * node + other]
+        arm = (middle - center[:, None]) / self.size
         none, ones = np.zeros(count), np.ones(count)
         turned = [-arm[1], arm[0], pieces.size / self.size * ones]
         every = [np.concatenate(row) for row in ([ones, none, none], [none, ones, none], turned)]
-        return sparse.csr_array(np.array([every[component] for component in self.components]))
+        rows = sparse.csr_array(np.array([every[component] for component in self.components]))
+        lack = series.rows(0)[-3 * count :].reshape(3, count)[:2] / self.size
+        moving = np.zeros((len(self.components), len(displacement)))
+        if ROTATION in self.components:
+            own, pull = moving[self.components.index(ROTATION)], lack @ body.centers
+            own[::2], own[1::2] = pull[1], -pull[0]
+            for node, component in self.anchors:
+                sign = 1.0 if component == 0 else -1.0
+                own[2 * node + 1 - component] += sign * lack[component].sum()
+        return rows, sparse.csr_array(moving)
 
 
 @dataclass(frozen=True)

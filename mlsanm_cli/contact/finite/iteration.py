@@ -40,7 +40,8 @@ class Done:
     """What an iteration found: updates, also of the ``free`` motions, ``sets`` of all nodes, the ``chosen``
     ones (c,) that might touch and their ``compliance`` (k, k), gaps by pressures that do not turn: what a
     body's equations resist pressures with, whatever loads that turn with their surfaces do to its balance.
-    Pressures with something ``unbalanced`` (d, k) on loose bodies have no say."""
+    Pressures with something ``unbalanced`` (d, k) on loose bodies have no say. What was ``used`` may be used
+    again close by."""
 
     du: FloatArray
     dp: FloatArray
@@ -53,6 +54,7 @@ class Done:
     unbalanced: FloatArray
     solves: int
     settled: bool
+    used: Used
 
     def stability(self, pressing: Pressing, met: Sequence[Meeting]) -> float:
         """The least resistance of a contact with closed nodes, on those between two others, to pressures that
@@ -80,13 +82,24 @@ class Done:
 
 
 @dataclass(frozen=True)
+class Used:
+    """The bodies' ``factorised`` derivatives, and their ``answers`` to the ``touched`` (t,) tractions."""
+
+    factorised: Mapping[str, Factorised]
+    touched: IntArray
+    answers: Mapping[str, _Answers]
+
+
+@dataclass(frozen=True)
 class Iteration:
-    """Newton's steps at load ``factors`` (L,), with slips from the places ``before`` (c,)."""
+    """Newton's steps at load ``factors`` (L,), with slips from the places ``before`` (c,); derivatives of the
+    bodies ``used`` before serve again, where there are any."""
 
     pressing: Pressing
     factors: FloatArray
     before: FloatArray | None
     closer: Closer
+    used: Used | None = None
 
     def taken(
         self,
@@ -109,19 +122,25 @@ class Iteration:
             whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
             series = BodySeries(projector.body, 0)
             series.put(0, u[here], whole)
-            factorised[name] = projector.factorised(u[here], whole)
+            if self.used is not None:
+                factorised[name] = self.used.factorised[name]
+            else:
+                factorised[name] = projector.factorised(u[here], whole)
             z[here] = -factorised[name].solve(projector.scaled(series.rows(0)))
         free = [one.gap + one.d_gap @ z[number] for one, number in zip(met, self._numbers(), strict=True)]
         chosen, touched = self._chosen(np.concatenate([*free, np.zeros(0)]), p, met)
         if not len(chosen) and not pressing.free:
             none, nothing = np.zeros(len(p)), np.zeros((0, 0))
             sets = NodeSets(none.astype(np.int8), none)
-            return Done(
-                z, -p, -q, np.zeros(0), -traction, sets, chosen, nothing, nothing, len(factorised), True
-            )
-        answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
+            counts = (len(factorised), True, Used(factorised, touched, {}))
+            return Done(z, -p, -q, np.zeros(0), -traction, sets, chosen, nothing, nothing, *counts)
+        if self.used is not None and np.array_equal(self.used.touched, touched) and self.used.answers:
+            answers = self.used.answers
+        else:
+            answers = {name: self._answers(u, name, one, touched) for name, one in factorised.items()}
+        used = Used(factorised, touched, answers)
         lack = self._balanced(u, applied, touched, answers, z)
-        return self._settled(p, q, sets, met, z, jump, chosen, touched, answers, lack, first)
+        return self._settled(p, q, sets, met, z, jump, chosen, used, lack, first)
 
     def _here(self, name: str) -> slice:
         first = self.pressing.firsts[name]
@@ -200,8 +219,8 @@ class Iteration:
             whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
             series = BodySeries(body, 0)
             series.put(0, u[here], whole)
-            sums, rows = one.sums(body, series), answer.moves
-            moved = sums @ derivative_pieces(body, u[here], whole)
+            (sums, moving), rows = one.sums(body, series, u[here]), answer.moves
+            moved = sums @ derivative_pieces(body, u[here], whole) + moving
             lack.now[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
             by_pieces = (sums @ answer.pieces).toarray()
             lack.by_traction[np.ix_(rows, answer.own)] = (
@@ -237,12 +256,11 @@ class Iteration:
         z: FloatArray,
         jump: FloatArray,
         chosen: IntArray,
-        touched: IntArray,
-        answers: Mapping[str, _Answers],
+        used: Used,
         lack: _Lack,
         first: bool,
     ) -> Done:
-        pressing = self.pressing
+        pressing, touched, answers = self.pressing, used.touched, used.answers
         mu, numbers, closer = pressing.friction[chosen], pressing.numbers, self.closer
         # Displacements of all sides by the touched tractions.
         seen, shifted = np.zeros((len(numbers), len(touched))), np.zeros((len(numbers), pressing.free))
@@ -307,7 +325,7 @@ class Iteration:
         compliance = d_gap @ (seen @ push)
         unbalanced = lack.by_traction[: pressing.free - len(pressing.driven)] @ push
         sets = NodeSets(status, slip_sign)
-        args = (chosen, compliance, unbalanced, solves, settled)
+        args = (chosen, compliance, unbalanced, solves, settled, used)
         return Done(du, whole_p, whole_q, free, moving, sets, *args)
 
 

@@ -137,9 +137,11 @@ class NodeCurve:
             for order, parts in enumerate(values)
         ]
 
-    def closest(self, nodes: FloatArray, points: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Places (c,) of the closest points to ``points`` (c, 2) on the curve through ``nodes`` (m, 2), and
-        whether these are none of its ends (c,)."""
+    def closest(
+        self, nodes: FloatArray, points: FloatArray, beyond: FloatArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Places (c,) of the closest points to ``points`` (c, 2) on the curve through ``nodes`` (m, 2), which
+        continues ``beyond`` its ends by lengths (c,), and whether these are none of its ends (c,)."""
         corners = nodes if self.around is None else np.concatenate([nodes, nodes[:1]])
         along = np.diff(corners, axis=0)
         away = points[:, None] - corners[None, :-1]
@@ -158,7 +160,7 @@ class NodeCurve:
             bent = np.where(bent > 0.0, bent, (first**2).sum(axis=1))
             largest = steps[self.interval(place)]
             step = np.clip((apart * first).sum(axis=1) / bent, -largest, largest)
-            better = self._onto(place + step)
+            better = self._onto(place + step, beyond)
             moved = np.abs(step)
             inside = (self.around is not None) | (np.abs(better - place - step) <= SLACK * largest)
             place = better
@@ -166,9 +168,9 @@ class NodeCurve:
                 break
         return place, np.asarray(inside & (moved <= SLACK * largest))
 
-    def _onto(self, place: FloatArray) -> FloatArray:
+    def _onto(self, place: FloatArray, beyond: FloatArray) -> FloatArray:
         if self.around is None:
-            return np.clip(place, self.knots[0], self.knots[-1])
+            return np.clip(place, self.knots[0] - beyond, self.knots[-1] + beyond)
         return np.asarray(self.knots[0] + np.mod(place - self.knots[0], self.around))
 
 

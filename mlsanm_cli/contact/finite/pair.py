@@ -24,6 +24,9 @@ from mlsanm_cli.contact.geometry.pairing import OPPOSED
 
 DEEP = 3.0
 """Nodes deeper inside the master than this many of its spacings meet something else."""
+BEYOND = 0.5
+"""Closed nodes stay so until they are further than this part of their length beyond the master's end: there
+a node that the pressure drives out comes back without it, for ever, though its length is half covered."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +59,26 @@ class BodyContact:
         """Where the master's normals (c, 2) are before anything is deformed."""
         return self.meet(np.zeros((self.slave.count + self.master.count, 2)), factors, None).normal
 
-    def meet(self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None) -> Meeting:
+    def apart(self, displacement: FloatArray, _factors: FloatArray, place: FloatArray) -> FloatArray:
+        """The way (c, 2) to nodes from places (c,) of the master, both sides displaced by (c + m, 2)."""
+        count = self.slave.count
+        nodes = self.master.places + displacement[count:]
+        return np.asarray(self.slave.places + displacement[:count] - self.master.curve.rows(place)[0] @ nodes)
+
+    def meet(
+        self,
+        displacement: FloatArray,
+        factors: FloatArray,
+        before: FloatArray | None,
+        closed: BoolArray | None = None,
+    ) -> Meeting:
         """The contact in a state of ``displacement`` (c + m, 2) of the slave's nodes and the master's; slips
-        are from the places (c,) ``before``, or nothing."""
+        are from the places (c,) ``before``, or nothing. Nodes that were ``closed`` (c,) still are opposite to
+        what they have come BEYOND."""
         slave, master, count = self.slave, self.master, self.slave.count
         at, nodes = slave.places + displacement[:count], master.places + displacement[count:]
-        place, inside = master.curve.closest(nodes, at)
+        beyond = np.zeros(count) if closed is None else np.where(closed, BEYOND * slave.weight, 0.0)
+        place, inside = master.curve.closest(nodes, at, beyond)
         rows = master.curve.rows(place)
         value, first, second = (row @ nodes for row in rows)
         apart, length = at - value, np.hypot(*first.T)

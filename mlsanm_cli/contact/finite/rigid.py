@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.meeting import Meeting, by_component
 from mlsanm_cli.contact.finite.sides import Side
 from mlsanm_cli.contact.geometry.contact_grid import turned
@@ -65,9 +65,19 @@ class RigidContact:
         """Places (e, 2) as the obstacle sees them, where it was drawn."""
         return np.asarray(self.pivot + (places - self.motion @ factors - self.pivot) @ turn)
 
-    def meet(self, displacement: FloatArray, factors: FloatArray, before: FloatArray | None) -> Meeting:
+    def apart(self, displacement: FloatArray, factors: FloatArray, _place: FloatArray) -> FloatArray:
+        """Where nodes (c, 2) displaced by (c, 2) are, as the obstacle sees them."""
+        return self._drawn(self.slave.places + displacement, factors, self.turn(factors))
+
+    def meet(
+        self,
+        displacement: FloatArray,
+        factors: FloatArray,
+        before: FloatArray | None,
+        _closed: BoolArray | None = None,
+    ) -> Meeting:
         """The contact in a state of the slave's ``displacement`` (c, 2) and load ``factors`` (L,); slips are
-        from the places (c,) ``before``, or nothing."""
+        from the places (c,) ``before``, or nothing. Obstacles have no ends to be closed beyond."""
         turn = self.turn(factors)
         at, outward = self._drawn(self.slave.places + displacement, factors, turn), self.slave.outward @ turn
         partner, drawn = self.shape.closest(at, outward)

@@ -119,9 +119,13 @@ def _hats(curve: NodeCurve, at: FloatArray, count: int) -> tuple[sparse.csr_arra
     if curve.around is not None:
         # The ends of a piece that touches the seam may have come out on its other side.
         place = place + curve.around * np.round((knots[low] + 0.5 * step - place) / curve.around)
-    part = np.clip((place - knots[low]) / step, 0.0, 1.0)
+    whole = (place - knots[low]) / step
+    part = np.clip(whole, 0.0, 1.0)
+    # Beyond its ends all goes to the last node.
+    inner = np.abs(whole - part) <= 1e-9
     number, high = np.arange(len(place)), (low + 1) % count
     at_both = (np.tile(number, 2), np.concatenate([low, high]))
     values = sparse.csr_array((np.concatenate([1.0 - part, part]), at_both), shape=(len(place), count))
-    slopes = sparse.csr_array((np.concatenate([-1.0 / step, 1.0 / step]), at_both), shape=(len(place), count))
+    rise = inner / step
+    slopes = sparse.csr_array((np.concatenate([-rise, rise]), at_both), shape=(len(place), count))
     return values, slopes

@@ -9,6 +9,7 @@ the first Piola-Kirchhoff stress P in place of the Cauchy stress::
 
 x = X + u is the deformed place, x_P that of the piece, the mean of its nodes. Moments are balanced
 about deformed places: about those of the reference a body would lack its forces times its deflection.
+Springs keep their directions: t = -k u, per length before loading.
 
 Equations (16) and (22) of docs/method.md.
 """
@@ -23,7 +24,9 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Rule
+from mlsanm_cli.mechanics.assembly import spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.finite.cells import moments_of_force
 from mlsanm_cli.mechanics.finite.faces import Points, held_points, inner_points, middles, rule_of
 from mlsanm_cli.mechanics.finite.law import Law, determinant
@@ -35,11 +38,14 @@ SECOND = ((3, 4), (4, 5))
 
 @dataclass(frozen=True)
 class FiniteBody:
-    """An ``elastic`` body, whose cloud, rows and pieces it takes over, with its ``law`` and ``loads``."""
+    """An ``elastic`` body, whose cloud, rows and pieces it takes over, with its ``law`` and ``loads``. The
+    last ``pins`` of its single held nodes are held along directions that have turned by an ``angle``."""
 
     elastic: ElasticBody
     law: Law
     loads: Loads
+    pins: int = 0
+    angle: float = 0.0
 
     @property
     def unknowns(self) -> int:
@@ -65,6 +71,77 @@ class FiniteBody:
     def applied(self) -> Applied:
         """The loads where the pieces take them."""
         return Applied.on(self.elastic, self.loads)
+
+    @cached_property
+    def single(self) -> sparse.csr_array:
+        """Rows (s, 2N) of the displacements of single held nodes."""
+        held, unknowns = self.elastic.held_nodes, self.unknowns
+        rows = np.zeros((len(held), 2))
+        node = np.array([one for one, _ in held], dtype=np.int64)
+        rows[np.arange(len(held)), [component for _, component in held]] = 1.0
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        last = len(held) - self.pins
+        rows[last:] = rows[last:] @ np.array([[cos, sin], [-sin, cos]])
+        entries = (rows.ravel(), (np.repeat(np.arange(len(held)), 2), (2 * node[:, None] + [0, 1]).ravel()))
+        return sparse.csr_array(entries, shape=(len(held), unknowns))
+
+    @property
+    def pinned(self) -> sparse.csr_array:
+        """Those (p, 2N) of the pins."""
+        return self.single[self.single.shape[0] - self.pins :]
+
+    def turn(self, displacement: FloatArray) -> float:
+        """The angle by which a ``displacement`` (2N,) turns the body on the whole."""
+        xx, xy, yx, yy = self.gradient(displacement) @ self.elastic.model.cloud.areas
+        return float(np.arctan2(yx - xy, 2.0 * self.elastic.model.cloud.areas.sum() + xx + yy))
+
+    @cached_property
+    def table(self) -> RowTable:
+        """Where the nodes' rows are."""
+        elastic = self.elastic
+        single = len(elastic.held_nodes)
+        total = elastic.rows - 3 * self.count - single
+        modulus = elastic.model.material.modulus
+        return RowTable(elastic.first_row, total, total + single, modulus, elastic.springs)
+
+    @cached_property
+    def pulls(self) -> sparse.csr_array:
+        """What springs add to the rows of the nodes (r - 3k, 2N)."""
+        model = self.elastic.model
+        return spring_rows(model.cloud, self.table, len(model.nodes))
+
+    @cached_property
+    def _face_expansion(self) -> list[FloatArray]:
+        places = np.concatenate([one.places.reshape(-1, 2) for one in self.stressed])
+        return [one.at(places) for one in self.loads.warming]
+
+    def stretch(self, factors: FloatArray) -> FloatArray | None:
+        """Free stretches (n,) at the nodes at load ``factors`` (L,); None for bodies that are never warm."""
+        jets = self.stretch_jets(factors, 0)
+        return None if jets is None else np.asarray(jets[0])
+
+    def stretch_at(self, points: FloatArray, factors: FloatArray) -> FloatArray | None:
+        """The same (e,) at ``points`` (e, 2)."""
+        if not self.loads.warming:
+            return None
+        return np.asarray(1.0 + sum(factors[one.number] * one.at(points) for one in self.loads.warming))
+
+    def stretch_jets(self, factors: FloatArray, order: int) -> FloatArray | None:
+        """The coefficient of ``order`` of the free stretches, a jet (3, n), by that of the factors (L,)."""
+        if not self.loads.warming:
+            return None
+        stencils = self.elastic.model.stencils
+        nodal = sum(factors[one.number] * one.nodal for one in self.loads.warming)
+        found = stencils.derivatives(np.asarray(nodal)[:, None])[:, :3, 0].T.copy()
+        found[0] = nodal + (not order)
+        return np.asarray(found)
+
+    def face_stretch(self, factors: FloatArray, order: int = 0) -> FloatArray | None:
+        """The same (q,), values alone, at the points that carry stress."""
+        if not self.loads.warming:
+            return None
+        parts = zip(self.loads.warming, self._face_expansion, strict=True)
+        return np.asarray(sum(factors[one.number] * values for one, values in parts) + (not order))
 
     @cached_property
     def centers(self) -> sparse.csr_array:
@@ -104,6 +181,10 @@ class FiniteBody:
         found = self.elastic.model.stencils.derivatives(displacement.reshape(-1, 2))
         return np.stack([found[:, 1, 0], found[:, 2, 0], found[:, 1, 1], found[:, 2, 1]])
 
+    def ellipticity(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
+        """How far (n,) the nodes are from losing waves (:meth:`Law.ellipticity`)."""
+        return self.law.ellipticity(self.gradient(displacement), self.stretch(factors))
+
     def face_gradient(self, displacement: FloatArray) -> FloatArray:
         """The same (4, q) at the points that carry stress between the pieces."""
         parts = [_gradient(one, displacement.reshape(-1, 2)) for one in self.stressed]
@@ -133,11 +214,13 @@ class BodySeries:
         self._loaded = body.applied.points
         groups = (inner, held, self._loaded)
         self._ends = np.cumsum([0, *(one.count for one in groups)])
-        self._nodes = body.law.series(orders, 3, len(body.elastic.model.cloud.points))
-        self._faces = body.law.series(orders, 1, int(self._ends[2]))
+        warm = bool(body.loads.warming)
+        self._nodes = body.law.series(orders, 3, len(body.elastic.model.cloud.points), warm)
+        self._faces = body.law.series(orders, 1, int(self._ends[2]), warm)
         total, pieces = int(self._ends[3]), body.count
         self._force = np.zeros((orders + 1, 2, total))
         self._place = np.zeros((orders + 1, 2, total))
+        self._moved = np.zeros((orders + 1, 2, self._loaded.count))
         self._middle = np.zeros((orders + 1, 2, pieces))
         self._displacement = np.zeros((orders + 1, body.unknowns))
         self._factors = np.zeros((orders + 1, body.loads.count))
@@ -161,22 +244,25 @@ class BodySeries:
         """Set ``order`` of displacement (2N,) and load factors (L,)."""
         body, inner, held = self.body, *self.body.stressed
         self._factors[order] = factors
+        jets, on_faces = body.stretch_jets(factors, order), body.face_stretch(factors, order)
+        values = None if on_faces is None else on_faces[None]
         if displacement is None:
             self._displacement[order] = 0.0
-            for values in (self._place, self._middle, self._loaded_gradient):
-                values[order] = 0.0
-            self._nodes.put(order, None)
-            self._faces.put(order, None)
+            for one in (self._place, self._middle, self._moved, self._loaded_gradient):
+                one[order] = 0.0
+            self._nodes.put(order, None, jets)
+            self._faces.put(order, None, values)
         else:
             self._displacement[order] = displacement
             u = displacement.reshape(-1, 2)
             seen = [one.seen(u) for one in (inner, held, self._loaded)]
             self._place[order] = np.concatenate([one[0] for one in seen]).T
+            self._moved[order] = seen[2][0].T
             self._middle[order] = (body.centers @ u).T
             gradient = [np.stack([s[1, :, 0], s[2, :, 0], s[1, :, 1], s[2, :, 1]]) for s in seen]
-            self._faces.put(order, np.concatenate(gradient[:2], axis=1)[:, None])
+            self._faces.put(order, np.concatenate(gradient[:2], axis=1)[:, None], values)
             self._loaded_gradient[order] = gradient[2]
-            self._nodes.put(order, _jets(body.elastic.model.stencils.derivatives(u)))
+            self._nodes.put(order, _jets(body.elastic.model.stencils.derivatives(u)), jets)
         if not order:
             places = [one.places.reshape(-1, 2) for one in (inner, held, self._loaded)]
             self._place[0] += np.concatenate(places).T
@@ -190,7 +276,9 @@ class BodySeries:
         stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
         self._force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
         self._force[order, 1, :end] = stress[2] * normal[0] + stress[3] * normal[1]
-        self._force[order, :, end:] = applied.dead @ self._factors[order]
+        self._force[order, :, end:] = (
+            applied.dead @ self._factors[order] - applied.pulling * self._moved[order]
+        )
         if applied.follows:
             for low in range(order + 1):
                 pressure = applied.pressure @ self._factors[low]
@@ -221,9 +309,10 @@ class BodySeries:
                         pressure = applied.pressed[at] @ self._factors[low]
                         turned = cofactor_normal(gradient[:, order - low, 0, index], normal)
                         left[at] += pressure * turned[component]
+        if elastic.springs:
+            left[: elastic.rows - 3 * body.count] += body.pulls @ self._displacement[order]
         first = elastic.rows - 3 * body.count - len(elastic.held_nodes)
-        for number, (node, component) in enumerate(elastic.held_nodes):
-            left[first + number] += u[node, component]
+        left[first : first + len(elastic.held_nodes)] += body.single @ self._displacement[order]
         left[elastic.rows - 3 * body.count :] = self._pieces(order)
         return np.asarray(left)
 
@@ -253,6 +342,12 @@ class BodySeries:
     def held_forces(self) -> FloatArray:
         """Forces (2, g), at order 0, at the points of the held sides."""
         return self._force[0, :, int(self._ends[1]) : int(self._ends[2])]
+
+    def spring_forces(self, surface: str) -> FloatArray:
+        """Forces (2,), at order 0, of the springs along a surface that give way."""
+        applied = self.body.applied
+        here = applied.along[surface]
+        return np.asarray(-(applied.pulling[:, here] * self._moved[0, :, here]).sum(axis=1))
 
     def resultant(self) -> FloatArray:
         """Forces x and y (2, k), at order 0, by which the rows of the pieces count those on their faces."""

@@ -57,13 +57,14 @@ def _of_loads(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -
 
 
 def _reactions(body: FiniteBody, series: BodySeries) -> dict[str, FloatArray]:
-    """By surface, in the order of the held points."""
-    found, first = {}, 0
+    """By surface, in the order of the held points, and of springs that give way."""
+    found = {name: series.spring_forces(name) for name in body.elastic.soft_springs}
+    first = 0
     force = series.held_forces()
     for name, components in body.elastic.gripped.items():
         if any(components):
             surface = body.elastic.model.cloud.surfaces[name]
             count = len(Halves.of(surface, body.rule).arc)
-            found[name] = force[:, first : first + count].sum(axis=1)
+            found[name] = found.get(name, 0.0) + force[:, first : first + count].sum(axis=1)
             first += count
     return found

@@ -6,7 +6,7 @@ per current length along the current normal: its nominal traction is - p cof(F) 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,13 +29,23 @@ class Pressing:
 
 
 @dataclass(frozen=True)
+class Warming:
+    """What a change of temperature stretches a free body by beyond 1, for load ``number`` at factor 1:
+    ``nodal`` (n,) at the cloud's points, and ``at`` others (e, 2)."""
+
+    number: int
+    nodal: FloatArray
+    at: Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
 class Loads:
     """All loads on a body, of ``count`` load factors (L).
 
     ``sources`` (r, L) are right-hand sides of the nodes' rows: displacements, tractions, minus forces per
     volume. ``tractions[surface]`` (g, 2, L) are dead ones at the FINE points of a surface's halves, ``force``
     (n, 2, L) is per volume, linear between the nodes unless its force and moment on the pieces before they
-    deform are ``known`` (3k, L); ``pressing`` is what follows.
+    deform are ``known`` (3k, L); ``pressing`` is what follows, ``warming`` what expands.
     """
 
     count: int
@@ -44,6 +54,7 @@ class Loads:
     force: FloatArray | None = None
     pressing: Sequence[Pressing] = ()
     known: FloatArray | None = None
+    warming: Sequence[Warming] = ()
 
     @property
     def surfaces(self) -> tuple[str, ...]:
@@ -55,25 +66,33 @@ class Loads:
 class Applied:
     """Loads at the points where a ``body``'s pieces take them: ``dead`` (2, q, L) forces, ``pressure``
     (q, L) of what follows; at its nodes ``pressed`` (r, L) for every row of a traction, which is 0 for
-    others."""
+    others. Springs that give way pull back with ``pulling`` (2, q) times the displacement; ``along`` has the
+    points of every surface."""
 
     points: Points
     dead: FloatArray
     pressure: FloatArray
     pressed: FloatArray
+    pulling: FloatArray
+    along: dict[str, slice]
 
     @classmethod
     def on(cls, body: ElasticBody, loads: Loads) -> Applied:
         """Find the points, and what acts there."""
-        points = loaded_points(body, loads.surfaces)
+        surfaces = tuple(dict.fromkeys([*loads.surfaces, *body.soft_springs]))
+        points = loaded_points(body, surfaces)
         dead = np.zeros((2, points.count, loads.count))
         pressure = np.zeros((points.count, loads.count))
         pressed = np.zeros((body.rows, loads.count))
+        pulling, along = np.zeros((2, points.count)), {}
         first = 0
-        for name in loads.surfaces:
+        for name in surfaces:
             halves = Halves.of(body.model.cloud.surfaces[name], FINE)
             here = slice(first, first + len(halves.arc))
             first = here.stop
+            along[name] = here
+            if name in body.soft_springs:
+                pulling[:, here] = np.outer(body.soft_springs[name], halves.length)
             if name in loads.tractions:
                 dead[:, here] += halves.length[:, None] * loads.tractions[name].transpose(1, 0, 2)
             for one in loads.pressing:
@@ -84,7 +103,8 @@ class Applied:
             for component in (0, 1):
                 if not body.held.get(one.surface, (False, False))[component]:
                     pressed[body.condition_rows(one.surface, component), one.number] += one.nodal
-        return cls(points, dead, pressure, pressed)
+        pulling *= points.kept.T
+        return cls(points, dead, pressure, pressed, pulling, along)
 
     @property
     def follows(self) -> bool:

@@ -16,7 +16,7 @@ def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatAr
     """Rows (r - 3k, 2N) of the nodes in a state of ``displacement`` (2N,) and load ``factors`` (L,)."""
     elastic = body.elastic
     model, stencils = elastic.model, elastic.model.stencils
-    stress, divergence = _coefficients(body, displacement)
+    stress, divergence = _coefficients(body, displacement, factors)
     blocks = [_rows(stencils, range(1, 6), divergence[component]) for component in (0, 1)]
     for name, index, normal, held in body.conditions:
         some = stencils.take(index)
@@ -31,17 +31,19 @@ def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatAr
                 pressure = body.applied.pressed[at] @ factors
                 chosen = chosen + pressure * _cofactor(normal)[component]
             blocks.append(_rows(some, range(1, 3), chosen))
-    for node, component in elastic.held_nodes:
-        blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, len(model.nodes)))
-    return sparse.csr_array(sparse.vstack(blocks, format="csr"))
+    blocks.append(body.single)
+    rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
+    return sparse.csr_array(rows + body.pulls) if elastic.springs else rows
 
 
-def _coefficients(body: FiniteBody, displacement: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _coefficients(
+    body: FiniteBody, displacement: FloatArray, factors: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """At the nodes, what derivatives of the displacement add to P (4, 2, 2, n), by d/dX and d/dY of u_x and
     u_y, and to Div P (2, 5, 2, n), by all five derivatives."""
     derivatives = body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2))
     count = len(derivatives)
-    series = BodyJets.of(body, derivatives)
+    series = BodyJets.of(body, derivatives, factors)
     stress, divergence = np.zeros((4, 2, 2, count)), np.zeros((2, 5, 2, count))
     for kind in range(5):
         for component in (0, 1):
@@ -56,20 +58,21 @@ def _coefficients(body: FiniteBody, displacement: FloatArray) -> tuple[FloatArra
 class BodyJets:
     """The law at the nodes of a state, and its answer to unit derivatives."""
 
-    def __init__(self, body: FiniteBody, gradient: FloatArray) -> None:
-        self._series = body.law.series(1, 3, gradient.shape[-1])
-        self._series.put(0, gradient)
+    def __init__(self, body: FiniteBody, gradient: FloatArray, factors: FloatArray) -> None:
+        stretch = body.stretch_jets(factors, 0)
+        self._series = body.law.series(1, 3, gradient.shape[-1], stretch is not None)
+        self._series.put(0, gradient, stretch)
 
     @classmethod
-    def of(cls, body: FiniteBody, derivatives: FloatArray) -> BodyJets:
-        """By the ``derivatives`` (n, 6, 2) of the displacement."""
+    def of(cls, body: FiniteBody, derivatives: FloatArray, factors: FloatArray) -> BodyJets:
+        """By the ``derivatives`` (n, 6, 2) of the displacement and load ``factors`` (L,)."""
         gradient = np.zeros((4, 3, len(derivatives)))
         for component in (0, 1):
             for axis in (0, 1):
                 where = 2 * component + axis
                 gradient[where, 0] = derivatives[:, 1 + axis, component]
                 gradient[where, 1:] = derivatives[:, list(SECOND[axis]), component].T
-        return cls(body, gradient)
+        return cls(body, gradient, factors)
 
     def moved(self, kind: int, component: int) -> FloatArray:
         """P (4, 3, n), a jet, by the derivative number ``kind`` of one displacement ``component``."""
@@ -110,14 +113,16 @@ def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: Float
     inner, held = body.stressed
     loaded, u = body.applied.points, displacement.reshape(-1, 2)
     total: sparse.csr_array = sparse.csr_array((3 * body.count, body.unknowns))
-    first = 0
+    first, stretch = 0, body.face_stretch(factors)
     for points in (inner, held, loaded):
         here = slice(first, first + points.count)
         first = here.stop
         if not points.count:
             continue
         shape = points.places.shape[:2]
+        pulling = np.zeros((2, *shape))
         if points is loaded:
+            pulling = body.applied.pulling.reshape(2, *shape)
             pressure = (body.applied.pressure @ factors).reshape(shape)
             moduli = np.zeros((2, 2, 2, *shape))
             if body.applied.follows:
@@ -126,12 +131,13 @@ def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: Float
         else:
             _, by_x, by_y = points.seen(u)
             gradient = np.stack([by_x[:, 0], by_y[:, 0], by_x[:, 1], by_y[:, 1]])
-            whole = body.law.moduli(gradient).reshape(2, 2, 2, 2, *shape)
+            warm = None if stretch is None else stretch[here]
+            whole = body.law.moduli(gradient, warm).reshape(2, 2, 2, 2, *shape)
             # Component of the force, derivative, component of the displacement.
             moduli = np.einsum("iJkL...,...J->iLk...", whole, points.normals)
         moduli = moduli * points.kept.T[:, None, None, :, None]
         parts = (force[:, here].reshape(2, *shape), place[:, here].reshape(2, *shape))
-        total = sparse.csr_array(total + _spread(body, points, moduli, *parts, middle))
+        total = sparse.csr_array(total + _spread(body, points, moduli, pulling, *parts, middle))
     return sparse.csr_array(total - _turned(body, state, factors))
 
 
@@ -139,12 +145,14 @@ def _spread(
     body: FiniteBody,
     points: Points,
     moduli: FloatArray,
+    pulling: FloatArray,
     force: FloatArray,
     place: FloatArray,
     middle: FloatArray,
 ) -> sparse.csr_array:
-    """What points add: ``moduli`` (2, 2, 2, e, t) of their forces, ``force`` and ``place`` (2, e, t), pieces'
-    ``middle`` (2, k). Moments of a fit are taken about its own middle, and there moved to the pieces."""
+    """What points add: ``moduli`` (2, 2, 2, e, t) of their forces, by which springs are ``pulling``,
+    ``force`` and ``place`` (2, e, t), pieces' ``middle`` (2, k). Moments of a fit are taken about its own
+    middle, and there moved to the pieces."""
     entry, center = points.entries(), place.mean(axis=2)
     x, y, moment = (np.zeros((len(entry), 2)) for _ in range(3))
     for point in range(place.shape[2]):
@@ -152,6 +160,9 @@ def _spread(
         own = moduli[..., point][..., entry]
         d_x = weights[:, 1, None] * own[0, 0].T + weights[:, 2, None] * own[0, 1].T
         d_y = weights[:, 1, None] * own[1, 0].T + weights[:, 2, None] * own[1, 1].T
+        back = pulling[:, :, point][:, entry] * weights[:, 0]
+        d_x[:, 0] -= back[0]
+        d_y[:, 1] -= back[1]
         arm = (place[:, :, point] - center)[:, entry]
         x += d_x
         y += d_y

@@ -1,0 +1,142 @@
+"""Heat and springs at finite strain, against closed formulas."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from mlsanm_cli.app.results.probe import probe_point
+from mlsanm_cli.startup import brentq
+from tests.app.scenes import solve
+from tests.case_text import body, box, contact, head, item, load, material, pin, plane, support
+
+KINDS = ("neo-hookean", "saint-venant-kirchhoff")
+E, NU = 2.6, 0.3
+LAM, MU = 1.5, 1.0
+
+
+def block(law: str, across: str, spacing: float = 0.25) -> str:
+    """A quarter of a block of length 2 with the coefficient of expansion 0.1."""
+    return (
+        head(across, strain="finite")
+        + material("rubber", E=E, nu=NU, law=law, alpha=0.1)
+        + body("block", "rubber", spacing, box([0.0, 1.0], [0.0, 1.0]))
+        + support("block.left", ux=0.0)
+        + support("block.bottom", uy=0.0)
+    )
+
+
+def heated(temperature: float | str) -> str:
+    return item("load", name="heat", kind="temperature", body="block", temperature=temperature)
+
+
+@pytest.mark.parametrize("law", KINDS)
+def test_a_free_sheet_expands_without_stress(law: str, tmp_path: Path) -> None:
+    summary = solve(block(law, "stress") + heated(3.0), tmp_path / "run")
+    with h5py.File(tmp_path / "run" / "run.h5", "r") as file:
+        last, points = file["fields/0/block"], file["bodies/block/points"][()]
+        np.testing.assert_allclose(last["displacement"][()], 0.3 * points, atol=1e-9)
+        np.testing.assert_allclose(last["stress"][()], 0.0, atol=1e-9)
+        np.testing.assert_allclose(last["volume_ratio"][()], 1.3**3, rtol=1e-9)
+    assert summary["status"] == "done"
+
+
+@pytest.mark.parametrize("law", KINDS)
+def test_stretches_that_fit_together_leave_no_stress(law: str, tmp_path: Path) -> None:
+    """Free stretches |f'| of a conformal map f turn and stretch a sheet by f: here z + z**2 / 5."""
+    text = block(law, "stress", 0.1).replace(support("block.left", ux=0.0), "")
+    text += pin("block", [0.0, 0.0], ux=0.0) + heated("10 * (hypot(1 + 0.4*x, 0.4*y) - 1)")
+    solve(text, tmp_path / "run")
+    with h5py.File(tmp_path / "run" / "run.h5", "r") as file:
+        last, points = file["fields/0/block"], file["bodies/block/points"][()]
+        z = points[:, 0] + 1j * points[:, 1]
+        u = last["displacement"][()]
+        np.testing.assert_allclose(u[:, 0] + 1j * u[:, 1], 0.2 * z**2, atol=2e-3)
+        assert np.abs(last["stress"][()]).max() < 0.02 * E
+    (seen,) = probe_point(tmp_path / "run", [1.0], "block", (0.5, 0.5))
+    assert abs(seen["von_mises"]) < 5e-3 * E
+
+
+@pytest.mark.parametrize("law", KINDS)
+def test_a_long_body_that_is_warmed_is_pressed_along(law: str, tmp_path: Path) -> None:
+    """Plane strain: free in the plane, held across it."""
+    summary = solve(block(law, "strain") + heated(3.0) + _probe(), tmp_path / "run")
+    w = 1.3
+    if law == "neo-hookean":
+
+        def across(stretch: float) -> float:
+            return float(MU * stretch**2 + w**2 * (LAM * np.log(stretch**2 / w**3) - MU))
+
+        stretch = brentq(across, 1.0, 2.0)
+        volume = stretch**2 / w**3
+        along = (LAM * np.log(volume) + MU * (w**-2 - 1.0)) / volume
+    else:
+        stretch = np.sqrt((w**2 * (1.5 * LAM + MU) - 0.5 * LAM) / (LAM + MU))
+        trace = stretch**2 / w**2 - 1.0 + 0.5 * (w**-2 - 1.0)
+        along = w / stretch**2 * (LAM * trace + MU * (w**-2 - 1.0))
+    seen = summary["probes"]["in"]
+    np.testing.assert_allclose(seen["displacement"], [0.5 * (stretch - 1.0)] * 2, rtol=1e-7)
+    np.testing.assert_allclose(seen["von_mises"], abs(along), rtol=1e-7)
+
+
+def test_a_warm_block_presses_what_keeps_it(tmp_path: Path) -> None:
+    lid = contact("lid", "block.top", obstacle=plane([0.0, 1.0], [0.0, -1.0]))
+    summary = solve(block("neo-hookean", "strain") + heated(2.0) + lid, tmp_path / "run")
+    w = 1.2
+
+    def across(stretch: float) -> float:
+        return float(MU * stretch**2 + w**2 * (LAM * np.log(stretch / w**3) - MU))
+
+    stretch = brentq(across, 1.0, 2.0)
+    force = w * MU * (1.0 - stretch**2)
+    np.testing.assert_allclose(summary["contacts"]["lid"]["force"], [0.0, force], rtol=1e-6, atol=1e-9)
+
+
+def _probe() -> str:
+    return item("probe", name="in", body="block", point=[0.5, 0.5])
+
+
+def test_springs_pull_back_in_their_own_directions(tmp_path: Path) -> None:
+    """A stiff bar on springs along both faces, pressed down at its right end: it turns by 49 degrees, until
+    the moment about its deformed middle vanishes: tan(angle) = F L / (2 k I), I that of both faces."""
+    length, half, spring, force = 4.0, 0.25, 0.5, 3.2
+    text = (
+        head("strain", strain="finite")
+        + material("hard", E=1e6, nu=0.0, law="saint-venant-kirchhoff")
+        + body("bar", "hard", 0.125, box([0.0, length], [-half, half]))
+        + item("support", boundary=["bar.bottom", "bar.top"], spring=[spring, spring])
+        + load("push", "bar.right", "traction", traction=[0.0, -force / (2.0 * half)])
+        + item("probe", name="end", body="bar", point=[length, 0.0])
+    )
+    summary = solve(text, tmp_path / "run")
+    second = 2.0 * length * (length**2 / 12.0 + half**2)
+    angle = np.arctan(force * length / (2.0 * spring * second))
+    sink = force / (2.0 * spring * length)
+    end = [0.5 * length * (np.cos(angle) - 1.0), -sink - 0.5 * length * np.sin(angle)]
+    np.testing.assert_allclose(summary["probes"]["end"]["displacement"], end, rtol=1e-3)
+    np.testing.assert_allclose(summary["forces"]["bar.bottom+top"], [0.0, force], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("spring", [0.2, 50.0])
+def test_springs_carry_a_pulled_block(spring: float, tmp_path: Path) -> None:
+    """One that gives way and one stiffer than the body: the end moves by t / k, the body stretches alike."""
+    held, sprung = (
+        support("block.bottom", uy=0.0),
+        item("support", boundary="block.bottom", spring=[0.0, spring]),
+    )
+    text = block("neo-hookean", "stress").replace(held, sprung)
+    summary = solve(
+        text + load("pull", "block.top", "traction", traction=[0.0, 0.3]) + _probe(), tmp_path / "run"
+    )
+    fixed = solve(
+        block("neo-hookean", "stress")
+        + load("pull", "block.top", "traction", traction=[0.0, 0.3])
+        + _probe(),
+        tmp_path / "fixed",
+    )
+    shift = np.subtract(summary["probes"]["in"]["displacement"], fixed["probes"]["in"]["displacement"])
+    np.testing.assert_allclose(shift, [0.0, 0.3 / spring], atol=1e-9)
+    np.testing.assert_allclose(summary["forces"]["block.bottom"], [0.0, -0.3], atol=1e-8)

@@ -1,0 +1,49 @@
+"""Bodies at finite strain that turn about a hinge, and roll."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tests.app.scenes import solve
+from tests.case_text import body, box, contact, disk, head, item, material, pin, plane, pushed
+
+
+def test_a_lever_rests_about_its_hinge(tmp_path: Path) -> None:
+    """Its weight and the force of a disk, which goes through the disk's centre, balance about the hinge, far
+    from the middle of the lever."""
+    text = (
+        head("strain", strain="finite")
+        + material("hard", E=1e3, nu=0.3, law="neo-hookean")
+        + body("bar", "hard", 0.15, box([-0.2, 4.0], [-0.2, 0.2]))
+        + pin("bar", [0.0, 0.0], ux=0.0, uy=0.0)
+        + item("load", name="weight", kind="body-force", body="bar", **{"body-force": [0.0, -0.5]})
+        + contact("rest", "bar.bottom", obstacle=disk([3.0, -0.7], 0.5))
+        + item("probe", name="middle", body="bar", point=[1.9, 0.0])
+    )
+    summary = solve(text, tmp_path / "run")
+    x, y = summary["contacts"]["rest"]["force"]
+    weight, middle = 0.5 * 4.2 * 0.4, 1.9 + summary["probes"]["middle"]["displacement"][0]
+    np.testing.assert_allclose(3.0 * y + 0.7 * x, weight * middle, rtol=2e-3)
+
+
+def test_a_wheel_rolls_by_more_than_a_right_angle(tmp_path: Path) -> None:
+    """On an axle of its own, turned by a road that is pressed against it and drawn along."""
+    text = (
+        head("strain", strain="finite")
+        + material("rubber", E=3.0, nu=0.4, law="neo-hookean")
+        + body("wheel", "rubber", 0.15, disk([0.0, 1.0], 1.0))
+        + pin("wheel", [0.0, 1.0], ux=0.0, uy=0.0)
+        + contact("road", "wheel.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.6)
+        + pushed("lift", "road", uy=0.1)
+        + pushed("drive", "road", ux=2.0)
+        + item("stage", lift=1.0)
+        + item("stage", drive=1.0)
+        + item("probe", name="rim", body="wheel", point=[0.0, 2.0])
+    )
+    summary = solve(text, tmp_path / "run")
+    x, y = summary["probes"]["rim"]["displacement"]
+    angle = np.arctan2(-x, 1.0 + y) % (2.0 * np.pi)
+    np.testing.assert_allclose(angle, 2.0, rtol=0.04)
+    assert abs(summary["contacts"]["road"]["force"][0]) < 0.05 * summary["contacts"]["road"]["force"][1]
