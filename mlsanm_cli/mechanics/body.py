@@ -200,8 +200,17 @@ class BodyModel:
         return sparse.csr_array(equilibrium_rows(self.stencils, c - even, component) + rows)
 
     def stress(self, displacement: FloatArray) -> FloatArray:
-        """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2)."""
-        return stress_of(self.stencils.derivatives(displacement), self.material.stiffness)
+        """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2).
+
+        Of nearly incompressible materials the mean pressure is that of fits to its nodal values, which are
+        all that equilibrium knows of them: what changes from node to node is many times the error of these.
+        """
+        c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
+        if not self.material.nearly_incompressible:
+            return stress_of(derivatives, c)
+        even = self.material.bulk_part
+        fitted = self._stress_stencils.derivatives(stress_of(derivatives, even))[:, 0]
+        return np.asarray(stress_of(derivatives, c - even) + fitted)
 
     def divergence(self, displacement: FloatArray) -> FloatArray:
         """What the rows of :meth:`equilibrium` make (n, 2) of nodal ``displacement`` (N, 2)."""
