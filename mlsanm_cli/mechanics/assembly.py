@@ -226,9 +226,12 @@ def row_weights(
 
 
 def _unknown_corners(model: BodyModel, grips: Held) -> IntArray:
-    """The nodes at inward corners whose fields fits do not know: all but those between free faces."""
+    """The nodes at inward corners whose fields fits do not know: all but those between free faces that are
+    alone."""
     corners = inward_corners(model.cloud)
     if model.tips is None:
         return corners
     gripped = [model.cloud.surfaces[name].index for name, held in grips.items() if any(held)]
-    return np.intersect1d(corners, np.concatenate([np.zeros(0, dtype=np.int64), *gripped]))
+    away = np.abs(model.cloud.points[corners][:, None] - model.tips.place).sum(axis=2).min(axis=1)
+    unknown = np.isin(corners, np.concatenate([np.zeros(0, dtype=np.int64), *gripped])) | (away > 0.0)
+    return np.asarray(corners[unknown])

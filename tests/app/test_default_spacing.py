@@ -52,12 +52,34 @@ PLY = (
     + item("probe", name="below", body="plate", point=[5.0, -5.0])
 )
 
+SLIT = (
+    head("stress")
+    + material("steel", E=210e3, nu=0.3)
+    + body("plate", "steel")
+    + table(
+        "body.shape",
+        kind="polygon",
+        points=[
+            *[[0.0, -30.0], [30.0, -30.0], [30.0, 30.0], [0.0, 30.0]],
+            *[[0.0, 0.1], [10.0, 0.1], [10.0, -0.1], [0.0, -0.1]],
+        ],
+        names=["bottom", "right", "top", "upper", "face1", "root", "face2", "lower"],
+    )
+    + support("plate.bottom", ux=0.0, uy=0.0)
+    + load("pull", "plate.top", "traction", traction=[0.0, 50.0])
+    + item("probe", name="above", body="plate", point=[0.0, 0.1])
+    + item("probe", name="below", body="plate", point=[0.0, -0.1])
+)
 
-def stresses(text: str, where: Path) -> Mapping[str, list[float]]:
+
+def solved(text: str, where: Path) -> Mapping[str, Any]:
     case = where / "case.toml"
     case.write_text(text)
-    probes: Mapping[str, Mapping[str, Any]] = run(case, out=where / "run", console=Quiet())["probes"]
-    return {name: probe["stress"] for name, probe in probes.items()}
+    return run(case, out=where / "run", console=Quiet())
+
+
+def stresses(text: str, where: Path) -> Mapping[str, list[float]]:
+    return {name: probe["stress"] for name, probe in solved(text, where)["probes"].items()}
 
 
 def test_narrow_parts_have_nodes_across(tmp_path: Path) -> None:
@@ -85,3 +107,12 @@ def test_only_narrow_parts_are_finer() -> None:
     corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 2.0)]
     sides = tuple(Segment(*ends) for ends in zip(corners, corners[1:] + corners[:1], strict=True))
     assert not list(narrow_zones(Outline(("a", "b", "c"), sides), 0.3, 6.0, 0.25))
+
+
+def test_a_thin_slit_opens_as_it_should(tmp_path: Path) -> None:
+    # Quadratic finite elements, 0.03 %; the run was refused, with fine nodes at the root it opened by a third
+    # less: both corners there had fields as if they were alone.
+    summary = solved(SLIT, tmp_path)
+    above, below = (summary["probes"][name]["displacement"][1] for name in ("above", "below"))
+    assert summary["status"] == "done"
+    assert above - below == pytest.approx(0.02487, rel=0.04)

@@ -16,6 +16,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import part_of, points_of
 from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.cloud.tips import SHARP
 from mlsanm_cli.contact.geometry.obstacles import Shape
 
 ALONG, ACROSS = 20.0, 6.0
@@ -28,6 +29,10 @@ PER_RADIUS, IN_HOLLOWS = 5.0, 14.0
 CONFORMING, IN_EACH_OTHER = 1.5, 16.0
 """Arcs in each other whose radii differ by less than this factor, and spacings over these radii."""
 GROWTH = 0.25
+AT_ROOTS = 8.0
+"""Spacings along sides between two corners that point into the material."""
+SHORTEST = 1.0 / 64.0
+"""Spacings at short sides, over that far away, at least."""
 SAMPLES, PER_POINT = 200, 4
 LEVELS, FINER = 12, 2.0**-0.5
 """Spacings that are tried on curves are each this part of the one before."""
@@ -67,14 +72,34 @@ def automatic_spacing(outline: Outline) -> float:
 
 
 def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone]:
-    """Finer nodes along arcs of small radius, and where curves turn; by one more factor ``finer``."""
-    for curve in outline.curves:
-        if isinstance(curve, Arc):
+    """Finer nodes along arcs of small radius, and where curves turn, by one more factor ``finer``; and at
+    short sides, whose ends are nodes, above all at the roots of slits."""
+    roots = _roots(outline)
+    for number, curve in enumerate(outline.curves):
+        if isinstance(curve, Segment):
+            fine = curve.length / (AT_ROOTS if number in roots else 1.0)
+            if fine < far:
+                yield Zone(curve, max(fine, SHORTEST * far), 0.0, GROWTH)
+        elif isinstance(curve, Arc):
             fine = curve.radius / (finer * (PER_RADIUS if curve.sweep > 0.0 else IN_HOLLOWS))
             if fine < far:
                 yield Zone(curve, fine, 0.0, GROWTH)
-        elif not isinstance(curve, Segment):
+        else:
             yield from _turning_zones(curve, far, finer)
+
+
+def _roots(outline: Outline) -> set[int]:
+    """Numbers of the curves between two corners that point into the material."""
+    found = set()
+    for loop in outline.loops:
+        numbers = range(len(outline.curves))[loop]
+        ends = [outline.curves[k].normals(np.array([0.0, outline.curves[k].length])) for k in numbers]
+        crossed = [
+            a[1, 0] * b[0, 1] - a[1, 1] * b[0, 0] for a, b in zip(ends, ends[1:] + ends[:1], strict=True)
+        ]
+        inward = [turn < -SHARP for turn in crossed]
+        found |= {number for k, number in enumerate(numbers) if inward[k] and inward[k - 1]}
+    return found
 
 
 def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:
