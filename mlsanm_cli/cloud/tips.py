@@ -15,10 +15,10 @@ REGULAR = 0.97
 """Displacements r^power with powers above are as good as linear."""
 
 
-APART = 8.0
-"""Corners nearer to each other than so many edges of the outline there are none: farther away than the other
-one, fields are those of both together. A slit of two such corners at its root, five edges apart, opened by a
-third less than it should, and with polynomials by 0.3 % more."""
+APART = 5.0
+"""Corners nearer to each other than so many edges of the outline are none: farther away than the other one,
+fields are those of both together. A slit with two such corners at its root, four edges apart, opened by a third
+less than it should, with polynomials by 0.3 % more; with eight edges or more both do."""
 
 
 @dataclass(frozen=True)
