@@ -17,8 +17,8 @@ REGULAR = 0.97
 
 APART = 5.0
 """Corners nearer to each other than so many edges of the outline are none: farther away than the other one,
-fields are those of both together. A slit with two such corners at its root, four edges apart, opened by a third
-less than it should, with polynomials by 0.3 % more; with eight edges or more both do."""
+fields are those of both together. A slit with two such corners at its root, four edges apart, opened by a
+third less than it should, with polynomials by 0.3 % more; with eight edges or more both do."""
 
 
 @dataclass(frozen=True)
