@@ -297,6 +297,7 @@ class ElasticBody:
     first_row: Mapping[str, int]
     rows: int
     pieces: Pieces
+    loads_on_pieces: Callable[[], sparse.csr_array]
     equations: Equations
     timed: Timed = nullcontext
     held_nodes: tuple[tuple[int, int], ...] = ()
@@ -345,10 +346,10 @@ class ElasticBody:
         source[self.rows - 3 * self.pieces.count :] = self.pieces.of_force(force)
         return source
 
-    @cached_property
+    @property
     def loads(self) -> sparse.csr_array:
         """Force and moment (3k, r) on the pieces by right-hand sides."""
-        return self.pieces.loads(self.first_row, self.rows, self.gripped)
+        return self.loads_on_pieces()
 
     def resultants(self, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
         """Force x, force y and moment about a ``center`` (3, r) of right-hand sides on the body."""

@@ -69,7 +69,7 @@ def _samples(outline: Outline, far: float) -> tuple[IntArray, FloatArray, FloatA
     for number, curve in enumerate(outline.curves):
         count = 4 * max(FEWEST // 4, int(np.ceil(0.25 * PER_SPACING * curve.length / far)))
         size = curve.length / count
-        s = size * (0.5 + np.arange(count))
+        s: FloatArray = size * (0.5 + np.arange(count, dtype=np.float64))
         parts.append((np.full(count, number), s, np.full(count, size), curve.points(s), curve.normals(s)))
     owner, arc, step, points, normals = (np.concatenate(column) for column in zip(*parts, strict=True))
     return owner, arc, step, points, normals
